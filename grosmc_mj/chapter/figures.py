@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.measurements.two_link_arm import true_tip
+from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves import shade_disturbances
 from grosmc_mj.experiments.laboratory import Laboratory

@@ -9,6 +9,7 @@ from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import EVERY, of, within
 from grosmc_mj.chapter.claims.measurements.theory import Derivative, approach
+from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.control import reaching
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
@@ -17,21 +18,12 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.edits import BodyEdit
 
 _SYSTEM = "two_link_arm"
 # B+, with the elbow's s counted like the shoulder's.
 _PSEUDOINVERSE = np.kron(np.eye(2), [[0.0, 1.0]])
 _PLANTS, _STATES, _POSES = 8, 20, 25
-
-
-def true_tip(result: RunResult) -> Array:
-    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
-    error = result.controller.designed.error
-    assert isinstance(error, ErrorCoordinates)
-    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
-    return z[:, error.output_rows]
 
 
 def gain_margin(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:

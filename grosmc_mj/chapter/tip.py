@@ -1,0 +1,15 @@
+"""The tip of the two-link arm, by the plant's own lengths."""
+
+from __future__ import annotations
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.experiments.runs import RunResult
+
+
+def true_tip(result: RunResult) -> Array:
+    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
+    error = result.controller.designed.error
+    assert isinstance(error, ErrorCoordinates)
+    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
+    return z[:, error.output_rows]
