@@ -21,12 +21,10 @@ from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.sweep.batch import Batch
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.campaign import Campaign, specification_of
 from grosmc_mj.sweep.runs import meters_for, ready
-from grosmc_mj.sweep.specification import specification_of
-from grosmc_mj.sweep.work import shards_of
+from grosmc_mj.sweep.screening import Batch
+from grosmc_mj.sweep.store import Folder, shards_of
 
 _PLANTS, _STEPS = 4096, 800
 _LAW = "grosmc"
@@ -88,7 +86,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
             closed_loop(
                 "campaign: GROSMC, meters, torque", plants, laws, starts, _STEPS,
                 meters=meters,
-                control_period=campaign.control_period,
+                control_period=campaign.experiment.settings.control_period,
                 disturbances=[list(each.case.disturbances) for each in runs],
             ),
         ],

@@ -38,6 +38,10 @@ class SetupError(GrosmcError, RuntimeError):
     """Something outside the package is missing or broken: a file, a library, the disk."""
 
 
+class ImplausibleWarning(UserWarning):
+    """A number that is allowed, far from those of any machine, and so probably a slip."""
+
+
 class DivergenceError(GrosmcError, RuntimeError):
     """A simulation that could not be carried to its end.
 
@@ -109,7 +113,14 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     names = list(valid)
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" did you mean {shown(near[0])}?" if near else ""
-    return f"unknown {kind} {shown(name)}:{hint} valid: {', '.join(names)}"
+    return f"unknown {kind} {shown(name)}:{hint} valid: {listed(names)}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names with commas between them, in quotes where one of them has a blank or a comma itself."""
+    words = list(names)
+    quoted = any(" " in word or "," in word for word in words)
+    return ", ".join(map(repr, words) if quoted else words)
 
 
 def shown(value: Any, written: Callable[[Any], str] = repr) -> str:

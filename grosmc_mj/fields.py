@@ -43,6 +43,15 @@ def refused(wanted: str) -> PydanticCustomError:
     return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
 
 
+# Sizes of numbers by their unit: what is smaller or larger is allowed, and probably a slip.
+_USUAL = {
+    "s": (1e-7, 1e6), "m": (1e-9, 1e4), "rad": (1e-9, 1e4), "kg": (1e-9, 1e5),
+    "kg m^2": (1e-12, 1e6), "N": (1e-6, 1e7), "N m": (1e-9, 1e7), "V": (1e-3, 1e3),
+    "A": (1e-6, 1e4), "ohm": (1e-6, 1e6),
+}  # fmt: skip
+_USUAL_OF_ANY = (1e-12, 1e12)
+
+
 @dataclass(frozen=True)
 class Range(Check):
     """Bounds and unit of a real number.
@@ -55,6 +64,7 @@ class Range(Check):
         below: Whether ``high`` itself is refused.
         infinite: Whether infinity is a value too, which stands for no limit.
         whole: Whether it must be a whole number.
+        usual: Sizes between which it mostly is; by default those of its unit.
     """
 
     low: float = -math.inf
@@ -64,6 +74,13 @@ class Range(Check):
     below: bool = False
     infinite: bool = False
     whole: bool = False
+    usual: tuple[float, float] | None = None
+
+    def unusual(self, number: float) -> str:
+        """In words the sizes that a number is beyond; nothing of one that is plausible."""
+        low, high = self.usual or _USUAL.get(self.unit, _USUAL_OF_ANY)
+        plausible = number == 0 or math.isinf(number) or low <= abs(number) <= high
+        return "" if plausible else f"{low:g} to {high:g}"
 
     def __call__(self, value: Any) -> float | int:
         """The number, if it is within."""

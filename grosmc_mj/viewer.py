@@ -96,14 +96,14 @@ class Live:
     @property
     def state(self) -> Array:
         """mjSTATE_FULLPHYSICS as it is now."""
-        return np.asarray(self._loop.physics())
+        return self._loop.physics()
 
     @property
     def words(self) -> dict[str, str]:
         """Time, inputs and the size of a push, as texts by their names."""
         inputs = {
             signal.name: f"{value:.3g} {signal.unit}"
-            for signal, value in zip(self._problem.system.inputs, self._loop.u, strict=True)
+            for signal, value in zip(self._problem.system.inputs, self._loop.run.u, strict=True)
         }
         push = f"{self.size:g} {self.unit} on {self.body}"
         return {"time": f"{self.time:.2f} s", **inputs, "push": push}
@@ -120,7 +120,7 @@ class Live:
             status = self._loop.advance_under(wrench)
             if status is not Status.COMPLETED:
                 law = problem.controllers[0]
-                self.note = why_ended(status, problem.system, law, self.time, self._loop.x)
+                self.note = why_ended(status, problem.system, law, self.time, self._loop.run.x)
 
     def sideways(self, sign: int) -> None:
         """Push for a moment, to the right or to the left; pressing again goes on pushing."""

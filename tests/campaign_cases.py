@@ -10,10 +10,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder, checksum
-from grosmc_mj.sweep.specification import Specification
-from grosmc_mj.sweep.work import shards_of
+from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.store import Folder, checksum, shards_of
 
 PLANT = """
 [plant]
@@ -146,7 +144,7 @@ def kept(asked: Campaign, path: Path) -> Folder:
 
 def bits(folder: Folder) -> list[bytes]:
     """The first two parts, as far as they are there."""
-    return [folder.part(index).read_bytes() for index in range(2) if folder.done(index)]
+    return [folder.part(index).read_bytes() for index in range(2) if folder.part(index).exists()]
 
 
 def begun(asked: Campaign, path: Path) -> Folder:

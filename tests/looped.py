@@ -14,6 +14,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Loop, in_loop
+from grosmc_mj.loop.controllers import AppliedLoop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -94,6 +95,12 @@ def played(
         engine="python",
         **periods,
     )
+
+
+def applied(law: Controller) -> AppliedLoop:
+    """The loop around a law."""
+    assert law.loop is not None
+    return law.loop
 
 
 def seen(run: Trajectory) -> Array:

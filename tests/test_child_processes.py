@@ -10,7 +10,7 @@ PROGRAM = """
 import sys
 from functools import partial
 from operator import add
-from grosmc_mj.executors.make import make_executor
+from grosmc_mj.executors import make_executor
 
 if __name__ == "__main__":
     executor = make_executor(sys.argv[1], workers=1)

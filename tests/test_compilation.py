@@ -19,7 +19,6 @@ import pytest
 
 from grosmc_mj.compilation import array_at, compile_c, fingerprint
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -57,34 +56,25 @@ print(result[0])
 """
 
 
-def start(folder: Path) -> subprocess.Popen[str]:
-    """A process that calls the law of a folder, compiled or taken from the cache there."""
-    paths = [str(folder), str(Path(__file__).parents[1])]
-    return subprocess.Popen(
-        [sys.executable, "-c", LAW],
-        cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(paths),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "NUMBA_CACHE_DIR": str(folder / "cache"),
-        },
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+def start(folder: Path, program: str = LAW, *arguments: str) -> subprocess.Popen[str]:
+    """A process that calls what it compiles or takes from the cache of a folder."""
+    paths = os.pathsep.join([str(folder), str(ROOT)])
+    env = {**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache"),
+           "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.Popen(command, cwd=folder, env=env, stdout=subprocess.PIPE, text=True)
 
 
-def result_of(process: subprocess.Popen[str]) -> float:
+def results(process: subprocess.Popen[str]) -> list[float]:
     printed, _ = process.communicate(timeout=120)
     assert process.returncode == 0
-    return float(printed)
+    return [float(number) for number in printed.split()]
 
 
 def entries(folder: Path) -> dict[str, tuple[int, bytes]]:
     """Every file of the cache: when it was written, and its content."""
-    return {
-        path.name: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.rglob("*.nb?")
-    }
+    files = folder.rglob("*.nb?")
+    return {file.name: (file.stat().st_mtime_ns, file.read_bytes()) for file in files}
 
 
 @pytest.mark.slow
@@ -92,7 +82,7 @@ def test_an_edited_helper_module_is_noticed(tmp_path: Path) -> None:
     """numba's own cache looks at the law's file alone, and would go on with the old gain."""
     for k in (3.0, 5.0, 3.0):
         (tmp_path / "helper.py").write_text(HELPER.format(k=k), encoding="utf-8")
-        assert result_of(start(tmp_path)) == 2 * k
+        assert results(start(tmp_path)) == [2 * k]
     # The second time the old gain is not compiled again.
     assert len(list(tmp_path.rglob("*.nbi"))) == 2
 
@@ -101,10 +91,10 @@ def test_an_edited_helper_module_is_noticed(tmp_path: Path) -> None:
 def test_what_two_processes_write_at_once_a_third_one_reads(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(k=3.0), encoding="utf-8")
     writers = [start(tmp_path) for _ in range(2)]
-    assert [result_of(process) for process in writers] == [6.0, 6.0]
+    assert [results(process) for process in writers] == [[6.0], [6.0]]
     written = entries(tmp_path)
     assert {Path(name).suffix for name in written} == {".nbi", ".nbc"}
-    assert result_of(start(tmp_path)) == 6.0
+    assert results(start(tmp_path)) == [6.0]
     assert entries(tmp_path) == written
 
 
@@ -126,22 +116,15 @@ def helper_with(k: float) -> Callable[[float], float]:
     return helper
 
 
+def of_module(**names: Any) -> Any:
+    module: Any = types.ModuleType("helpers")
+    vars(module).update(names)
+    return module
+
+
 def by_array(k: float) -> Callable[..., float]:
     gains = np.array([k, 1.0])
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return gains[0]
-
-    return law
-
-
-def by_numpy_number(k: float) -> Callable[..., float]:
-    gain = np.int64(k)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return 1.0 * gain
-
-    return law
+    return lambda t, x, memory, p: gains[0]
 
 
 def by_default(k: float) -> Callable[..., float]:
@@ -151,32 +134,9 @@ def by_default(k: float) -> Callable[..., float]:
     return law
 
 
-def by_compiled_helper(k: float) -> Callable[..., float]:
-    @numba.njit
-    def helper(x: float) -> float:
-        return k * x
-
-    return law_with(helper)
-
-
-def by_module_constant(k: float) -> Callable[..., float]:
-    module: Any = types.ModuleType("gains")
-    module.k = k
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return module.k * 1.0
-
-    return law
-
-
-def by_module_function(k: float) -> Callable[..., float]:
-    module: Any = types.ModuleType("helpers")
-    module.helper = helper_with(k)
-
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return module.helper(1.0)
-
-    return law
+def by_module(k: float) -> Callable[..., float]:
+    module = of_module(k=k / 2, helper=helper_with(k / 2))
+    return lambda t, x, memory, p: module.helper(1.0) + module.k
 
 
 class Level(enum.Enum):
@@ -186,27 +146,21 @@ class Level(enum.Enum):
 
 def by_enumeration(k: float) -> Callable[..., float]:
     level = Level(k)
+    return lambda t, x, memory, p: level.value * 1.0
 
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return level.value * 1.0
 
-    return law
+def by_compiled_helper(k: float) -> Callable[..., float]:
+    return law_with(numba.njit(lambda x: k * x))
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        lambda k: law_with(helper_with(k)),
-        by_array,
-        by_numpy_number,
-        by_default,
-        by_compiled_helper,
-        by_module_constant,
-        by_module_function,
+        lambda k: law_with(helper_with(k)), by_array, by_default, by_compiled_helper, by_module,
         by_enumeration,
     ],
-)
-def test_fingerprint_follows_every_number_that_numba_freezes(make):
+)  # fmt: skip
+def test_fingerprint_follows_every_number_that_numba_freezes(make: Any) -> None:
     """Otherwise a changed law runs the old machine code from the disk, without a word."""
     assert fingerprint(make(3.0)) == fingerprint(make(3.0))
     assert fingerprint(make(3.0)) != fingerprint(make(7.0))
@@ -244,101 +198,50 @@ def test_a_law_that_has_travelled_is_compiled_where_it_arrives(
         law = cloudpickle.loads(cloudpickle.dumps(law))
 
 
-def test_fingerprint_is_the_same_in_another_process():
-    """Or nothing would ever be found in the cache on disk."""
-    program = """
+PRINT = """
 from grosmc_mj.compilation import compile_c, fingerprint
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.experiments.catalogue import chapter_controller
 plant = MujocoPlant.load("arm").analytic()
 print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
 """
-    printed = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
-    here = [
-        fingerprint(chapter_controller(law, MujocoPlant.load("arm").analytic()).law)
-        for law in ("lqr", "grosmc")
-    ]
-    assert printed == here
-    assert here[0] != here[1]
 
 
-COMPILE_SLOWLY = """
-import sys, time
-import numba, numpy as np
-from numba.core.caching import IndexDataCacheFile as Cache
-from grosmc_mj.compilation import array_at, compile_c
-
-def slow(method, seconds):
-    return lambda *arguments: (time.sleep(seconds), method(*arguments))[1]
-
-k, before_index, before_data = map(float, sys.argv[1:])
-Cache._save_index = slow(Cache._save_index, before_index)
-Cache._save_data = slow(Cache._save_data, before_data)
-
-def storing(k):
-    def store(address):
-        array_at(address, (1,), np.float64)[0] = k
-    return store
-
-result = np.zeros(1)
-compile_c(storing(k), numba.types.voidptr).ctypes(result.ctypes.data)
-print(result[0])
-"""
+def test_fingerprint_is_the_same_in_another_process(capsys: pytest.CaptureFixture[str]) -> None:
+    """Or nothing would ever be found in the cache on disk."""
+    env = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)}
+    there = subprocess.check_output([sys.executable, "-c", PRINT], cwd=ROOT, env=env, text=True)
+    exec(PRINT, {})
+    assert capsys.readouterr().out == there
+    assert len(set(there.split())) == 2
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("content", [b"", b"cut", b"\x80\x05cos\nsystem\n"])
-def test_a_damaged_entry_of_the_cache_is_compiled_again(kind, content, tmp_path, monkeypatch):
+def test_a_damaged_entry_of_the_cache_is_compiled_again(
+    kind: str, content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
 
-    def compiled() -> float:
-        # What a law returns, compiled anew or taken from the disk.
-        function = compile_c(store_seven, numba.types.voidptr)
-        found = np.zeros(1)
-        function.ctypes(found.ctypes.data)
-        return found[0]
+    def returned() -> float:
+        """Compiled anew or taken from the disk."""
+        function, result = compile_c(store_seven, numba.types.voidptr), np.zeros(1)
+        function.ctypes(result.ctypes.data)
+        return result[0]
 
-    assert compiled() == 7.0
+    assert returned() == 7.0
     (entry,) = tmp_path.rglob(f"*.{kind}")
-    whole = entry.read_bytes()
-    entry.write_bytes(content or whole[: len(whole) // 2])
-    assert compiled() == 7.0
-    (entry,) = tmp_path.rglob(f"*.{kind}")
-    # It is whole: the next one reads it, and writes none.
-    written = entry.stat().st_mtime_ns, entry.read_bytes()
-    assert compiled() == 7.0
-    assert (entry.stat().st_mtime_ns, entry.read_bytes()) == written
+    intact = entry.read_bytes()
+    entry.write_bytes(content or intact[: len(intact) // 2])
+    assert returned() == 7.0
+    # It is mended: the next one reads it, and writes none.
+    written = entries(tmp_path)
+    assert returned() == 7.0
+    assert entries(tmp_path) == written
 
 
 def store_seven(address: Any) -> None:
     array_at(address, (1,), np.float64)[0] = 7.0
-
-
-@pytest.mark.slow
-def test_processes_that_compile_at_once_do_not_swap_their_laws(tmp_path):
-    """Both have read the index before either writes it, as parallel tests do on a cold cache.
-
-    The first writes its code last and the second its index entry: the entry then leads to the
-    other's code.
-    """
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
-
-    def start_with(*numbers: float) -> subprocess.Popen[str]:
-        command = [sys.executable, "-c", COMPILE_SLOWLY, *map(str, numbers)]
-        return subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.PIPE, text=True)
-
-    for process in (start_with(1.0, 1.0, 1.0), start_with(2.0, 1.5, 0.0)):
-        process.communicate(timeout=120)
-    for k in (1.0, 2.0):
-        printed, _ = start_with(k, 0.0, 0.0).communicate(timeout=120)
-        assert float(printed) == k
 
 
 COMPILE_NAMESAKES = """
@@ -374,13 +277,13 @@ for k in sys.argv[1:]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("inner", ["long", "recursive"])
-def test_laws_of_one_name_that_two_processes_compiled_stay_apart(inner, tmp_path):
+def test_laws_of_one_name_that_two_processes_compiled_stay_apart(
+    inner: str, tmp_path: Path
+) -> None:
     """numba numbers the functions of every process from 1 and links them by these names.
 
     What calls itself does so by an address of its process, and cannot be loaded by another.
     """
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+    program = COMPILE_NAMESAKES.replace("INNER", inner)
     for numbers in ("1",), ("2",), ("1", "2"):
-        command = [sys.executable, "-c", COMPILE_NAMESAKES.replace("INNER", inner), *numbers]
-        printed = subprocess.check_output(command, cwd=tmp_path, env=env, text=True)
-        assert [float(number) for number in printed.split()] == [float(k) for k in numbers]
+        assert results(start(tmp_path, program, *numbers)) == [float(k) for k in numbers]

@@ -94,8 +94,8 @@ def take() -> gm.films.Take:
 
 
 @cache
-def state_task() -> gm.control.StateTask:
-    return gm.control.StateTask(servo(), np.eye(2), 1.0)
+def state_task() -> gm.Task:
+    return gm.control.state_task(servo(), np.eye(2), 1.0)
 
 
 def bounded(declared: gm.control.StateUncertainty) -> gm.Controller:
@@ -139,8 +139,8 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"sys": control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law(), "name": "lag"},
         ),
         "load_trajectory": (gm.load_trajectory, {"path": saved()}),
-        "StateTask": (
-            lambda **given: gm.control.linear_lqr(gm.control.StateTask(**given)),
+        "state_task": (
+            lambda **given: gm.control.linear_lqr(gm.control.state_task(**given)),
             {"plant": servo(), **weights, "reference": None, "model": None},
         ),
         "StateUncertainty": (
@@ -156,6 +156,10 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             | {"limit": None},
         ),
         "linear_lqr": (gm.control.linear_lqr, {"task": state_task()}),
+        "realized": (
+            gm.control.realized,
+            {"controller": lqr_law(), "realization": gm.Realization()},
+        ),
         "chapter_controller": (
             gm.chapter_controller,
             {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
@@ -296,8 +300,7 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 "error": task().error,
                 "reference": gm.control.Setpoint(1.0),
                 **weights,
-            }
-            | {"realization": gm.Realization()},
+            },
         ),
         "Uncertainty": (
             uncertainty,

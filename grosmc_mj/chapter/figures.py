@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.measurements.two_link_arm import true_tip
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.curves.figure import shade_disturbances
+from grosmc_mj.experiments.curves import shade_disturbances
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.plants import find_system

@@ -7,6 +7,17 @@ from typing import Annotated
 
 import tyro
 
+# Laws of a file by their names, of its controllers or of its [laws].
+Laws = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(
+        name="laws",
+        aliases=("--controllers",),
+        metavar="NAME [NAME ...]",
+        help_behavior_hint="(default: all controllers of the file)",
+    ),
+]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Command:

@@ -10,14 +10,17 @@ import contextlib
 import gc
 import logging
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
-from grosmc_mj.errors import NEXT, GrosmcError, one_line, shown
+from grosmc_mj.errors import NEXT, GrosmcError, ImplausibleWarning, one_line, shown
 
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
@@ -28,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
     Exit codes: 0 done and kept, 1 a verdict that something is not kept, 2 anything else that is
-    wrong, 130 interrupted. A reader of the output that has gone changes none of them.
+    wrong, 130 interrupted by Ctrl-C or SIGTERM. A reader of the output that has gone changes none
+    of them.
     """
     if arguments is None:
         _settle()
@@ -37,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     debug = _DEBUG in given
     given = [each for each in given if each != _DEBUG]
     with Output.standard() as output:
-        with _quiet(debug or arguments is not None):
+        with _quiet(debug or arguments is not None), _terminable():
             code = _code(given, debug)
         output.finish()
     if output.lost is not None:
@@ -100,14 +104,36 @@ def _settle() -> None:
 
 @contextlib.contextmanager
 def _quiet(loud: bool) -> Iterator[None]:
-    """Keep what libraries warn of from coming between our lines."""
-    if loud or sys.warnoptions:
+    """Keep what libraries warn of from coming between our lines; our own warnings are lines."""
+    with warnings.catch_warnings():
+        if not loud and not sys.warnoptions:
+            logging.disable(logging.WARNING)
+            warnings.simplefilter("ignore")
+        warnings.simplefilter("always", ImplausibleWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            """Ours in a line, those of others as Python shows them."""
+            if issubclass(category, ImplausibleWarning):
+                _complain(str(message))
+            else:
+                others(message, category, *where)
+
+        warnings.showwarning = show
+        yield
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """End at SIGTERM, which ``timeout`` and batch systems send, as at Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    logging.disable(logging.WARNING)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
         yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 def _open_closed_streams() -> None:

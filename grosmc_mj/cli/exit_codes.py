@@ -2,5 +2,6 @@
 
 from __future__ import annotations
 
-# Kept; a verdict that something is not kept; anything else that is wrong; stopped by Ctrl-C.
+# Kept; a verdict that something is not kept; anything else that is wrong; stopped by Ctrl-C or
+# SIGTERM.
 DONE, DIFFERS, WRONG, INTERRUPTED = 0, 1, 2, 130

@@ -1,4 +1,4 @@
-"""From the arguments to the command: parsing, old names, and wrong use in one line."""
+"""From the arguments to the command: parsing, and wrong use in one line."""
 
 from __future__ import annotations
 
@@ -14,20 +14,13 @@ import tyro
 from tyro.conf import subcommand
 
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Studies
+from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, Studies
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen import without_graphics
 
 # Of ``run --save``, what it stands for alone first.
 _FORMATS = ("parquet", "csv", "npz")
-# What commands were called, and how they begin and end now.
-_RENAMED = {
-    "switching": ("study switching", ""),
-    "region": ("study region", ""),
-    "premises": ("claims premises", ""),
-}
-
 # What the parser says of an option that another command may have.
 _APPLIED = re.compile(r" \(applied to [^)]*\)|Arguments are applied to .*", re.DOTALL)
 
@@ -59,8 +52,6 @@ def parse(arguments: Sequence[str]) -> Command:
     Raises:
         ArgumentError: If they describe none, in one line.
     """
-    if now := _name_now(arguments):
-        raise ArgumentError(now)
     given, said = _with_format(_with_judge(arguments)) or ["--help"], io.StringIO()
     # The first help has a line of each command, not its whole text.
     brief = given[0] in ("-h", "--help")
@@ -109,43 +100,6 @@ def _with_format(arguments: Sequence[str]) -> list[str]:
             return words
         if word == "--save":
             return [*words[: at + 1], _FORMATS[0], *words[at + 1 :]]
-    return words
-
-
-def _name_now(arguments: Sequence[str]) -> str:
-    """What an old name of a command or an option is now, in words; empty if there is none."""
-    first, *rest = arguments or [""]
-    if first == "readme":
-        return "readme is now: make results"
-    if first == "replay":
-        folder, run, *more = [*rest, "CAMPAIGN", "RUN"][: max(2, len(rest))]
-        return _now(first, ["campaign", folder, "--replay", run, *more])
-    if first in _RENAMED:
-        begin, end = _RENAMED[first]
-        return _now(first, [*begin.split(), *_with_case(rest), *end.split()])
-    if "--case" in rest and first in COMMANDS:
-        return _now("--case", [first, *_with_case(rest)])
-    return ""
-
-
-def _now(old: str, words: Sequence[str]) -> str:
-    return f"{old} is now: {PROGRAM} {' '.join(words)}"
-
-
-def _with_case(arguments: Sequence[str]) -> list[str]:
-    """The arguments with ``--case NAME`` as part of the target."""
-    words = list(arguments)
-    if "--case" not in words:
-        return words
-    at = words.index("--case")
-    (case,) = words[at + 1 : at + 2] or ["CASE"]
-    del words[at : at + 2]
-    # The target stands after the name of a study, and before the options.
-    first = 1 if words[:1] and words[0] in STUDIES else 0
-    if first < len(words) and not words[first].startswith("-"):
-        words[first] += f"/{case}"
-    else:
-        words.insert(first, f"SYSTEM/{case}")
     return words
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -72,15 +71,12 @@ def notice(line: str) -> None:
 
 @contextlib.contextmanager
 def kept_on_interrupt(write: Callable[[], Sequence[Path]]) -> Iterator[None]:
-    """Write what is there and say where, if what is done within is interrupted or terminated."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Write what is there and say where, if what is done within is interrupted."""
     try:
         yield
     except KeyboardInterrupt:
         say_files(console(), *write())
         raise
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def brief_table(
@@ -92,7 +88,7 @@ def brief_table(
     most: int = 12,
     styles: Sequence[str] = (),
 ) -> Table:
-    """A table of at most so many rows, each a line, for an answer.
+    """A table of at most so many rows for an answer; words wrap, and numbers never do.
 
     Args:
         title: Above it.
@@ -108,9 +104,10 @@ def brief_table(
 
     shown = [columns, *rows[:most]]
     widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
-    # Of the words, the longest give way.
-    widest = widths.index(max(widths[:words]))
-    widths[widest] -= max(0, sum(widths) + len(widths) - WIDTH)
+    # Of the words, the longest give way: a column has a blank behind it and one between it and the
+    # next one.
+    for _ in range(sum(widths) + 2 * len(widths) - 1 - WIDTH):
+        widths[max(range(words), key=widths.__getitem__)] -= 1
     # A title is as wide as its table at most.
     widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
     return table(

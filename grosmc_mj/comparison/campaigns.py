@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -25,11 +24,17 @@ from grosmc_mj.comparison.significance import (
 )
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.sweep.findings import Basis
-from grosmc_mj.sweep.manifest import MANIFEST, read_manifest
 from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
 _LEAST_MARGIN = "relative"
-MeanTest = Callable[[Array, Array], SampleTest]
+# A rate or a mean margin: its name, its value on both sides, and their test.
+Number = tuple[str, float | None, float | None, SampleTest | None]
+# Tests of rates and of means, by whether the plants are the same.
+_TESTS = {
+    True: (same_plants_rates, same_plants_means),
+    False: (other_plants_rates, other_plants_means),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +54,25 @@ class CampaignRows:
     plants: Mapping[str, Array]
     basis: Basis
 
+    @property
+    def margins(self) -> Mapping[str, tuple[str, str]]:
+        """Law and column of the margins that there are, by the name of each."""
+        return {
+            f"{self.name} {law}: "
+            + ("least margin" if column == _LEAST_MARGIN else column.removeprefix(MARGIN)): (
+                law,
+                column,
+            )
+            for law, columns in self.rows.items()
+            for column, values in columns.items()
+            if column != "id" and not np.isnan(values).all()
+        }
 
-def campaign_folders(path: Path) -> list[Path]:
-    """Folders of campaigns in a path."""
-    return sorted(file.parent for file in path.rglob(MANIFEST)) if path.is_dir() else []
+
+def campaign_folders(path: Path) -> dict[str, Path]:
+    """Folders of campaigns in a path, by where they are in it."""
+    files = path.rglob(MANIFEST) if path.is_dir() else ()
+    return {str(file.parent.relative_to(path)): file.parent for file in sorted(files)}
 
 
 def campaign_rows(folder: Path) -> CampaignRows:
@@ -63,36 +83,23 @@ def campaign_rows(folder: Path) -> CampaignRows:
     """
     manifest = read_manifest(folder)
     try:
-        configuration = manifest["configuration"]
-        names = list(configuration["uncertain"])
-        tables = [pq.read_table(file) for file in sorted((folder / "parts").glob("*.parquet"))]
-        if not tables:
-            raise ArgumentError(f"{folder} has no runs")
-        table = pa.concat_tables(tables).sort_by("id")
+        configuration, rows, plants = manifest["configuration"], {}, {}
+        # pyarrow refuses a folder without parts.
+        parts = [pq.read_table(file) for file in (folder / "parts").glob("*.parquet")]
+        table = pa.concat_tables(parts).sort_by("id")
         judged = [name for name in table.column_names if name.startswith(MARGIN)]
-        rows, plants = {}, {}
         for law in table["controller"].unique().to_pylist():
             own = table.filter(pc.field("controller") == law)
-            rows[law] = {
-                name: np.asarray(own[name], float) for name in ("id", _LEAST_MARGIN, *judged)
-            }
-            plants[law] = np.array([own[name] for name in names], float).T
+            names = ("id", _LEAST_MARGIN, *judged)
+            rows[law] = {name: np.asarray(own[name], float) for name in names}
+            plants[law] = np.array([own[name] for name in configuration["uncertain"]], float).T
         basis = Basis(
             len(table) // len(rows), int(configuration["runs"]), str(configuration["sampler"]),
             int(configuration["seed"]),
         )  # fmt: skip
-    except (OSError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
+    except (OSError, KeyError, TypeError, ValueError, ArithmeticError, pa.ArrowException) as error:
         raise ArgumentError(f"{folder} cannot be read: {one_line(str(error))[:160]}") from None
     return CampaignRows(folder.name, rows, plants, basis)
-
-
-class _Number(NamedTuple):
-    """A rate or a mean margin on both sides; no test where the runs allow none."""
-
-    name: str
-    before: float | None
-    after: float | None
-    test: SampleTest | None
 
 
 def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
@@ -100,30 +107,27 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
 
     All tests of a comparison raise a false alarm with 5 % together, by Holm's procedure.
     """
-    numbers = [number for law in old.rows if law in new.rows for number in _numbers(old, new, law)]
-    tests = [number.test for number in numbers if number.test is not None]
+    before, after = old.margins, new.margins
+    changes = [gone_or_new(name, gone=name in before) for name in before.keys() ^ after.keys()]
+    places = [before[name] for name in before if name in after]
+    numbers = [number for place in places for number in _numbers(old, new, *place)]
+    tests = [test for *_, test in numbers if test is not None]
     alarms = iter(holm([test.p_value for test in tests]))
-    changes = []
-    for name, before, after, test in numbers:
-        change = Change("campaign", name, before, after, Effect.NOISE)
-        alarm = test is not None and next(alarms)
-        if before == after:
+    for name, mean, other, test in numbers:
+        effect, alarm = Effect.NOISE, test is not None and next(alarms)
+        if mean == other:
             continue
-        if before is None or after is None:
-            effect, note = (Effect.WORSE, GONE) if after is None else (Effect.NEW, "")
+        if mean is None or other is None:
+            effect, note = (Effect.WORSE, GONE) if other is None else (Effect.NEW, "")
         elif test is None:
             effect, note = Effect.CHANGED, "no test: the plants are others, and no random draws"
         else:
-            effect = effect_of(1 if after > before else -1) if alarm else Effect.NOISE
-            detectable = test.detectable(LEVEL / len(tests))
             note = (
                 f"{test.name}, p = {test.p_value:.1g} of {len(tests)} tests; least detectable "
-                f"change {detectable:.2g}"
+                f"change {test.detectable(LEVEL / len(tests)):.2g}"
             )
-        changes.append(change._replace(effect=effect, note=note))
-    sides = [dict.fromkeys(f"{new.name} {each}" for each in _judged(side)) for side in (old, new)]
-    changes += [gone_or_new(name, gone=True) for name in sides[0] if name not in sides[1]]
-    changes += [gone_or_new(name, gone=False) for name in sides[1] if name not in sides[0]]
+            effect = effect_of(other - mean) if alarm else Effect.NOISE
+        changes.append(Change("campaign", f"{new.name} {name}", mean, other, effect, note=note))
     return changes, len(numbers)
 
 
@@ -134,61 +138,42 @@ def gone_or_new(name: str, *, gone: bool) -> Change:
     return Change("campaign", name, None, "there", Effect.NEW)
 
 
-def _judged(campaign: CampaignRows) -> list[str]:
-    """Laws, and requirements of each, that there are margins of."""
-    return [
-        f"{law}: {_title(column)}"
-        for law, columns in campaign.rows.items()
-        for column, values in columns.items()
-        if column != "id" and not np.isnan(values).all()
-    ]
+def _numbers(old: CampaignRows, new: CampaignRows, law: str, column: str) -> Iterator[Number]:
+    """Pass rate and mean margin of a requirement under a law.
 
-
-def _title(column: str) -> str:
-    """A requirement by the column of its margins."""
-    return "least margin" if column == _LEAST_MARGIN else column.removeprefix(MARGIN)
-
-
-def _numbers(old: CampaignRows, new: CampaignRows, law: str) -> Iterator[_Number]:
-    """How many runs complete under a law; pass rate and mean margin of each requirement."""
-    mine, theirs, same = _on_same_plants(old, new, law)
-    tests = (
-        (same_plants_rates, same_plants_means) if same else (other_plants_rates, other_plants_means)
-    )
+    Before those of the least margin comes how many runs complete. There is no test where the runs
+    allow none.
+    """
+    rows = old.rows[law], new.rows[law]
+    # The runs that both have, if these are the same plants; else all runs of both.
+    shared, *places = np.intersect1d(rows[0]["id"], rows[1]["id"], return_indices=True)
+    plants = [side.plants[law][place] for side, place in zip((old, new), places, strict=True)]
+    alike = len(shared) and plants[0].shape == plants[1].shape
+    same = bool(alike and np.allclose(*plants, rtol=1e-9))
+    places = places if same else [slice(None)] * 2
+    a, b = (side[column][place] for side, place in zip(rows, places, strict=True))
+    if np.isnan(a).any() or np.isnan(b).any():
+        return
+    rate_test, mean_test = _TESTS[same]
     testable = same or (old.basis.independent and new.basis.independent)
 
-    def number(name: str, a: Array, b: Array, test: MeanTest | None) -> _Number:
-        before, after = (float(side.mean()) if len(side) else None for side in (a, b))
-        tested = test(a, b) if test and testable and len(a) and len(b) else None
-        return _Number(f"{new.name} {law}: {name}", before, after, tested)
+    def number(
+        name: str, x: Array, y: Array, test: Callable[[Array, Array], SampleTest] | None
+    ) -> Number:
+        before, after = (float(side.mean()) if len(side) else None for side in (x, y))
+        tested = test(x, y) if test and testable and len(x) and len(y) else None
+        return f"{law}: {name}", before, after, tested
 
-    ended = [side[_LEAST_MARGIN] == -np.inf for side in (mine, theirs)]
-    both = same and not np.all(ended[0] | ended[1])
-    yield number("runs completed", ~ended[0] * 1.0, ~ended[1] * 1.0, tests[0])
-    for column in mine:
-        if column == "id" or column not in theirs:
-            continue
-        a, b = mine[column], theirs[column]
-        if np.isnan(a).any() or np.isnan(b).any():
-            continue
-        yield number(f"{_title(column)}, pass rate", (a >= 0) * 1.0, (b >= 0) * 1.0, tests[0])
-        # A run that ended early has no margin; it counts in the rates.
-        early = [ended[0] | ended[1]] * 2 if both else ended
-        a, b = a[~early[0]], b[~early[1]]
-        yield number(f"{_title(column)}, mean margin", a, b, tests[1] if both or not same else None)
-
-
-def _on_same_plants(
-    old: CampaignRows, new: CampaignRows, law: str
-) -> tuple[Mapping[str, Array], Mapping[str, Array], bool]:
-    """The rows of the runs that both have, if these are the same plants; else all rows of both."""
-    before, after = old.rows[law], new.rows[law]
-    shared, *places = np.intersect1d(before["id"], after["id"], return_indices=True)
-    mine, theirs = (side.plants[law][place] for side, place in zip((old, new), places, strict=True))
-    if not len(shared) or mine.shape != theirs.shape or not np.allclose(mine, theirs, rtol=1e-9):
-        return before, after, False
-    return (
-        {name: values[places[0]] for name, values in before.items()},
-        {name: values[places[1]] for name, values in after.items()},
-        True,
-    )
+    completed = [
+        side[_LEAST_MARGIN][place] > -np.inf for side, place in zip(rows, places, strict=True)
+    ]
+    title = column.removeprefix(MARGIN)
+    if column == _LEAST_MARGIN:
+        title = "least margin"
+        yield number("runs completed", completed[0] * 1.0, completed[1] * 1.0, rate_test)
+    yield number(f"{title}, pass rate", (a >= 0) * 1.0, (b >= 0) * 1.0, rate_test)
+    # A run that ended early has no margin: it counts in the rates.
+    both = completed[0] & completed[1] if same else np.ones(1, bool)
+    counted = [both, both] if same and both.any() else completed
+    margins = a[counted[0]], b[counted[1]]
+    yield number(f"{title}, mean margin", *margins, mean_test if both.any() else None)

@@ -15,9 +15,9 @@ from grosmc_mj.versions import DECISIVE
 GONE = "gone"
 # What rounding changes on one machine: relative, absolute.
 _ROUNDING = (1e-6, 1e-9)
-# Words that are better than others, best first; between others there is no order.
-_RANK = (("kept", "not kept"), ("completed", "diverged"), ("as recorded", "not as recorded"),
-         ("as expected", "not as expected"), ("agree", "disagree"), ("holds", "fails"))  # fmt: skip
+# Words that are better, or worse, than any other.
+_GOOD = ("kept", "completed", "as recorded", "as expected", "agree", "holds")
+_BAD = ("not kept", "diverged", "not as recorded", "not as expected", "disagree", "fails")
 # Kinds of results whose seeds do not matter.
 _SEEDLESS = ("validation", "claims")
 
@@ -59,44 +59,34 @@ class Change(NamedTuple):
     note: str = ""
 
     @property
-    def relative(self) -> float:
-        """Size of the change over that of the old value; inf where there is none."""
-        before, after = self.before, self.after
-        if isinstance(before, str) or isinstance(after, str) or not before or after is None:
-            return math.inf
-        return abs(after / before - 1)
-
-
-class _Conditions(NamedTuple):
-    """How far both sides can be expected to repeat.
-
-    Attributes:
-        same: Whether machine and decisive versions are the same: then a run repeats to rounding.
-        chance: Whether runs drew other numbers: then single ones cannot be told apart.
-    """
-
-    same: bool
-    chance: bool
+    def order(self) -> tuple[int, float, str, str]:
+        """The worst effects and, of these, the largest relative changes come first."""
+        before, after, relative = self.before, self.after, math.inf
+        if isinstance(before, float | int) and isinstance(after, float | int) and before:
+            relative = abs(after / before - 1)
+        return list(Effect).index(self.effect), -relative, self.kind, self.name
 
 
 def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Change], int]:
-    """The values that are not as they were, the worst first, and how many both sides have."""
+    """The values that are not as they were, and how many both sides have."""
     before, after = _values(old), _values(new)
-    conditions = {kind: _conditions(kind, old, new) for kind, _ in {*before, *after}}
     shared = before.keys() & after.keys()
-    found = [
-        change
+    repeats = {kind: _repeats(kind, old, new) for kind, _ in shared}
+    compared = [
+        Change(*key, before[key].value, after[key].value, effect, after[key].unit, note)
         for key in shared
-        if (change := _change(key, before[key], after[key], conditions[key[0]])) is not None
+        if before[key].value != after[key].value
+        for effect, note in [_judged(before[key], after[key], *repeats[key[0]])]
     ]
-    for key in before.keys() - shared:
-        old_value = before[key]
-        found.append(Change(*key, old_value.value, None, Effect.WORSE, old_value.unit, GONE))
-    added = after.keys() - shared
-    found += [Change(*key, None, after[key].value, Effect.NEW, after[key].unit) for key in added]
-    order = list(Effect)
-    found.sort(key=lambda each: (order.index(each.effect), -each.relative, each.kind, each.name))
-    return found, len(shared)
+    gone = [
+        Change(*key, before[key].value, None, Effect.WORSE, before[key].unit, GONE)
+        for key in before.keys() - shared
+    ]
+    added = [
+        Change(*key, None, after[key].value, Effect.NEW, after[key].unit)
+        for key in after.keys() - shared
+    ]
+    return compared + gone + added, len(shared)
 
 
 def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:
@@ -109,50 +99,41 @@ def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:
     }
 
 
-def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> _Conditions:
-    sides = [[each.content for each in side if each.kind == kind] for side in (old, new)]
+def _repeats(kind: str, old: Sequence[Document], new: Sequence[Document]) -> tuple[bool, bool]:
+    """Whether machine and decisive versions are one, and whether runs drew other numbers.
+
+    On one machine a run repeats to rounding; single runs of other seeds cannot be told apart.
+    """
+    sides = [
+        [document.content for document in side if document.kind == kind] for side in (old, new)
+    ]
     machines = {
-        (each.machine, *(each.versions.get(name) for name in DECISIVE))
-        for side in sides
-        for each in side
+        (content.machine, *(content.versions.get(name) for name in DECISIVE))
+        for content in (*sides[0], *sides[1])
     }
-    known = all(each.machine for side in sides for each in side)
-    seeds = [{each.seed for each in side} for side in sides]
-    chance = all(sides) and kind not in _SEEDLESS and seeds[0] != seeds[1]
-    return _Conditions(len(machines) == 1 and known, chance)
+    seeds = [{content.seed for content in side} for side in sides]
+    same = len(machines) == 1 and all(machine for machine, *_ in machines)
+    return same, kind not in _SEEDLESS and seeds[0] != seeds[1]
 
 
-def _change(key: tuple[str, str], old: Value, new: Value, conditions: _Conditions) -> Change | None:
-    """One value's change; None for none."""
+def _judged(old: Value, new: Value, same: bool, chance: bool) -> tuple[Effect, str]:
+    """The effect of a change, and what it was judged by."""
     before, after = old.value, new.value
-    if before == after:
-        return None
-    change = Change(*key, before, after, Effect.CHANGED, new.unit)
     if after is None:
-        return change._replace(effect=Effect.WORSE, note=GONE)
-    if conditions.chance:
-        return change._replace(effect=Effect.UNJUDGED, note="single runs of other seeds")
-    if isinstance(before, str) and isinstance(after, str):
-        return change._replace(effect=effect_of(_direction(before, after)))
+        return Effect.WORSE, GONE
+    if chance:
+        return Effect.UNJUDGED, "single runs of other seeds"
     if before is None or isinstance(before, str) or isinstance(after, str):
-        return change
-    relative, absolute = _ROUNDING if conditions.same else (new.relative, new.absolute)
+        ranks = [(word in _GOOD) - (word in _BAD) for word in (before, after)]
+        words = isinstance(before, str) and isinstance(after, str)
+        return effect_of(ranks[1] - ranks[0] if words else 0), ""
+    relative, absolute = _ROUNDING if same else (new.relative, new.absolute)
     sizes = [x if y is None else y for x, y in ((before, old.size), (after, new.size))]
     if abs(after - before) <= max(absolute, relative * max(map(abs, sizes))):
-        return change._replace(effect=Effect.NOISE, note=f"within {relative:g}, {absolute:g}")
-    return change._replace(effect=effect_of(new.better * (1 if after > before else -1)))
+        return Effect.NOISE, f"within {relative:g}, {absolute:g}"
+    return effect_of(new.better * (after - before)), ""
 
 
-def _direction(old: str, new: str) -> int:
-    """Whether a word is better (1) or worse (-1) than the one before, or just another one (0)."""
-    for good, bad in _RANK:
-        if old == good or new == bad:
-            return -1
-        if new == good or old == bad:
-            return 1
-    return 0
-
-
-def effect_of(better: int) -> Effect:
-    """The effect of a change for the better (1), for the worse (-1) or of neither (0)."""
-    return {1: Effect.BETTER, -1: Effect.WORSE}.get(better, Effect.CHANGED)
+def effect_of(better: float) -> Effect:
+    """The effect of a change for the better (> 0), for the worse (< 0) or of neither (0)."""
+    return Effect.BETTER if better > 0 else Effect.WORSE if better < 0 else Effect.CHANGED

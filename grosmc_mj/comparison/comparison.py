@@ -20,11 +20,9 @@ from grosmc_mj.files import written_aside
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
 from grosmc_mj.results.tables import names, numbers, table, text, words
-from grosmc_mj.sweep.manifest import flat
+from grosmc_mj.sweep.store import flat
 
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
-# Effects of what may be chance.
-_NO_CHANGE = (Effect.NOISE, Effect.UNJUDGED)
 
 
 class ResultComparison(NamedTuple):
@@ -69,56 +67,58 @@ def compare(old: Path, new: Path) -> ResultComparison:
     """
     before, after = read_results([old]), read_results([new])
     found, compared = changes(before.documents, after.documents)
-    folders = [
-        {str(folder.relative_to(place)): folder for folder in campaign_folders(place)}
-        for place in (old, new)
-    ]
-    for key in folders[0].keys() & folders[1].keys():
-        more, tests = campaign_changes(*(campaign_rows(side[key]) for side in folders))
+    there, now = campaign_folders(old), campaign_folders(new)
+    for key in there.keys() & now.keys():
+        more, tests = campaign_changes(campaign_rows(there[key]), campaign_rows(now[key]))
         found += more
         compared += tests
-    for key in sorted(folders[0].keys() ^ folders[1].keys()):
-        found.append(gone_or_new(key, gone=key in folders[0]))
-    if not compared:
-        for place, side in ((old, before), (new, after)):
-            if not side.documents and side.notices:
-                raise ArgumentError(f"no results in {place}: {side.notices[0]}")
-        raise ArgumentError(
-            f"{old} and {new} have no results in common: name two files or folders with results "
-            "of the same command and target"
-        )
-    found.sort(key=lambda each: list(Effect).index(each.effect))
+    found += [gone_or_new(key, gone=key in there) for key in there.keys() ^ now.keys()]
     notices = [*before.notices, *after.notices]
-    sources = source_differences(before.documents, after.documents)
+    if not compared:
+        unread = [
+            side.notices[0] for side in (before, after) if not side.documents and side.notices
+        ]
+        raise ArgumentError(
+            f"no results: {unread[0]}"
+            if unread
+            else f"{old} and {new} have no results in common: name two files or folders with "
+            "results of the same command and target"
+        )
+    found.sort(key=lambda change: change.order)
+    sources = _source_differences(before.documents, after.documents)
     return ResultComparison(old, new, found, compared, sources, notices)
 
 
-def source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:
-    """A line for each thing in revision, versions, machine, seed and configuration that differs."""
-    lines: dict[str, None] = {}
-    for kind in sorted({each.kind for each in old} & {each.kind for each in new}):
-        before, after = (
-            dict(flat(next(d for d in side if d.kind == kind).content.model_dump(include=_SOURCES)))
-            for side in (old, new)
-        )
-        for key in dict.fromkeys([*before, *after]):
-            if before.get(key) != after.get(key):
-                where = f"{kind}: " if key.startswith("configuration") else ""
-                values = " -> ".join(
-                    "nothing" if side.get(key) is None else shown(side[key], str)
-                    for side in (before, after)
-                )
-                lines[f"{where}{key}: {values}"] = None
-    return list(lines)
+def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:
+    """A line for each difference of revision, versions, machine, seed and configuration."""
+    before, after = _sources(old), _sources(new)
+    lines = [
+        f"{name}: " + " -> ".join(shown(side.get(key, "nothing"), str) for side in (before, after))
+        for key in dict.fromkeys([*before, *after])
+        if key[0] in {kind for kind, _ in before} & {kind for kind, _ in after}
+        and before.get(key) != after.get(key)
+        for name in [": ".join(key) if key[1].startswith("configuration") else key[1]]
+    ]
+    return list(dict.fromkeys(lines))
+
+
+def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
+    """By kind of result and key, of the oldest document of each kind."""
+    return {
+        (document.kind, key): value
+        for document in reversed(documents)
+        for key, value in flat(document.content.model_dump(include=_SOURCES))
+        if value is not None
+    }
 
 
 def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
     """The content of diff.json."""
     worse = comparison.worse
     rows = [
-        (each.name, each.effect.value, _value(each.before), _value(each.after), each.unit)
-        for each in comparison.changes
-        if each.effect not in _NO_CHANGE
+        (change.name, change.effect.value, _value(change.before), _value(change.after), change.unit)
+        for change in comparison.changes
+        if change.effect not in (Effect.NOISE, Effect.UNJUDGED)
     ]
     columns = [*text("of"), *words("change"), *numbers("before", "after"), *names("unit")]
     answer = Answer(
@@ -136,7 +136,9 @@ def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
         new=str(comparison.new),
         compared=comparison.compared,
         counts={effect.value: comparison.counts[effect] for effect in Effect},
-        changes=[{**each._asdict(), "effect": each.effect.value} for each in comparison.changes],
+        changes=[
+            {**change._asdict(), "effect": change.effect.value} for change in comparison.changes
+        ],
         sources=comparison.sources,
         notices=comparison.notices,
     )
@@ -148,9 +150,12 @@ def write_junit(path: Path, comparison: ResultComparison) -> None:
     Raises:
         SetupError: If it cannot be written.
     """
-    counts = {"tests": len(comparison.changes) + 1, "failures": len(comparison.worse), "errors": 0}
     suite = ElementTree.Element(
-        "testsuite", {"name": "grosmc-mj diff"} | {name: str(n) for name, n in counts.items()}
+        "testsuite",
+        name="grosmc-mj diff",
+        tests=str(len(comparison.changes) + 1),
+        failures=str(len(comparison.worse)),
+        errors="0",
     )
     repeats = f"{comparison.compared} values are in both"
     ElementTree.SubElement(suite, "testcase", classname="diff", name=repeats)

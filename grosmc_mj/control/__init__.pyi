@@ -1,8 +1,8 @@
 from .coordinates.symbolic import ErrorCoordinates
-from .design import computed_torque_pd, linear_lqr, state_grosmc
+from .design import computed_torque_pd, linear_lqr, realized, state_grosmc
 from .references import TIME, Setpoint, Setpoints, reference, setpoints
 from .switching import find_switching
-from .task import StateTask
+from .task import state_task
 from .uncertainty import StateUncertainty
 
 __all__ = [
@@ -10,12 +10,13 @@ __all__ = [
     "ErrorCoordinates",
     "Setpoint",
     "Setpoints",
-    "StateTask",
     "StateUncertainty",
     "computed_torque_pd",
     "find_switching",
     "linear_lqr",
+    "realized",
     "reference",
     "setpoints",
     "state_grosmc",
+    "state_task",
 ]

@@ -14,7 +14,12 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import InputMap, OutputCoordinates, Workspace
+from grosmc_mj.control.coordinates.base import (
+    InputMap,
+    OutputCoordinates,
+    Workspace,
+    regulated_outputs,
+)
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.law import Law, around, writing
 from grosmc_mj.control.lqr import LqrDesign
@@ -141,10 +146,7 @@ class Controller:
         Raises:
             ArgumentError: If it regulates the whole state, or nothing.
         """
-        error = self.designed.error
-        if not isinstance(error, OutputCoordinates):
-            raise ArgumentError(f"{self.name} has no outputs that it regulates")
-        return error
+        return regulated_outputs(self.designed.error, self.name)
 
     def sampled(self, control_period: float) -> Controller:
         """The same, told its control period [s] where it reads ``p.period``."""

@@ -14,20 +14,14 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.surface import surface_matrix, surface_rates
-from grosmc_mj.control.task import (
-    AS_PRINTED,
-    AnyTask,
-    GrosmcParameters,
-    Realization,
-    StateTask,
-    Task,
-)
+from grosmc_mj.control.task import AS_PRINTED, GrosmcParameters, Limit, Realization, Task
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
-from grosmc_mj.errors import GainError
-from grosmc_mj.fields import Name, Positive, Range, checked_call
+from grosmc_mj.errors import ArgumentError, GainError
+from grosmc_mj.fields import Is, Name, Positive, Range, checked_call
 
 # Of the room that an actuator's limits leave, for the nominal input; the rest is the switching
 # term's. With 0.8 dm_control's cart-pole falls from 30 degrees.
@@ -36,7 +30,7 @@ CERTAIN = StateUncertainty()
 
 
 @checked_call
-def linear_lqr(task: AnyTask) -> Controller:
+def linear_lqr(task: Task) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.optimum(linearizing=False)
     return _feedback("lqr", task, optimum, "eqs. (5)-(6)")
@@ -68,7 +62,7 @@ def computed_torque_pd(
         ArgumentError: If a number is not positive.
         GainError: If an output has another relative degree.
     """
-    chains, inputs = task.error.linearization, task.error.inputs
+    chains, inputs = task.outputs.linearization, task.error.inputs
     if set(chains.relative_degree) != {2}:
         raise GainError(
             f"computed-torque PD: the relative degrees {chains.relative_degree} must all be 2"
@@ -94,7 +88,7 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    return _sliding(laws.gains_of_linear_plant, task, uncertainty, G, "eqs. (8)+(12)")
+    return _sliding(task, uncertainty, G, "eqs. (8)+(12)")
 
 
 @checked_call
@@ -111,8 +105,12 @@ def regulating_grosmc(
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
     """
-    law_gains, source = laws.gains_of_regulator(task.symbolic), "eqs. (31)+(37)"
-    return _sliding(law_gains, task, uncertainty, G, source, linearizing=True)
+    if not isinstance(task.error, ErrorCoordinates):
+        raise ArgumentError(
+            f"{task.plant.system.name} has no equations in symbols, which this design needs: "
+            "take tracking_grosmc, linearized_lqr or computed_torque_pd"
+        )
+    return _sliding(task, uncertainty, G, "eqs. (31)+(37)", linearizing=True, regulating=True)
 
 
 @checked_call
@@ -131,16 +129,16 @@ def tracking_grosmc(
         ArgumentError: If a gain is not positive.
         GainError: If G B is singular.
     """
-    gains, source = {"k": k, "epsilon": epsilon}, "eqs. (51)+(55)"
-    return _sliding(laws.gains_of_tracker, task, gains, G, source, linearizing=True)
+    gains = {"k": k, "epsilon": epsilon}
+    return _sliding(task, gains, G, "eqs. (51)+(55)", linearizing=True)
 
 
 @checked_call
 def state_grosmc(
-    task: StateTask,
+    task: Task,
     uncertainty: StateUncertainty = CERTAIN,
     G: ArrayLike | None = None,
-    limit: Annotated[float, Range(0, above=True, infinite=True)] | None = None,
+    limit: Limit | None = None,
 ) -> Controller:
     """GROSMC of section 2 on all states: the surface (8) and the law (12).
 
@@ -156,44 +154,55 @@ def state_grosmc(
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps, or the limits leave no room.
     """
-    (low, high), u_e = task.plant.input_limits, task.point.u
+    (low, high), u_e = task.plant.input_limits, task.reference.u
     room = SHARE * float(np.min([high - u_e, u_e - low]))
     if limit is None and not room > 0:
         raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
     source = f"eqs. (8)+(12) with all {task.error.size} states"
-    return _sliding(
-        laws.gains_of_linear_plant,
-        task,
-        uncertainty,
-        G,
-        source,
-        limit=room if limit is None else limit,
-    )
+    return _sliding(task, uncertainty, G, source, limit=room if limit is None else limit)
 
 
-def realized(controller: Controller, realization: Realization) -> Controller:
-    """A controller with its switching law sampled in this way.
+@checked_call
+def realized(
+    controller: Annotated[Controller, Is(Controller, "a controller, such as tracking_grosmc's")],
+    realization: Realization,
+) -> Controller:
+    """A sliding mode controller with this switching law, and with its surface at a period.
 
-    It stays as it is if it does not switch, or the realization is that of the printed law.
+    A controller that does not switch is returned as it is.
     """
-    design = controller.design
-    if realization == AS_PRINTED or design is None or not design.switching:
+    design, p, switching = controller.design, controller.parameters, realization.switching
+    if realization == AS_PRINTED or design is None or design.switched_law is None:
         return controller
-    return _switched(controller.name, controller.parameters, design, realization)
+    period, n = None, 1
+    # A shaped law has no matrix S that a period would enter.
+    if isinstance(p, GrosmcParameters):
+        period, n = realization.control_period, p.G.shape[1]
+        S, GB_held = surface_rates(p.G, design.lqr, period)
+        p = replace(p, S=S, GB_held=GB_held)
+    return Controller(
+        controller.name,
+        design.switched_law(switching.reach),
+        replace(p, switching=switching.numbers),
+        switching.new_memory(design.error.inputs, n),
+        replace(design, switching=switching.name, control_period=period),
+    )
 
 
 def _feedback(
     name: str,
-    task: AnyTask,
+    task: Task,
     optimum: LqrDesign,
     source: str,
     *,
     linearizing: bool = False,
-    **kinds: Any,
+    follows_optimum: bool = True,
 ) -> Controller:
     """A controller without switching, judged against this optimum."""
-    kinds = {"source": source, "gains": _feedback_gains(optimum), **kinds}
-    design = Design(task.error, optimum, linearizing=linearizing, **kinds)
+    design = Design(
+        task.error, optimum, source, _feedback_gains(optimum),
+        linearizing=linearizing, follows_optimum=follows_optimum,
+    )  # fmt: skip
     law, (m, n) = laws.optimal_feedback(task.error, linearizing=linearizing), optimum.K.shape
     return Controller(name, law, task.feedback(optimum.K), memory_of(m, z=np.zeros(n)), design)
 
@@ -205,42 +214,44 @@ def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
 
 
 def _sliding(
-    law_gains: laws.Gains,
-    task: AnyTask,
+    task: Task,
     gains: Mapping[str, float] | Uncertainty | StateUncertainty,
     G: ArrayLike | None,
     source: str,
     *,
     linearizing: bool = False,
+    regulating: bool = False,
     limit: float = np.inf,
 ) -> Controller:
-    """A sliding mode controller, sampled as the task says.
+    """GROSMC with the switching law and the surface as printed.
 
     Args:
-        law_gains: k and rho of its law.
         task: What it is designed for.
         gains: Its switching gains, or what they are to be computed from.
         G: Projection of the surface, (m, n); B+ by default.
         source: Equations of the chapter.
         linearizing: Whether it goes through feedback linearization.
+        regulating: Whether its switching gain follows E(x).
         limit: Largest nominal input.
     """
-    optimum = task.optimum(linearizing=linearizing)
+    optimum, printed = task.optimum(linearizing=linearizing), AS_PRINTED.switching
     G = surface_matrix(G, optimum.B)
-    GB = G @ optimum.B
+    GB, (m, n) = G @ optimum.B, G.shape
     p = GrosmcParameters(
         **vars(task.feedback(optimum.K)),
         G=G, S=G @ optimum.closed_loop,
         GB=GB, GB_inverse=np.linalg.inv(GB), GB_held=GB, size_of_GB=float(np.linalg.norm(GB)),
-        switching=AS_PRINTED.switching,
+        switching=printed.numbers,
     )  # fmt: skip
+    law = partial(laws.grosmc, task.error, linearizing, regulating)
     design = Design(
         task.error,
         optimum,
         source=source,
         sliding_unit=_sliding_unit(task.error, G, GB),
         linearizing=linearizing,
-        switched_law=partial(laws.grosmc, task.error, law_gains, linearizing),
+        switching=printed.name,
+        switched_law=law,
     )
     declared = ""
     if not isinstance(gains, Mapping):
@@ -249,25 +260,8 @@ def _sliding(
     if np.isfinite(limit):
         gains = {**gains, "limit": limit}
     design = replace(design, gains=_feedback_gains(optimum) | dict(gains), declared=declared)
-    return _switched("grosmc", replace(p, **gains), design, task.realization)
-
-
-def _switched(name: str, p: Any, design: Design, realization: Realization) -> Controller:
-    """A sliding mode controller with a switching law, and with its surface at a period."""
-    switching, period, n = realization.switching, None, 1
-    # A shaped law has no matrix S that a period would enter.
-    if isinstance(p, GrosmcParameters):
-        period, n = realization.control_period, p.G.shape[1]
-        S, GB_held = surface_rates(p.G, design.lqr, period)
-        p = replace(p, S=S, GB_held=GB_held)
-    assert design.switched_law
-    return Controller(
-        name,
-        design.switched_law(switching.reach),
-        replace(p, switching=switching),
-        switching.new_memory(design.error.inputs, n),
-        replace(design, switching=switching.name, control_period=period),
-    )
+    memory = printed.new_memory(m, n)
+    return Controller("grosmc", law(printed.reach), replace(p, **gains), memory, design)
 
 
 def _sliding_unit(error: Any, G: Array, GB: Array) -> str:

@@ -6,20 +6,15 @@ compiled engine compiles it once. Its memory has the error state z (n,) and v (m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from grosmc_mj.control.coordinates.base import Coordinates
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.matrices import norm, norm_of_product, row_times
 from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.jitable import jitable
-
-# Jitable (x, z, p) -> k and rho: the proportional and the switching gain of a sample.
-Gains = Callable[[Any, Any, Any], tuple[float, float]]
 
 
 @cache
@@ -38,12 +33,16 @@ def optimal_feedback(error: Coordinates, *, linearizing: bool) -> Law:
 
 
 @cache
-def grosmc(error: Coordinates, gains: Gains, linearizing: bool, reach: SwitchingTerm) -> Law:
+def grosmc(error: Coordinates, linearizing: bool, regulating: bool, reach: SwitchingTerm) -> Law:
     """v = -K z + (G B)^-1 phi, with phi the rate that the switching law asks of s.
 
     It is eq. (12) of a linear plant, about its operating point, and eqs. (37) and (55) through
-    feedback linearization; they differ in k and rho. With s of eq. (31), (ds/dx) g = G B E(x),
-    and u_con of eq. (36) is E^-1 (v_0 - K(x)), so u_dis of eq. (37) is E^-1 (G B)^-1 phi.
+    feedback linearization. With s of eq. (31), (ds/dx) g = G B E(x), and u_con of eq. (36) is
+    E^-1 (v_0 - K(x)), so u_dis of eq. (37) is E^-1 (G B)^-1 phi. The switching term has the gains
+
+        k and rho = eta + epsilon + (gamma0 + gamma1 |z|) |G B E(x)|,
+
+    with k = epsilon = 0 in eqs. (12) and (37), E = 1 in (12) and eta = gamma0 = gamma1 = 0 in (55).
 
     The surface supposes that the nominal input -K z is applied. Where an actuator cuts it off, s
     grows by what is missing, as an integrator winds up, and the switching term goes on paying it
@@ -52,13 +51,13 @@ def grosmc(error: Coordinates, gains: Gains, linearizing: bool, reach: Switching
     printed law.
 
     Args:
-        error: The error coordinates.
-        gains: ``gains_of_linear_plant``, ``gains_of_regulator(error)`` or ``gains_of_tracker``.
+        error: The error coordinates; in symbols for ``regulating``.
         linearizing: Whether v goes through feedback linearization; else it is the input.
+        regulating: Whether rho follows E(x), eq. (37).
         reach: The switching law.
     """
     error_state, (apply, _) = error.state, error.input_maps(linearizing=linearizing)
-    gains, reach = jitable(gains), jitable(reach)
+    input_gain, reach = _size_of_GBE(error) if regulating else _size_of_GB, jitable(reach)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         z, v, phi = memory.z, memory.v, memory.phi
@@ -73,8 +72,8 @@ def grosmc(error: Coordinates, gains: Gains, linearizing: bool, reach: Switching
                 u[i], v[i] = nominal - v[i], nominal
             for i in range(m):
                 memory.rate[i] += row_times(i, p.GB_held, u)
-        k, rho = gains(x, z, p)
-        reach(memory.s, k, rho, memory, p.switching, phi)
+        rho = p.eta + p.epsilon + (p.gamma0 + p.gamma1 * norm(z)) * input_gain(x, p)
+        reach(memory.s, p.k, rho, memory, p.switching, phi)
         for i in range(m):
             v[i] += row_times(i, p.GB_inverse, phi)
         apply(t, x, v, memory, p, u)
@@ -83,25 +82,12 @@ def grosmc(error: Coordinates, gains: Gains, linearizing: bool, reach: Switching
 
 
 @jitable
-def gains_of_linear_plant(x: Any, z: Any, p: Any) -> tuple[float, float]:
-    """Eq. (12): rho = eta + (gamma0 + gamma1 |z|) |G B|."""
-    return 0.0, p.eta + (p.gamma0 + p.gamma1 * norm(z)) * p.size_of_GB
+def _size_of_GB(x: Any, p: Any) -> float:
+    return p.size_of_GB
 
 
 @cache
-def gains_of_regulator(error: ErrorCoordinates) -> Gains:
-    """Eq. (37): rho = eta + (gamma0 + gamma1 |z|) |G B E(x)|."""
+def _size_of_GBE(error: Any) -> Any:
+    """Jitable (x, p) -> |G B E(x)| by the nominal plant's decoupling matrix."""
     matrix = error.linearization.decoupling_matrix
-
-    @jitable
-    def gains(x: Any, z: Any, p: Any) -> tuple[float, float]:
-        size = norm_of_product(p.GB, matrix(x, p.plant))
-        return 0.0, p.eta + (p.gamma0 + p.gamma1 * norm(z)) * size
-
-    return gains
-
-
-@jitable
-def gains_of_tracker(x: Any, z: Any, p: Any) -> tuple[float, float]:
-    """Eq. (55): k and rho = epsilon are given."""
-    return p.k, p.epsilon
+    return jitable(lambda x, p: norm_of_product(p.GB, matrix(x, p.plant)))

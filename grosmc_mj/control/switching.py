@@ -1,32 +1,84 @@
 """Switching laws: what drives s to zero and holds it there, sampled every h.
 
-Each is its numbers and a function ``reach(s, k, rho, memory, q, phi)`` that writes phi (m,), the
-rate asked of s in s' = phi + w. s (m,) is the sliding variable, k the proportional and rho the
-switching gain of this sample, ``memory`` a ``SurfaceMemory`` that the surface has brought up to
-this sample (h is ``memory.elapsed``), with the law's own fields, and q the law itself. The
-chapter's law is ``Sign``; the others do without its chatter.
+Each is a function ``(s, k, rho, memory, q, phi)`` that writes phi (m,), the rate asked of s in
+s' = phi + w. s (m,) is the sliding variable, k the proportional and rho the switching gain of this
+sample, ``memory`` a ``SurfaceMemory`` that the surface has brought up to this sample (h is
+``memory.elapsed``), with the law's own fields, and q its ``SwitchingNumbers``. The chapter's law is
+``sign``; the others do without its chatter.
 
-A new law is a class here and an entry of ``SWITCHINGS``.
+A new law is a function here and an entry of ``SWITCHINGS``.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.matrices import norm
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.errors import GainError
-from grosmc_mj.fields import Positive, Range, checked
+from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.jitable import jitable
 
 # (s, k, rho, memory, q, phi), see above.
 SwitchingTerm = Callable[[Any, float, float, Any, Any, Any], None]
+
+
+@checked(GainError)
+class SwitchingNumbers:
+    """Numbers of the switching laws, which read those that they have.
+
+    Attributes:
+        gain: Factor on the law's switching gain rho.
+        width: Thickness of the boundary layer over h gain rho, what the law moves s by in a
+            sample; above 0.5, or it chatters like sgn.
+        slope: L of the super-twisting law, the bound of |w'|, in the unit of s per second squared.
+            What a law without reaching phase meets at once, a load or a wrong inertia at t = 0, is
+            made up for the sooner the larger L is; the law's own ripple is 1.1 L h.
+        share: c h^2 of the adaptive law. Within mu the gain then changes by up to four times this
+            part of it in a sample: slower, it lags behind w; faster, it rings.
+        least: Smallest gain of the adaptive law, in the unit of s per second.
+    """
+
+    gain: NotNegative = 1.0
+    width: Positive = 2.0
+    slope: Positive = 100.0
+    share: Positive = 0.02
+    least: Positive = 1e-2
+
+
+class Switching(NamedTuple):
+    """A switching law with its numbers, by ``find_switching``.
+
+    Attributes:
+        name: Its name in ``SWITCHINGS``.
+        numbers: Its numbers.
+    """
+
+    name: str
+    numbers: SwitchingNumbers
+
+    @property
+    def reach(self) -> SwitchingTerm:
+        """The function that writes phi."""
+        return SWITCHINGS[self.name]
+
+    def new_memory(self, m: int, n: int) -> Callable[[], Any]:
+        """Makes the memory of a new run, for m inputs and n entries of z.
+
+        ``before`` is s at the last sample, ``twist`` the integral of the super-twisting law and
+        ``adapted`` the gain of the adaptive one, (m,) each.
+        """
+        own = {
+            "implicit-estimate": {"before": np.zeros(m)},
+            "super-twisting": {"twist": np.zeros(m)},
+            "adaptive": {"adapted": np.full(m, self.numbers.least)},
+        }
+        return memory_of(m, n, **own.get(self.name, {}))
 
 
 @jitable
@@ -38,12 +90,6 @@ def sgn(s: float) -> float:
 
 
 @jitable
-def sat(s: float) -> float:
-    """s, kept between -1 and 1."""
-    return min(1.0, max(-1.0, s))
-
-
-@jitable
 def _implicit(s: float, k: float, rho: float, h: float) -> float:
     """phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form."""
     if h == 0.0:
@@ -52,224 +98,112 @@ def _implicit(s: float, k: float, rho: float, h: float) -> float:
     return (after - s) / h
 
 
-@checked(GainError)
-class Switching:
-    """A switching law with its numbers.
-
-    Attributes:
-        gain: Factor on the law's switching gain rho.
-    """
-
-    gain: Annotated[float, Range(0)] = 1.0
-
-    name: ClassVar[str] = ""
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Write phi."""
-        raise NotImplementedError
-
-    def remembered(self, m: int) -> dict[str, Array]:
-        """The law's own fields of memory, (m,) each, as a run begins."""
-        return {}
-
-    def new_memory(self, m: int, n: int) -> Callable[[], Any]:
-        """Makes the memory of a new run, for m inputs and n entries of z."""
-        return memory_of(m, n, **self.remembered(m))
-
-
-@checked(GainError)
-class Sign(Switching):
+def sign(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + rho sgn s), the chapter's; |s| stays in a band of the order h, chattering."""
-
-    name: ClassVar[str] = "sign"
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own, as printed."""
-        for i in range(len(s)):
-            phi[i] = -(k * s[i] + q.gain * rho * sgn(s[i]))
+    for i in range(len(s)):
+        phi[i] = -(k * s[i] + q.gain * rho * sgn(s[i]))
 
 
-@checked(GainError)
-class BoundaryLayer(Switching):
-    """phi = -(k s + rho sat(s/layer)): |s| <= layer W/rho under |w| <= W.
-
-    Attributes:
-        width: The layer's thickness over h gain rho, what the law moves s by in a sample; above
-            0.5, or it chatters like sgn.
-    """
-
-    width: Positive = 2.0
-    name: ClassVar[str] = "boundary-layer"
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own."""
-        layer = q.width * memory.elapsed * q.gain * rho
-        if not layer > 0.0:  # at the first sample s is zero, whatever the layer
-            layer = 1.0
-        for i in range(len(s)):
-            phi[i] = -(k * s[i] + q.gain * rho * sat(s[i] / layer))
+def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+    """phi = -(k s + rho sat(s/layer)): |s| <= layer W/rho under |w| <= W."""
+    layer = q.width * memory.elapsed * q.gain * rho
+    if not layer > 0.0:  # at the first sample s is zero, whatever the layer
+        layer = 1.0
+    for i in range(len(s)):
+        phi[i] = -(k * s[i] + q.gain * rho * min(1.0, max(-1.0, s[i] / layer)))
 
 
-@checked(GainError)
-class Implicit(Switching):
+def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """The sign law by implicit Euler (Acary, Brogliato): no chatter but the disturbance's own.
 
     s+ = sgn(s) max(|s| - h rho, 0)/(1 + h k), phi = (s+ - s)/h; |s| <= h W under |w| <= W < rho.
     """
-
-    name: ClassVar[str] = "implicit"
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own."""
-        for i in range(len(s)):
-            phi[i] = _implicit(s[i], k, q.gain * rho, memory.elapsed)
+    for i in range(len(s)):
+        phi[i] = _implicit(s[i], k, q.gain * rho, memory.elapsed)
 
 
-@checked(GainError)
-class ImplicitEstimate(Switching):
+def implicit_estimate(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """The implicit law less an estimate of w from the last sample: |s| <= h^2 L, |w'| <= L.
 
     With an input gain r times the believed one its linear zone is z^2 - 2 (1 - r) z + (1 - r),
     stable for 0 < r < 4/3 only, a third of what the plain implicit law stands beyond 1; from
     r = 2 on the estimate itself diverges.
     """
-
-    name: ClassVar[str] = "implicit-estimate"
-
-    def remembered(self, m: int) -> dict[str, Array]:
-        """``before``: s at the last sample; phi of that sample is in every surface's memory."""
-        return {"before": np.zeros(m)}
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own."""
-        h = memory.elapsed
-        for i in range(len(s)):
-            w = 0.0
-            if h > 0.0:
-                w = (s[i] - memory.before[i]) / h - memory.phi[i]
-            memory.before[i] = s[i]
-            phi[i] = _implicit(s[i], k, q.gain * rho, h) - w
+    h = memory.elapsed
+    for i in range(len(s)):
+        w = 0.0
+        if h > 0.0:
+            w = (s[i] - memory.before[i]) / h - memory.phi[i]
+        memory.before[i] = s[i]
+        phi[i] = _implicit(s[i], k, q.gain * rho, h) - w
 
 
-@checked(GainError)
-class SuperTwisting(Switching):
+def super_twisting(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + k1 sqrt|s| sgn s) + z, z' = -k2 sgn s; k1 = 1.5 sqrt L, k2 = 1.1 L.
 
     Continuous, and |s| is of the order h^2 under |w'| <= L. Its gain is L, not rho.
-
-    Attributes:
-        slope: L, the bound of |w'|, in the unit of s per second squared. What a law without
-            reaching phase meets at once, a load or a wrong inertia at t = 0, is made up for the
-            sooner the larger L is; the law's own ripple is 1.1 L h.
     """
-
-    slope: Positive = 100.0
-    name: ClassVar[str] = "super-twisting"
-
-    def remembered(self, m: int) -> dict[str, Array]:
-        """``twist``: the law's integral z."""
-        return {"twist": np.zeros(m)}
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own."""
-        k1, twist = 1.5 * math.sqrt(q.gain * q.slope), memory.twist
-        for i in range(len(s)):
-            phi[i] = twist[i] - k * s[i] - k1 * math.sqrt(abs(s[i])) * sgn(s[i])
-            twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * sgn(s[i])
+    k1, twist = 1.5 * math.sqrt(q.gain * q.slope), memory.twist
+    for i in range(len(s)):
+        phi[i] = twist[i] - k * s[i] - k1 * math.sqrt(abs(s[i])) * sgn(s[i])
+        twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * sgn(s[i])
 
 
-@checked(GainError)
-class Adaptive(Switching):
+def adaptive(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + epsilon(t) sgn s), epsilon' = c |s| sgn(|s| - mu), mu = 4 epsilon h.
 
     After Plestan: the gain grows until it holds s and falls while s is inside mu, so it hunts
     about what is needed instead of being told. It never falls below ``least``.
-
-    Attributes:
-        share: c h^2. Within mu the gain then changes by up to four times this part of it in a
-            sample: slower, it lags behind w; faster, it rings.
-        least: Smallest gain, in the unit of s per second.
     """
-
-    share: Positive = 0.02
-    least: Positive = 1e-2
-    name: ClassVar[str] = "adaptive"
-
-    def remembered(self, m: int) -> dict[str, Array]:
-        """``adapted``: the gain epsilon, in the unit of s per second."""
-        return {"adapted": np.full(m, self.least)}
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """Each entry of s on its own."""
-        h, epsilon = memory.elapsed, memory.adapted
-        for i in range(len(s)):
-            if h > 0.0:
-                band = 4.0 * q.gain * epsilon[i] * h
-                grown = epsilon[i] + q.share * abs(s[i]) / h * sgn(abs(s[i]) - band)
-                epsilon[i] = max(grown, q.least)
-            phi[i] = -(k * s[i] + q.gain * epsilon[i] * sgn(s[i]))
+    h, epsilon = memory.elapsed, memory.adapted
+    for i in range(len(s)):
+        if h > 0.0:
+            band = 4.0 * q.gain * epsilon[i] * h
+            grown = epsilon[i] + q.share * abs(s[i]) / h * sgn(abs(s[i]) - band)
+            epsilon[i] = max(grown, q.least)
+        phi[i] = -(k * s[i] + q.gain * epsilon[i] * sgn(s[i]))
 
 
-@checked(GainError)
-class UnitVector(Switching):
+def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + rho s/|s|): one switch for all inputs, the sign law's for one."""
-
-    name: ClassVar[str] = "unit-vector"
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """All entries of s together."""
-        size, scale = norm(s), k
-        if size > 0.0:
-            scale = k + q.gain * rho / size
-        for i in range(len(s)):
-            phi[i] = -scale * s[i]
+    size, scale = norm(s), k
+    if size > 0.0:
+        scale = k + q.gain * rho / size
+    for i in range(len(s)):
+        phi[i] = -scale * s[i]
 
 
-@checked(GainError)
-class ImplicitUnitVector(Switching):
+def implicit_unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """The unit-vector law by implicit Euler: s+ = s max(1 - h rho/|s|, 0) / (1 + h k)."""
-
-    name: ClassVar[str] = "implicit-unit-vector"
-
-    @staticmethod
-    def reach(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-        """All entries of s together."""
-        size, h, scale = norm(s), memory.elapsed, 0.0
-        if h > 0.0 and size > 0.0:
-            kept = max(1.0 - h * q.gain * rho / size, 0.0) / (1.0 + h * k)
-            scale = (kept - 1.0) / h
-        for i in range(len(s)):
-            phi[i] = scale * s[i]
+    size, h, scale = norm(s), memory.elapsed, 0.0
+    if h > 0.0 and size > 0.0:
+        kept = max(1.0 - h * q.gain * rho / size, 0.0) / (1.0 + h * k)
+        scale = (kept - 1.0) / h
+    for i in range(len(s)):
+        phi[i] = scale * s[i]
 
 
-SWITCHINGS: Mapping[str, type[Switching]] = {
-    kind.name: kind
-    for kind in (
-        Sign,
-        BoundaryLayer,
-        Implicit,
-        ImplicitEstimate,
-        SuperTwisting,
-        Adaptive,
-        UnitVector,
-        ImplicitUnitVector,
-    )
+SWITCHINGS: Mapping[str, SwitchingTerm] = {
+    "sign": sign,
+    "boundary-layer": boundary_layer,
+    "implicit": implicit,
+    "implicit-estimate": implicit_estimate,
+    "super-twisting": super_twisting,
+    "adaptive": adaptive,
+    "unit-vector": unit_vector,
+    "implicit-unit-vector": implicit_unit_vector,
 }
 
 
-def find_switching(name: str) -> Switching:
-    """The switching law of that name, with its default numbers.
+def find_switching(name: str, **numbers: float) -> Switching:
+    """The switching law of that name.
+
+    Args:
+        name: A key of ``SWITCHINGS``.
+        numbers: Fields of ``SwitchingNumbers``; the others keep their defaults.
 
     Raises:
-        GainError: If there is none.
+        GainError: If there is none, or a number does not fit.
     """
     require_known("switching law", name, SWITCHINGS, error=GainError)
-    return SWITCHINGS[name]()
+    return Switching(name, SwitchingNumbers(**numbers))

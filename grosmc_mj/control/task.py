@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,13 +13,12 @@ from pydantic import PlainValidator
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates, regulated_outputs
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.switching import Sign, Switching
-from grosmc_mj.errors import ArgumentError, GainError, shown
-from grosmc_mj.fields import Is, Range, checked, refused
+from grosmc_mj.control.switching import Switching, SwitchingNumbers, find_switching
+from grosmc_mj.errors import GainError, shown
+from grosmc_mj.fields import Is, Range, checked, checked_call, refused
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
 
@@ -53,7 +52,7 @@ class GrosmcParameters(FeedbackParameters):
         GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
             printed, that of a held input on the discrete-time surface.
         size_of_GB: Norm of G B.
-        switching: The switching law.
+        switching: Numbers of the switching law.
         eta: Reaching gain, in the unit of s per second.
         gamma0: Constant part of the uncertainty's bound, in the unit of the input.
         gamma1: Its slope over the norm of the error state.
@@ -68,7 +67,7 @@ class GrosmcParameters(FeedbackParameters):
     GB_inverse: Array
     GB_held: Array
     size_of_GB: float
-    switching: Switching
+    switching: SwitchingNumbers
     eta: float = 0.0
     gamma0: float = 0.0
     gamma1: float = 0.0
@@ -94,6 +93,8 @@ Matrix = Annotated[ArrayLike, PlainValidator(_matrix)]
 Analytic = Annotated[
     AnalyticPlant, Is(AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()")
 ]
+# Largest |u| that the actuators give, in the unit of the input; infinite for none.
+Limit = Annotated[float, Range(0, above=True, infinite=True)]
 
 
 @checked()
@@ -108,7 +109,7 @@ class Realization:
 
     switching: Annotated[
         Switching, Is(Switching, "a switching law, such as find_switching('implicit')")
-    ] = Sign()
+    ] = find_switching("sign")
     control_period: Annotated[float, Range(0, unit="s", above=True)] | None = None
 
 
@@ -120,21 +121,23 @@ class Task:
     """A nominal plant, what of it is regulated, and the index that weighs it.
 
     Attributes:
-        plant: The plant that the law believes in.
-        error: The error coordinates z, n of them.
-        reference: Parameters of the reference that ``error`` measures from.
+        plant: The plant that the law believes in; as equations if outputs are regulated.
+        error: The error coordinates z, n of them: of outputs, or of the whole state.
+        reference: Parameters of what ``error`` measures from.
         Q: Weight of z, positive semidefinite, (n, n).
         R: Weight of the input, or of v after linearization; positive definite, (m, m) or a
             number.
-        realization: How a sliding mode law is sampled.
+        model: (A, B) of z' = A z + B u about zero error; the plant's own linearization by default.
     """
 
-    plant: Analytic
-    error: Annotated[OutputCoordinates, Is(OutputCoordinates, "error coordinates of the plant")]
+    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")]
+    error: Annotated[
+        OutputCoordinates | StateCoordinates, Is(Coordinates, "error coordinates of the plant")
+    ]
     reference: Any
     Q: Matrix
     R: Matrix
-    realization: Realization = AS_PRINTED
+    model: tuple[Matrix, Matrix] | None = None
 
     def __post_init__(self) -> None:
         self.error.require_task(self.plant, self.feedback(np.zeros((0, 0))))
@@ -144,100 +147,58 @@ class Task:
                 raise GainError(f"{name} = {shown(weight)} must be a {size} x {size} matrix")
 
     @property
-    def symbolic(self) -> ErrorCoordinates:
-        """The error coordinates, if they are those of equations in symbols.
+    def outputs(self) -> OutputCoordinates:
+        """The error coordinates of a task that regulates outputs.
 
         Raises:
-            ArgumentError: If they are not.
+            ArgumentError: If it regulates the whole state.
         """
-        if not isinstance(self.error, ErrorCoordinates):
-            raise ArgumentError(
-                f"{self.plant.system.name} has no equations in symbols, which this design needs: "
-                "take tracking_grosmc, linearized_lqr or computed_torque_pd"
-            )
-        return self.error
+        return regulated_outputs(self.error, self.plant.system.name)
 
-    def optimum(self, *, linearizing: bool) -> LqrDesign:
+    def optimum(self, *, linearizing: bool = False) -> LqrDesign:
         """The nominal optimum of laws with feedback linearization, or of those without.
 
         The former is LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45); the latter
-        LQR on the Jacobian linearization about zero error, exact for the linear servo.
+        LQR on the linearization about zero error, exact for the linear servo.
 
         Raises:
+            ArgumentError: If the plant does not rest there.
             GainError: If the weights do not fit or, on the linearization, zero error is no
                 equilibrium without input.
         """
         if linearizing:
-            chains = self.error.linearization
+            chains = self.outputs.linearization
             return lqr(chains.A, chains.B, self.Q, self.R)
         p = self.feedback(np.zeros((0, 0)))
-        return lqr(*self.symbolic.linear_model(self.plant, p), self.Q, self.R)
+        return lqr(*(self.model or self.error.linear_model(self.plant, p)), self.Q, self.R)
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
-        return FeedbackParameters(self.plant.parameters, self.reference, K)
+        return FeedbackParameters(self.plant.parameters or NoNumbers(), self.reference, K)
 
 
 _state_coordinates = cache(StateCoordinates)
 
 
-@checked(eq=False)
-class StateTask:
+@checked_call
+def state_task(
+    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")],
+    Q: Matrix,
+    R: Matrix,
+    reference: Annotated[
+        OperatingPoint | None,
+        Is((OperatingPoint, type(None)), "an OperatingPoint, as equilibrium gives it"),
+    ] = None,
+    model: tuple[Matrix, Matrix] | None = None,
+) -> Task:
     """A nominal plant whose whole state is held at an operating point, and the index of that.
 
-    Attributes:
+    Args:
         plant: The plant that the law believes in, as equations or in MuJoCo.
         Q: Weight of x - x_e, positive semidefinite, (n, n).
         R: Weight of u - u_e, positive definite, (m, m) or a number.
         reference: The operating point; the origin by default.
         model: (A, B) there; the plant's own linearization by default.
-        realization: How a sliding mode law is sampled.
     """
-
-    plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")]
-    Q: Matrix
-    R: Matrix
-    reference: Annotated[
-        OperatingPoint | None,
-        Is((OperatingPoint, type(None)), "an OperatingPoint, as equilibrium gives it"),
-    ] = None
-    model: tuple[Matrix, Matrix] | None = None
-    realization: Realization = AS_PRINTED
-
-    def __post_init__(self) -> None:
-        self.error.require_task(self.plant, self.feedback(np.zeros((0, 0))))
-
-    @property
-    def point(self) -> OperatingPoint:
-        """The operating point."""
-        return self.reference or OperatingPoint.origin(self.plant)
-
-    @cached_property
-    def error(self) -> StateCoordinates:
-        """z = x - x_e; the same object for a system, as a law is compiled once for it."""
-        return _state_coordinates(self.plant.system)
-
-    def optimum(self, *, linearizing: bool = False) -> LqrDesign:
-        """LQR on the plant's linearization about the operating point.
-
-        Args:
-            linearizing: False, for there is no feedback linearization of a whole state.
-
-        Raises:
-            ArgumentError: If the plant does not rest there.
-            GainError: If the weights do not fit, or the input cannot stabilize it there.
-        """
-        p = self.feedback(np.zeros((0, 0)))
-        model = self.model or self.error.linear_model(self.plant, p)
-        return lqr(*model, self.Q, self.R)
-
-    def feedback(self, K: Array) -> FeedbackParameters:
-        """Numbers of a law with this gain, (m, n)."""
-        return FeedbackParameters(self.plant.parameters or NoNumbers(), self.point, K)
-
-
-# Largest |u| that the actuators give, in the unit of the input; infinite for none.
-Limit = Annotated[float, Range(0, above=True, infinite=True)]
-AnyTask = Annotated[
-    Task | StateTask, Is((Task, StateTask), "a Task(plant, error, reference, Q, R) or a StateTask")
-]
+    point = reference or OperatingPoint.origin(plant)
+    return Task(plant, _state_coordinates(plant.system), point, Q, R, model)

@@ -25,7 +25,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.fields import Range
 from grosmc_mj.films.scene import default_camera, pose
-from grosmc_mj.loop.controllers import loop_of, relooped
+from grosmc_mj.loop import relooped
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.stages import observe, remember
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
@@ -99,7 +99,7 @@ class Episode:
         def held(t: float, x: Array, memory: Any, p: Any, u: Array) -> None:
             u[:] = action
 
-        loop = replace(loop_of(law), predicts=False) if law.loop else None
+        loop = replace(law.loop, predicts=False) if law.loop else None
         self._agent = replace(law, law=held, loop=loop)
         self.problem, _ = prepare(
             self.plant,
@@ -185,7 +185,7 @@ class Episode:
         refuse_foreign_callback()
         agent = self.problem.controller
         if self._agent.loop:
-            agent = relooped(self._agent, loop_of(self._agent).loop, run)
+            agent = relooped(self._agent, self._agent.loop.loop, run)
         problem = replace(self.problem, controllers=(agent,), x0=x0[None])
         self._action[:] = 0.0
         self._closed = ClosedLoop(problem, steppers=self._steppers)
@@ -260,7 +260,7 @@ class Episode:
                 ) from error
         renderer = self._renderers[width, height]
         data = mujoco.MjData(renderer.model)
-        pose(renderer.model, data, np.asarray(self._closed.physics()))
+        pose(renderer.model, data, self._closed.physics())
         renderer.update_scene(data, default_camera(renderer.model))
         return renderer.render()
 

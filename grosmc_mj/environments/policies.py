@@ -13,7 +13,7 @@ from grosmc_mj.control.controller import Controller, Sampled, custom_controller
 from grosmc_mj.environments.signals import Index, Observation, Signals, input_label
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.inputs import write_inputs
+from grosmc_mj.simulation.law_inputs import write_inputs
 
 
 class LawPolicy:

@@ -1,6 +1,17 @@
-"""Where the shards of a campaign are run: in this process, in worker processes, on a cluster."""
+"""Where parts of some work are done: in this process, in worker processes, on a Dask cluster."""
 
-from grosmc_mj.executors.interface import Executor, Finished, Notice, Work
 from grosmc_mj.executors.make import EXECUTORS, executor_for, make_executor
+from grosmc_mj.executors.outcome import Work
+from grosmc_mj.executors.pools import Batch, Executor, Finished, Notice, Processes
 
-__all__ = ["EXECUTORS", "Executor", "Finished", "Notice", "Work", "executor_for", "make_executor"]
+__all__ = [
+    "EXECUTORS",
+    "Batch",
+    "Executor",
+    "Finished",
+    "Notice",
+    "Processes",
+    "Work",
+    "executor_for",
+    "make_executor",
+]

@@ -1,4 +1,4 @@
-"""The Dask cluster that runs the shards: one that is running already, or one of our own."""
+"""On Dask's workers: of a scheduler that is running already, or of a cluster on this machine."""
 
 from __future__ import annotations
 
@@ -6,20 +6,28 @@ import asyncio
 import contextlib
 import json
 import logging
+import platform
+import socket
 import warnings
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import dask
 from distributed import Client, LocalCluster, Security
+from distributed.client import ClosedClientError
 from distributed.comm import connect
 from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import SetupError
-from grosmc_mj.executors.interface import ATTEMPTS, one_line
+from grosmc_mj.executors.outcome import Outcome, Work, attempt, error_line
+from grosmc_mj.executors.pools import ATTEMPTS, Finished, Notice, Pool, run_in
+from grosmc_mj.versions import DECISIVE, versions
 
 # How long a scheduler may take to answer [s].
 _PATIENCE = 10.0
@@ -32,6 +40,84 @@ _SETTINGS = {
     # worker counts against all that it holds.
     "distributed.scheduler.worker-saturation": 1.0,
 }
+# Parts with the scheduler, for each thread of its workers: enough to keep them busy while reports
+# travel, few enough that a million of them do not sit there.
+_AHEAD = 4
+
+
+@dataclass(frozen=True)
+class DaskWorkers:
+    """The executor of a Dask cluster; Dask replaces workers and moves their parts.
+
+    Attributes:
+        workers: Processes on this machine, without a scheduler.
+        scheduler: Address of a running one, or its file.
+    """
+
+    workers: int
+    scheduler: str | None = None
+
+    @property
+    def threads_per_worker(self) -> int:
+        """One: a cluster is divided into cores, not machines."""
+        return 1
+
+    def run(
+        self, work: Work, indices: Sequence[int], notice: Notice
+    ) -> Generator[Finished, None, None]:
+        """Run the work on each index; see `Executor.run`."""
+        yield from run_in(partial(self._pool, work, len(indices), notice), indices, notice)
+
+    @contextlib.contextmanager
+    def _pool(self, work: Work, parts: int, notice: Notice) -> Iterator[Pool]:
+        """Dask's own executor of a client; it lasts as long as the context."""
+        with cluster_client(min(self.workers, parts), self.scheduler) as client:
+            scheduler = client.scheduler and client.scheduler.address
+            # Any: the client's methods are typed for its blocking and its asynchronous face.
+            executor: Any = client.get_executor(pure=False)
+            threads: Any = client.nthreads()
+            submit = partial(executor.submit, _attempt, work, needed=decisive_versions())
+
+            def require() -> None:
+                if client.status != "running":
+                    raise ClosedClientError
+                if not client.nthreads():
+                    warn_once("no Dask worker is connected to the scheduler: waiting for one")
+
+            warn_once = cache(notice)
+            require()
+            try:
+                yield Pool(submit, _AHEAD * max(1, sum(threads.values())), require)
+            except (CancelledError, ClosedClientError, OSError):
+                raise SetupError(
+                    f"the Dask scheduler at {scheduler} has gone: finished parts are kept, start "
+                    "it again and resume"
+                ) from None
+            finally:
+                executor.shutdown(wait=False)
+
+
+@cache
+def decisive_versions() -> dict[str, str]:
+    """Versions on which results depend, here and on a worker; of Python 3.11, not 3.11.2."""
+    return {"python": platform.python_version().rpartition(".")[0], **versions(DECISIVE)}
+
+
+def _attempt(work: Work, index: int, needed: dict[str, str]) -> Outcome:
+    """On a worker: run a part, if this worker computes as the others do."""
+    here = decisive_versions()
+    differ = [
+        f"{name} {here.get(name, 'not installed')} instead of {value}"
+        for name, value in needed.items()
+        if here.get(name) != value
+    ]
+    if differ:
+        message = (
+            f"the Dask worker on {socket.gethostname()} has {', '.join(differ)}: its results would "
+            "not be those of this machine, install the same versions there"
+        )
+        return Outcome(error=SetupError, message=message)
+    return attempt(work, index)
 
 
 @contextlib.contextmanager
@@ -83,7 +169,7 @@ def _local_cluster(workers: int) -> LocalCluster:
             )
     except (OSError, RuntimeError) as error:
         raise SetupError(
-            f"Dask cannot start workers on this machine ({one_line(error)})"
+            f"Dask cannot start workers on this machine ({error_line(error)})"
         ) from error
 
 

@@ -8,20 +8,14 @@ from typing import Annotated
 from loky import cpu_count
 
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.executors.batch import Batch
-from grosmc_mj.executors.interface import Executor
-from grosmc_mj.executors.processes import Processes
+from grosmc_mj.executors.pools import Batch, Executor, Processes
 from grosmc_mj.fields import Known, Range, checked_call
 
 EXECUTORS = ("batch", "processes", "dask")
 
 
 def executor_for(parts: int) -> Executor:
-    """Who does so many parts of some work: this process does one, processes do several.
-
-    Args:
-        parts: How many.
-    """
+    """The executor for so many parts of some work: this process for one, processes for several."""
     return Batch() if parts == 1 else Processes(cpu_count())
 
 
@@ -44,20 +38,20 @@ def make_executor(
 
     Raises:
         ArgumentError: If there is no such executor, or it does not take one of the arguments.
-        SetupError: If `dask` is asked for and not installed.
+        SetupError: If `dask` is not installed.
     """
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
-    if workers is not None and scheduler is not None:
-        raise ArgumentError("a scheduler has workers of its own: leave workers out")
+    if workers is not None and (scheduler is not None or name == "batch"):
+        whose = "a scheduler has workers of its own"
+        words = whose if scheduler else "executor 'batch' is one process on all cores"
+        raise ArgumentError(f"{words}: leave workers out")
     if name == "batch":
-        if workers is not None:
-            raise ArgumentError("executor 'batch' is one process on all cores: leave workers out")
         return Batch()
     if name == "processes":
         return Processes(workers or cpu_count())
     if find_spec("distributed") is None:
         raise SetupError("executor 'dask' needs Dask: pip install 'grosmc_mj[dask]'")
-    from grosmc_mj.executors.dask_workers import DaskWorkers
+    from grosmc_mj.executors.dask_cluster import DaskWorkers
 
     return DaskWorkers(workers or cpu_count(), scheduler)

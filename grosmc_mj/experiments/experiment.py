@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
@@ -13,10 +14,10 @@ import numpy as np
 from grosmc_mj.arguments import require, require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
-from grosmc_mj.control.switching import SuperTwisting, find_switching
+from grosmc_mj.control.switching import SwitchingNumbers, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, Mistakes, MistakesError
+from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, Mistakes, MistakesError
 from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
@@ -25,6 +26,7 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
+from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import (
     Judgement,
     Limit,
@@ -38,7 +40,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings, run_on
 from grosmc_mj.loop import in_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
-from grosmc_mj.simulation.inputs import require_answer
+from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
@@ -54,6 +56,7 @@ class Experiment:
         case: Start, duration, edits, disturbances.
         settings: How it is run.
         asked: The settings that count instead of what the file says of a controller.
+        chosen: Names of the laws that are run; empty for all controllers of the file.
     """
 
     file: CaseFile
@@ -62,6 +65,7 @@ class Experiment:
     case: Case
     settings: Settings
     asked: frozenset[str] = frozenset()
+    chosen: tuple[str, ...] = ()
     _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -77,7 +81,10 @@ class Experiment:
         """
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
-        return experiment_of(read_case_file(path), path)
+        made = experiment_of(read_case_file(path), path)
+        for line in implausible(made.case, made.nominal.system):
+            warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
+        return made
 
     @property
     def key(self) -> tuple[Path, Case]:
@@ -92,6 +99,11 @@ class Experiment:
     @property
     def controllers(self) -> list[str]:
         """Names of the laws that are run."""
+        return list(self.chosen or self._declared)
+
+    @property
+    def _declared(self) -> list[str]:
+        """Names of the file's controllers."""
         return [table.called for table in self.file.controller]
 
     @property
@@ -110,7 +122,7 @@ class Experiment:
         """The controllers, by the plant that they run on and by their names."""
         found, mistakes = {}, {}
         for plant in self.plant_names:
-            for name in self.controllers:
+            for name in self._declared:
                 try:
                     found[plant, name] = self.law(plant, name)
                 except GrosmcError as error:
@@ -148,12 +160,12 @@ class Experiment:
 
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
         """The limits in the tables of a kind."""
-        laws = [self.laws[self.plant_names[0], name] for name in self.controllers]
+        laws = [self.laws[self.plant_names[0], name] for name in self._declared]
         found, mistakes, end = [], Mistakes(), self.file.run.duration
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 for name in table.of or ():
-                    require_known("controller", name, self.controllers)
+                    require_known("controller", name, self._declared)
                 for name in table.on or ():
                     require_known("plant", name, self.plant_names)
                 if 0 < end <= table.after:
@@ -247,7 +259,7 @@ class Experiment:
     @property
     def uncertainty(self) -> Uncertainty | None:
         """The first uncertainty that the gains of a law are computed from, if one is declared."""
-        laws = [self.file.law(name) for name in (*self.controllers, *self.file.laws)]
+        laws = [self.file.law(name) for name in (*self._declared, *self.file.laws)]
         declared = (law.numbers.get("uncertainty", {}) for law in laws)
         # Those of laws on the linearization have no region.
         return next((uncertainty(each) for each in declared if "region" in each), None)
@@ -255,7 +267,7 @@ class Experiment:
     @property
     def slope(self) -> float:
         """L of the super-twisting law, in the unit of s per second squared."""
-        return self.file.task.slope or SuperTwisting.slope
+        return self.file.task.slope or SwitchingNumbers.slope
 
     @property
     def realization(self) -> Realization:
@@ -275,9 +287,7 @@ class Experiment:
         )
 
     def _realization(self, switching: str, surface: str) -> Realization:
-        law = find_switching(switching)
-        if isinstance(law, SuperTwisting):
-            law = replace(law, slope=self.slope)
+        law = find_switching(switching, slope=self.slope)
         return Realization(law, self.settings.control_period if surface == "discrete" else None)
 
     def with_settings(self, **changes: Any) -> Experiment:
@@ -294,6 +304,23 @@ class Experiment:
             require_known("setting", name, vars(self.settings))
         settings = replace(self.settings, **chosen)
         return replace(self, settings=settings, asked=self.asked | chosen.keys())
+
+    def with_laws(self, names: Sequence[str]) -> Experiment:
+        """The same experiment under some laws.
+
+        Args:
+            names: Of its controllers, and of the file's ``[laws]``; none for all controllers.
+
+        Raises:
+            ArgumentError: If there is no such law.
+        """
+        further = [name for name in self.file.laws if name not in self._declared]
+        known = [*self._declared, *further]
+        for name in names:
+            require_known("law", name, known)
+        added = [ControllerTable(law=name) for name in further if name in names]
+        file = self.file.model_copy(update={"controller": [*self.file.controller, *added]})
+        return replace(self, file=file, chosen=tuple(name for name in known if name in names))
 
     def varied(self, **changes: Any) -> Experiment:
         """The same laws in another case.

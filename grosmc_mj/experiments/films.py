@@ -15,7 +15,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, listed
 from grosmc_mj.experiments.case import Case, case_document, seed_of
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
@@ -58,13 +58,15 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{', '.join(experiment.controllers)}"
+            f"{listed(experiment.controllers)}"
+        )
+    physics = experiment.nominal.plant
+    if not isinstance(physics, MujocoPlant):
+        raise ArgumentError(
+            f"{experiment.path}: its plant is equations alone, and a film shows a model in MuJoCo"
         )
     for name in controllers:
         experiment.law("physics", name)
-    physics = experiment.nominal.plant
-    if not isinstance(physics, MujocoPlant):
-        raise ArgumentError(f"{experiment.path}: it does not run in MuJoCo: there is no film of it")
     form.check(camera_names(physics.model), experiment.case.duration)
 
 

@@ -32,7 +32,7 @@ from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
-from grosmc_mj.control.task import NoNumbers, StateTask, Task
+from grosmc_mj.control.task import NoNumbers, Task, state_task
 from grosmc_mj.errors import ArgumentError, PremiseError, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
@@ -255,7 +255,7 @@ def _weight(name: str, table: ControllerTable, file: CaseFile, size: int) -> Arr
 
 def _state_task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, _plant: PlantName, _: Path
-) -> StateTask:
+) -> Task:
     """What a law on the linearization about the operating point is designed for."""
     wanted, system = file.task, nominal.system
     led = wanted.reference is not None or not wanted.outputs.own or wanted.sign != 1
@@ -267,7 +267,7 @@ def _state_task(
     believed = nominal.believed or nominal.plant
     n, m = len(system.states), len(system.inputs)
     Q, R = _weight("Q", table, file, n), _weight("R", table, file, m)
-    return StateTask(believed, Q, R, nominal.at)
+    return state_task(believed, Q, R, nominal.at)
 
 
 def _task(

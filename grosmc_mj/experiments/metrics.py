@@ -565,6 +565,11 @@ class Comparison(NamedTuple):
         return _size(self.z[:, self.outputs])
 
     @property
+    def optimal_error(self) -> Array:
+        """The same of the optimal trajectory, (N + 1,)."""
+        return _size(self.optimal[:, self.outputs])
+
+    @property
     def deviation(self) -> Array:
         """The same of the distance from the optimal trajectory, (N + 1,)."""
         return _size((self.z - self.optimal)[:, self.outputs])

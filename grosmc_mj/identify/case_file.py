@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tomllib
 from pathlib import Path
@@ -10,7 +11,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from grosmc_mj.experiments.file.reading import resolved_text
+from grosmc_mj.errors import ModelError
+from grosmc_mj.experiments.experiment import undesigned
+from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import written_aside
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.sweep.family import Quantity
@@ -58,11 +62,23 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         for j in range(i)
         if abs(rho[i, j]) < 1 - 1e-9
     ]
+    if able := _able(content, path):
+        content["plant"]["compare"] = able
     with written_aside(path) as part:
         part.write_text(
             f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}",
             encoding="utf-8",
         )
+
+
+def _able(content: dict[str, Any], path: Path) -> list[PlantName]:
+    """The plants that have the fitted numbers, if others have not: equations have no friction."""
+    made, able = undesigned(parse_case_file(tomli_w.dumps(content), path), path), []
+    for name in made.plant_names:
+        with contextlib.suppress(ModelError):
+            made.plant(name)
+            able.append(name)
+    return able if len(able) < len(made.plant_names) else []
 
 
 def _written(value: float, unit: str) -> float | str:

@@ -68,20 +68,6 @@ class Quality(NamedTuple):
     white: bool
 
 
-class Estimate(NamedTuple):
-    """A parameter after the fit.
-
-    Attributes:
-        quantity: The parameter.
-        value: Its value.
-        half: Half width of its 95 % interval; None if the log does not show it.
-    """
-
-    quantity: Quantity
-    value: float
-    half: float | None
-
-
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Parameters fitted to a log.
@@ -111,13 +97,11 @@ class Fit:
         return self.covariance / np.outer(deviation, deviation)
 
     @property
-    def estimates(self) -> list[Estimate]:
-        """The parameters one by one."""
-        half: list[float | None] = [None] * len(self.values)
-        for index, width in zip(np.flatnonzero(self.fitted), self.half.tolist(), strict=True):
-            half[index] = width
-        rows = zip(self.parameters.quantities, self.values.tolist(), half, strict=True)
-        return [Estimate(*row) for row in rows]
+    def estimates(self) -> list[tuple[Quantity, float, float | None]]:
+        """Each parameter, its value and half the width of its interval; None where it is held."""
+        widths = iter(self.half.tolist())
+        half = [next(widths) if fitted else None for fitted in self.fitted]
+        return list(zip(self.parameters.quantities, self.values.tolist(), half, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,52 +162,55 @@ class _Residual:
             starts,
             [self.parameters.input_delay(each) for each in values],
         )
-        residuals = []
-        for each, states in zip(values, runs, strict=True):
-            sensor = partial(self.parameters.sensor, values=each)
-            errors = self.predictor.errors(states, self.plant.system, sensor)
-            rows = [part / self.scales[name] for name, parts in errors.items() for part in parts]
-            residuals.append(np.nan_to_num(np.concatenate(rows), nan=1e6))
-        return residuals
+        errors = [
+            self.predictor.errors(
+                states, self.plant.system, partial(self.parameters.sensor, values=row)
+            )
+            for row, states in zip(values, runs, strict=True)
+        ]
+        return [
+            np.nan_to_num(
+                np.concatenate([np.concatenate(error[name]) / self.scales[name] for name in error]),
+                nan=1e6,
+            )
+            for error in errors
+        ]
+
+    @cached_property
+    def _lengths(self) -> NDArray[np.intp]:
+        """Samples of each window."""
+        return np.array([w.samples.stop - w.samples.start for w in self.predictor.windows])
 
     def errors(self, x: Array) -> dict[str, list[Array]]:
         """The residual at a point in the units of the states, by state and window."""
-        (r,) = self.of([x])
-        ends = np.cumsum([w.samples.stop - w.samples.start for w in self.predictor.windows])
-        shares = np.split(r, len(self.scales))
+        shares = np.split(self.of([x])[0], len(self.scales))
         return {
-            name: np.split(share * self.scales[name], ends[:-1])
-            for name, share in zip(self.scales, shares, strict=True)
+            name: np.split(share * scale, np.cumsum(self._lengths)[:-1])
+            for (name, scale), share in zip(self.scales.items(), shares, strict=True)
         }
-
-    def owners(self) -> NDArray[np.intp]:
-        """The window of each entry of the residual, (r,)."""
-        sizes = [w.samples.stop - w.samples.start for w in self.predictor.windows]
-        return np.tile(np.repeat(np.arange(len(sizes)), sizes), len(self.scales))
 
     def jacobian(self, x: Array) -> Array:
         """Its derivative by the point, (r, p): a start acts in its own window alone."""
         count, (windows, n) = int(self.free.sum()), self.starts.shape
-        directions = [np.eye(len(x))[k] for k in range(count)]
+        # The starts of all windows are moved at once.
+        directions = np.zeros((count + n, len(x)))
+        directions[:count, :count] = np.eye(count)
+        directions[count:, count:] = np.tile(np.eye(n), windows)
+        ends = [x + sign * _STEP * row for row in directions for sign in (1, -1)]
+        for end in ends:  # parameters stay within their bounds
+            end[:count] = end[:count].clip(0.0, 1.0)
+        values, ends = (
+            np.reshape(self.of(ends), (count + n, 2, -1)),
+            np.reshape(ends, (-1, 2, len(x))),
+        )
+        widths = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1)
+        slopes = (values[:, 0] - values[:, 1]) / widths[:, None]
+        rows = np.arange(slopes.shape[1])
+        owners = np.tile(np.repeat(np.arange(windows), self._lengths), len(self.scales))
+        result = np.zeros((len(rows), len(x)))
+        result[:, :count] = slopes[:count].T
         for j in range(n):
-            direction = np.zeros((windows, n))
-            direction[:, j] = 1.0
-            directions.append(np.concatenate([np.zeros(count), direction.ravel()]))
-        points = [x + sign * _STEP * each for each in directions for sign in (1, -1)]
-        for point in points:  # parameters stay within their bounds
-            point[:count] = point[:count].clip(0.0, 1.0)
-        found, pairs = self.of(points), zip(points[::2], points[1::2], strict=True)
-        widths = [float(np.abs(a - b).max()) for a, b in pairs]
-        slopes = [
-            (a - b) / width for a, b, width in zip(found[::2], found[1::2], widths, strict=True)
-        ]
-        result = np.zeros((len(slopes[0]), len(x)))
-        result[:, :count] = np.column_stack(slopes[:count]) if count else 0.0
-        owners = self.owners()
-        for w in range(windows):
-            own = owners == w
-            for j in range(n):
-                result[own, count + w * n + j] = slopes[count + j][own]
+            result[rows, count + owners * n + j] = slopes[count + j]
         return result
 
 

@@ -86,7 +86,7 @@ class Parameters:
         )
 
     def sensor(self, state: str, quantity: str, values: Array) -> float:
-        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; an ideal one's by default."""
+        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; ideal by default."""
         fitted = (
             float(v)
             for q, v in zip(self.quantities, values, strict=True)

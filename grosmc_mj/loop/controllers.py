@@ -187,24 +187,14 @@ def relooped(controller: Controller, loop: Loop, run: int = 0) -> Controller:
         run: Number of the run.
 
     Raises:
-        ArgumentError: If it is in none, or a part does not fit.
+        ArgumentError: If a part does not fit.
     """
-    of = loop_of(controller)
+    of = controller.loop
+    assert of is not None
     return in_loop(
         replace(controller, loop=None), loop, of.system, control_period=of.period,
         timestep=of.timestep, predict=of.predicts, run=run, known=of.known,
     )  # fmt: skip
-
-
-def loop_of(controller: Controller) -> AppliedLoop:
-    """The loop that a controller is in.
-
-    Raises:
-        ArgumentError: If it is in none.
-    """
-    if controller.loop is None:
-        raise ArgumentError(f"{controller.name} is in no loop")
-    return controller.loop
 
 
 def rate_positions(system: System) -> dict[int, int]:
@@ -359,5 +349,5 @@ def _filter_gain(controller: Controller, applied: AppliedLoop, rest: Array) -> A
     variances = np.array([s.noise**2 + s.resolution**2 / 12 for s in sensors])
     assert applied.model is not None
     A, B = held(controller, applied.model, rest, applied.period)
-    gain[:, measured] = kalman_gain(A, B, measured, variances, loads[0])[0]
+    gain[:, measured] = kalman_gain(A, B, measured, variances, loads[0])
     return gain

@@ -40,10 +40,8 @@ def filter_states(i: int, t: float, loop: Any) -> None:
             loop.seen[j] = loop.sensors[j].observed
 
 
-def kalman_gain(
-    A: Array, B: Array, measured: list[int], variances: Array, load: float
-) -> tuple[Array, Array]:
-    """Steady-state Kalman gain of x_{k+1} = A x + B (u + w), y = C x + v, and what it comes to.
+def kalman_gain(A: Array, B: Array, measured: list[int], variances: Array, load: float) -> Array:
+    """Steady-state Kalman gain of x_{k+1} = A x + B (u + w), y = C x + v.
 
     Args:
         A: (n, n).
@@ -53,8 +51,7 @@ def kalman_gain(
         load: Standard deviation of each entry of w.
 
     Returns:
-        The gain on y - C x of the predicted state, (n, len(measured)), and the covariance of the
-        estimate after it, (n, n).
+        The gain on y - C x of the predicted state, (n, len(measured)).
 
     Raises:
         GainError: If there is no such filter.
@@ -69,12 +66,11 @@ def kalman_gain(
             f"measure another one ({one_line(str(error))})"
         ) from None
     gain = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
-    kept = np.eye(len(A)) - gain @ C
     # Numbers too far apart make a solution that is none.
-    steady = np.all(np.isfinite(gain)) and np.abs(np.linalg.eigvals(kept @ A)).max() < _FADES
-    if not steady:
+    decay = np.linalg.eigvals(A - gain @ C @ A) if np.all(np.isfinite(gain)) else np.inf
+    if not np.abs(decay).max() < _FADES:
         raise GainError(
             "kalman: no steady filter for what is measured: noise and load are too far apart, or "
             "a state that the load does not reach is not seen"
         )
-    return gain, kept @ P
+    return gain

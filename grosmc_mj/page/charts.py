@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from grosmc_mj.page.reading import Curve, Curves, Panel
-from grosmc_mj.results.palette import BLUE, GREEN, OTHERS, PLANTS, VERMILION
+from grosmc_mj.results.palette import BLUE, FAILED, GREEN, KEPT, OTHERS, PLANTS, VERMILION
 from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart
 
 # Plotly's figure: data, layout, and its height.
@@ -15,8 +15,8 @@ Figure = dict[str, Any]
 _DASHES = {"physics": "solid", "corrected": "dash", "printed": "dot"}
 _SHADES = (BLUE, VERMILION, GREEN, *OTHERS)
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down")
-# Red, neutral and blue of cells; axes whose numbers are further apart are logarithmic.
-_SCALE, _FAR = [[0, "#7ab8e0"], [0.5, "#f4f4f4"], [1, "#f0925a"]], 10.0
+# Kept, at the limit and not kept, of cells; axes whose numbers are further apart are logarithmic.
+_SCALE, _FAR = [[0, "#7fceb9"], [0.5, "#f4f4f4"], [1, "#f0925a"]], 10.0
 
 
 def _plain(text: Any) -> str:
@@ -43,7 +43,7 @@ def _axis(title: str, **options: Any) -> dict[str, Any]:
 
 
 def _cells(chart: CellChart) -> Figure:
-    """Laws by rungs, imperfections or assumptions; blue is kept, red is not."""
+    """Laws by rungs, imperfections or assumptions."""
     heat = {
         "type": "heatmap", "x": [*map(_plain, chart.columns)], "y": [*map(_plain, chart.rows)],
         "z": chart.values, "zmin": -chart.most, "zmax": chart.most, "colorscale": _SCALE,
@@ -80,7 +80,7 @@ def _lines(chart: LineChart) -> Figure:
         colours: Any = _SHADES[index % len(_SHADES)]
         symbols: Any = _SYMBOLS[index % len(_SYMBOLS)]
         if line.good:
-            colours = [BLUE if good else VERMILION for good in line.good]
+            colours = [KEPT if good else FAILED for good in line.good]
             symbols = [{None: "circle-open", True: "circle"}.get(good, "x") for good in line.good]
         data.append({
             "type": "scatter", "name": _plain(line.name), "y": line.y,

@@ -18,7 +18,7 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Finite, Name, NotNegative, Positive, Range, Vector, checked
+from grosmc_mj.fields import Finite, Name, NotNegative, Range, Vector, checked
 from grosmc_mj.physics.files import compile_spec
 
 if TYPE_CHECKING:
@@ -154,8 +154,8 @@ class BodyEdit(Edit):
     """
 
     body: Name
-    mass_scale: Positive = 1.0
-    length_scale: Positive = 1.0
+    mass_scale: Annotated[float, Range(0, above=True, usual=(0.01, 100))] = 1.0
+    length_scale: Annotated[float, Range(0, above=True, usual=(0.01, 100))] = 1.0
     mass: Annotated[float, Range(0, unit="kg", above=True)] | None = None
     inertia: Vector | None = None
 

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
 from matplotlib.image import AxesImage
 
-from grosmc_mj.results.palette import BLACK, BLUE, VERMILION
+from grosmc_mj.results.palette import BLACK, FAILED, KEPT
 
-# What is kept is blue, what is not is red; white is the limit.
-_COLOURS = LinearSegmentedColormap.from_list("kept", [BLUE, "#ffffff", VERMILION])
+# White is the limit.
+_COLOURS = LinearSegmentedColormap.from_list("kept", [KEPT, "#ffffff", FAILED])
 # Beyond this part of the scale the colour is too dark for black letters.
 _DARK = 0.3
 _LETTERS = 11

@@ -34,12 +34,13 @@ _SHOW: dict[Kind, dict[str, Any]] = {
 
 
 class Column(BaseModel):
-    """A column of a table; of a given width, what is longer is cut."""
+    """A column of a table; of a given width, words that are longer wrap, or are ``cut``."""
 
     model_config = ConfigDict(frozen=True)
     header: str
     kind: Kind = "words"
     width: int | None = None
+    cut: bool = False
 
 
 def words(*headers: str) -> list[Column]:
@@ -110,8 +111,9 @@ class Table(BaseModel):
             width=WIDTH if wraps else None,
         )
         for column in self.columns:
-            cut = {"width": column.width, "no_wrap": True, "overflow": "ellipsis"}
-            options = _SHOW[column.kind] | (cut if column.width else {})
+            overflow = "ellipsis" if column.cut else "fold"
+            fixed = {"width": column.width, "no_wrap": column.cut, "overflow": overflow}
+            options = _SHOW[column.kind] | (fixed if column.width else {})
             shown.add_column(escape(column.header), **options)
         group: str | None = None
         for (first, *others), style in zip(self.rows, self._styles(), strict=False):

@@ -20,7 +20,7 @@ from grosmc_mj.control.coordinates.base import (
     OutputCoordinates,
     StateMap,
 )
-from grosmc_mj.errors import ModelError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mjdata import forward
 from grosmc_mj.plants import Plant
@@ -153,7 +153,7 @@ class RobotCoordinates(OutputCoordinates):
 
     def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
         """A robot's laws have none: they go through feedback linearization."""
-        raise ModelError(f"{self.system.name} has no equations in symbols to linearize")
+        raise ArgumentError(f"{self.system.name} has no equations in symbols to linearize")
 
     def error_dynamics(
         self,

@@ -50,8 +50,8 @@ def robot_specs(
 ) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, list[str]]:
     """A robot's model with ideal torque inputs, the same as it is built, and notes.
 
-    As built, actuators with lags, delays or DC motors are those of the model, with torque at the
-    joint as their input, and joints are coupled as in the model; None where there is none of this.
+    As built, actuators have the lags and delays of the model, with torque at the joint as their
+    input, and joints are coupled as in the model; None where there is none of this.
 
     Args:
         model: As for ``read_spec``.

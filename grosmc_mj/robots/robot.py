@@ -11,7 +11,7 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from grosmc_mj.control.references import ReferenceFunction
-from grosmc_mj.control.task import AS_PRINTED, Realization, Task
+from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.files import body_names, compile_spec, joint_names
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
@@ -31,14 +31,14 @@ class Robot:
     """A tree of n hinges and slides, all or some of which have a torque of their own.
 
     Serial arms are such trees; branches do no harm, loops are refused. One with fewer torques than
-    joints is underactuated: its laws are designed for its linearization, with a ``StateTask``.
+    joints is underactuated: its laws are designed for its linearization, with a ``state_task``.
 
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
         notes: What was changed in the model that was given and why, in sentences.
-        built: The robot as it is built, with what laws do not know of: lags, delays, DC motors and
-            couplings of joints; ``plant`` itself where there is none of this.
+        built: The robot as it is built, with what laws do not know of: lags, delays and couplings
+            of joints; ``plant`` itself where there is none of this.
     """
 
     plant: MujocoPlant
@@ -56,10 +56,9 @@ class Robot:
     ) -> Robot:
         """Read a robot.
 
-        Motors on joints are taken with their gear and limits; servos and inner controllers of DC
-        motors are replaced by torque control within their force range. Lags, delays, DC motors and
-        coupled joints are the plant's, see ``built``, and no law's. What else drives a joint, or
-        closes a loop, is refused.
+        Motors on joints are taken with their gear and limits; servos are replaced by torque control
+        within their force range. Lags, delays and coupled joints are the plant's, see ``built``,
+        and no law's. What else drives a joint, or closes a loop, is refused.
 
         Args:
             model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
@@ -98,7 +97,6 @@ class Robot:
         parameters: Any,
         Q: ArrayLike,
         R: ArrayLike,
-        realization: Realization = AS_PRINTED,
     ) -> Task:
         """What ``tracking_grosmc``, ``linearized_lqr`` and ``computed_torque_pd`` design for.
 
@@ -107,7 +105,6 @@ class Robot:
             parameters: Its parameters.
             Q: Weight of z = [e_1, e_1', e_2, ...], (2 n, 2 n).
             R: Weight of v, the accelerations, (n, n) or a number.
-            realization: How a sliding mode law is sampled.
 
         Raises:
             ModelError: If it is underactuated.
@@ -115,10 +112,10 @@ class Robot:
         if self.underactuated:
             raise ModelError(
                 f"{self.plant.system.name} has {len(self.plant.system.inputs)} torques for "
-                f"{self.joints} joints, so its joints cannot all be led: take a StateTask"
+                f"{self.joints} joints, so its joints cannot all be led: take a state_task"
             )
         nominal = AnalyticPlant(self.plant.system, InWorkspace())
-        return Task(nominal, _coordinates(self, reference), parameters, Q, R, realization)
+        return Task(nominal, _coordinates(self, reference), parameters, Q, R)
 
 
 @cache

@@ -24,12 +24,11 @@ from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_on
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.guard import Guard, c_address, guard
-from grosmc_mj.simulation.inputs import all_finite, write_inputs
-from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, KernelRun, kernel
-from grosmc_mj.simulation.law_errors import LawError, compiling
+from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
+from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, write_inputs
 from grosmc_mj.simulation.problem import Problem, Record
-from grosmc_mj.simulation.python_engine import ClosedLoop
-from grosmc_mj.simulation.steppers import Stepper, Steppers, kernel_run, shared_model, start
+from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
+from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
 
 # What is noted of a law that has raised an error, in place of a ``Status``.
@@ -143,17 +142,14 @@ class _Runs:
             model=model, data=data, read=c_address("mj_getState"), physics=0,
             width=8 * self._record.rows.shape[2] * bool(stepper.size),
         )  # fmt: skip
-        return CompiledRun(r._replace(loop=self._loop(controller, r)), looped=self._problem.looped)
-
-    def _loop(self, controller: Controller, r: KernelRun) -> Any:
-        """The loop of a run, as compiled code takes it."""
-        loop, seen = controller.loop, r.now[self._problem.columns["seen"]]
-        if loop is None:
-            return self._ideal[0]
-        if loop.model is None:
-            return loop.begin(seen, r.seen)
-        advance, own = self._advances[loop.model.advance], loop.model.own.copy()
-        return loop.begin(seen, r.seen, advance=advance, memory=r.memory, p=r.p, own=own)
+        loop, design_model = self._ideal[0], {}
+        if controller.loop is not None:
+            if (own := controller.loop.model) is not None:
+                design_model = {"advance": self._advances[own.advance], "memory": r.memory,
+                                "p": r.p, "own": own.own.copy()}  # fmt: skip
+            seen = r.now[self._problem.columns["seen"]]
+            loop = controller.loop.begin(seen, r.seen, **design_model)
+        return CompiledRun(r._replace(loop=loop), looped=self._problem.looped)
 
     def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
         """Bring one simulation to its start."""

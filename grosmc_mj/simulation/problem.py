@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.disturbances import Disturbance, packed, push
+from grosmc_mj.simulation.disturbances import Disturbance, packed
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +121,6 @@ class Problem:
     def pushes_of(self, run: int) -> tuple[Array, Array]:
         """The same of one simulation."""
         return self.pushes[min(run, len(self.pushes) - 1)]
-
-    def wrench(self, run: int, step: int) -> Array:
-        """Disturbances of one simulation in one timestep, (6 * bodies,)."""
-        w = np.zeros(6 * len(self.system.bodies))
-        push(*self.pushes_of(run), step, step * self.timestep, w)
-        return w
 
 
 @dataclass(eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
-from grosmc_mj.simulation.inputs import write_inputs
-from grosmc_mj.simulation.kernel import ANSWERED, run_of
+from grosmc_mj.simulation.kernel import ANSWERED, KernelRun, run_of
+from grosmc_mj.simulation.law_inputs import write_inputs
 from grosmc_mj.simulation.problem import Problem, Record
-from grosmc_mj.simulation.steppers import Steppers, kernel_run, start
+from grosmc_mj.simulation.steppers import Stepper, Steppers
 from grosmc_mj.simulation.trajectory import Status
 
 
@@ -26,17 +26,16 @@ class ClosedLoop:
     Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing.
 
     Args:
-        problem: What is run.
-        number: Which of its simulations.
+        problem: The simulations.
+        number: Which of them.
         record: Where its rows go; None for nowhere.
         steppers: What moves plants.
 
     Attributes:
         steps: Timesteps done.
         memory: The law's memory.
-        u: Input in the last one, (m,).
         meters: Metrics accumulated so far; None without any.
-        run: All that the kernel has of it.
+        run: The kernel's view of it: ``run.x`` is the last valid state, ``run.u`` the input.
     """
 
     def __init__(
@@ -74,16 +73,12 @@ class ClosedLoop:
         # Without a record there may be as many steps as somebody likes.
         self.run = r._replace(loop=loop, keep=r.keep if record else sys.maxsize)
         start(self.run, problem, number, stepper, pack(memory), kept.rows[number, 0])
-        self.u = r.u
 
-    @property
-    def x(self) -> Array:
-        """State now, (n,)."""
-        return self._stepper.x
-
-    def physics(self) -> Array | None:
-        """mjSTATE_FULLPHYSICS as it is now; None on an analytic plant."""
-        return self._stepper.physics()
+    def physics(self) -> Array:
+        """mjSTATE_FULLPHYSICS as it is now, (size,); of equations nothing."""
+        state = np.zeros(self._stepper.size)
+        self._stepper.read(state)
+        return state
 
     def advance(self, steps: int = 1) -> Status:
         """Timesteps, with a new sample of the law where one is due, under the disturbances.
@@ -99,7 +94,7 @@ class ClosedLoop:
     def advance_under(self, wrench: Array) -> Status:
         """One timestep as ``advance``, but under a wrench, (6 * bodies,), and no disturbances."""
         self.run = self.run._replace(pushes=self.run.pushes[:0])
-        self._stepper.push(wrench)
+        self.run.forces[self.run.bodies] = wrench.reshape(-1, 6)
         return self.advance()
 
     def _sample(
@@ -113,6 +108,66 @@ class ClosedLoop:
         if self.memory.undefined:
             return ANSWERED + Status.UNDEFINED_LAW.value
         return ANSWERED if finite else ANSWERED + Status.UNDEFINED_INPUT.value
+
+
+def kernel_run(
+    problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
+) -> KernelRun:
+    """Room for the kernel to compute a run of a problem in, see ``start``; its loop comes later.
+
+    Args:
+        problem: The simulations.
+        number: Which of them.
+        record: Where its rows go.
+        stepper: What moves its plant.
+        of_engine: The fields of ``KernelRun`` in which the engines differ.
+    """
+    meters, (pushes, values) = problem.meters[number], problem.pushes_of(number)
+    now, loop = np.zeros(problem.width), cast(Any, None)
+    signals = {name: now[columns] for name, columns in problem.columns.items()}
+    return KernelRun(
+        clock=np.zeros(3, np.int64),
+        keep=0 if problem.record else problem.steps - 1,
+        stride=problem.stride,
+        h=problem.timestep,
+        period=problem.control_period,
+        q=stepper.q,
+        v=stepper.v,
+        u=stepper.u,
+        warnings=stepper.warnings,
+        pushes=pushes,
+        values=values,
+        bodies=stepper.bodies,
+        forces=stepper.forces,
+        now=now,
+        **{**signals, "seen": np.zeros(problem.x0.shape[1])},
+        meters=record.meters[number],
+        meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
+        rows=record.rows[number, 1:],
+        loop=loop,
+        **of_engine,
+    )
+
+
+def start(
+    r: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, row: Array
+) -> None:
+    """Bring a run to its start.
+
+    Args:
+        r: Room for it.
+        problem: The simulations.
+        number: Which of them.
+        stepper: What moves its plant.
+        memory: Of its law, flat.
+        row: The record's first row.
+    """
+    stepper.restart(problem.x0[number])
+    r.clock[:] = 0, problem.steps, ANSWERED
+    r.now[:], r.seen[:] = 0.0, 0.0
+    r.x[:], r.memory[:] = problem.x0[number], memory
+    row[: len(r.x)] = r.x
+    stepper.read(row[problem.width :])
 
 
 def run_python(problem: Problem) -> Record:

@@ -1,16 +1,21 @@
-"""Steppers: they move a plant by a timestep, equations by RK4, an mjData by MuJoCo."""
+"""Steppers: they move a plant by a timestep, equations by RK4, an mjData by MuJoCo.
+
+A stepper holds one simulation of a plant, under the input and wrench that it is given. Its arrays
+``q``, ``v``, ``u``, ``warnings``, ``bodies`` and ``forces`` are views of what is moved, and mean
+what they do in ``kernel.KernelRun``; ``model`` and ``data`` are what ``advance`` takes: an mjModel
+and an mjData, or the numbers and the arrays of equations. Overflows of a diverging run are the
+caller's to silence, as is MuJoCo's printing.
+"""
 
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import compile_c, record_at
@@ -20,88 +25,22 @@ from grosmc_mj.plants import Plant, System
 from grosmc_mj.plants.runge_kutta import runge_kutta_step
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.guard import c_address, cannot_step
-from grosmc_mj.simulation.kernel import ANSWERED, STEP, KernelRun
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.kernel import STEP
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
 _FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class Stepper(ABC):
-    """Moves one simulation of a plant by a timestep, under the input and wrench that it holds.
-
-    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing. The arrays
-    are views of what is moved, and mean what they do in ``kernel.KernelRun``.
-
-    Attributes:
-        model: What ``advance`` takes: an mjModel, or the numbers of equations.
-        data: What it moves: an mjData, or the arrays of equations.
-        size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
-    """
-
-    model: Any
-    data: Any
-    q: Array
-    v: Array
-    u: Array
-    warnings: NDArray[np.int32]
-    bodies: NDArray[np.int64]
-    forces: Array
-    size: int = 0
-
-    @property
-    def x(self) -> Array:
-        """State after the last step, (n,)."""
-        return np.concatenate([self.q, self.v])
-
-    @abstractmethod
-    def restart(self, x0: Array) -> None:
-        """Go to a start, (n,), with neither input nor wrench."""
-
-    def write(self, plant: Any) -> None:  # noqa: B027  most have one for each plant
-        """Take over the numbers of a plant, which shares this one's model."""
-
-    @abstractmethod
-    def advance(self, model: Any, data: Any) -> None:
-        """One timestep."""
-
-    @abstractmethod
-    def addresses(self) -> tuple[int, int, int]:
-        """The same for compiled code: of a C function and of what it takes."""
-
-    def hold(self, u: Array) -> None:
-        """Hold an input from now on, (m,), which MuJoCo clamps to the actuators' range."""
-        self.u[:] = u
-
-    def push(self, w: Array) -> None:
-        """Apply a wrench from now on: [force, torque] of each body, flattened, (6 * bodies,)."""
-        self.forces[self.bodies] = w.reshape(-1, 6)
-
-    def step(self) -> bool:
-        """One timestep; False if the state diverged."""
-        self.advance(self.model, self.data)
-        return not self.warnings[::2].any()
-
-    def read(self, state: Array) -> None:  # noqa: B027  equations have none
-        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
-
-    def physics(self) -> Array | None:
-        """mjSTATE_FULLPHYSICS as it is now; None of equations."""
-        if not self.size:
-            return None
-        state = np.zeros(self.size)
-        self.read(state)
-        return state
-
-
-class EquationStepper(Stepper):
-    """Moves equations by RK4.
+class EquationStepper:
+    """Moves equations by RK4; of mjSTATE_FULLPHYSICS they have nothing.
 
     Args:
         plant: As equations.
         timestep: [s].
     """
+
+    size = 0
 
     def __init__(self, plant: Plant, timestep: float) -> None:
         self._system, self._block = plant.system, np.zeros(1, _block_dtype(plant.system))
@@ -120,7 +59,7 @@ class EquationStepper(Stepper):
             self.model, self._numbers[:] = plant.parameters, pack(plant.parameters)
 
     def restart(self, x0: Array) -> None:
-        """Go to a start, (n,)."""
+        """Go to a start, (n,), with neither input nor wrench."""
         self.q[:], self.u[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
 
     def advance(self, model: Any, data: Any) -> None:
@@ -130,8 +69,11 @@ class EquationStepper(Stepper):
         except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
             data.warnings[0] = 1
 
+    def read(self, state: Array) -> None:
+        """Equations have no mjSTATE_FULLPHYSICS."""
+
     def addresses(self) -> tuple[int, int, int]:
-        """A compiled step, the numbers and the state."""
+        """For compiled code: a step, the numbers and the state."""
         step = _compiled_step(self._system, self._dtype)
         return step.address, self._numbers.ctypes.data, self._block.ctypes.data
 
@@ -172,7 +114,7 @@ def _compiled_step(system: System, numbers_dtype: np.dtype[Any]) -> Any:
     return compile_c(at, *STEP.args)
 
 
-class PhysicsStepper(Stepper):
+class PhysicsStepper:
     """Moves an mjData by MuJoCo.
 
     Args:
@@ -190,21 +132,20 @@ class PhysicsStepper(Stepper):
         self.warnings = np.ctypeslib.as_array(whole)
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
         self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
-        self._more = model.nq > n
+
+    def write(self, plant: Any) -> None:
+        """Write the edits of a plant, which shares this model, into it."""
+        if plant.changes is not None:
+            plant.template.write(plant.changes, self.model, self.data)
 
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
         n = len(self.q)
         self.q[:], self.v[:] = x0[:n], x0[n:]
-        if self._more:
+        if self.model.nq > n:
             qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
             self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
-
-    def write(self, plant: Any) -> None:
-        """Write the edits of a plant into the model."""
-        if plant.changes is not None:
-            plant.template.write(plant.changes, self.model, self.data)
 
     def advance(self, model: Any, data: Any) -> None:
         """One step of MuJoCo."""
@@ -213,13 +154,16 @@ class PhysicsStepper(Stepper):
         except mujoco.FatalError as error:
             raise cannot_step(str(error)) from error
 
+    def read(self, state: Array) -> None:
+        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
+        mujoco.mj_getState(self.model, self.data, state, _FULL)
+
     def addresses(self) -> tuple[int, int, int]:
         """``mj_step`` itself, the mjModel and the mjData."""
         return c_address("mj_step"), self.model._address, self.data._address
 
-    def read(self, state: Array) -> None:
-        """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
-        mujoco.mj_getState(self.model, self.data, state, _FULL)
+
+Stepper = EquationStepper | PhysicsStepper
 
 
 def shared_model(plant: Any) -> Any:
@@ -254,65 +198,3 @@ class Steppers:
             self._stepper.write(plant)
         self._plant = plant
         return self._stepper
-
-
-def kernel_run(
-    problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
-) -> KernelRun:
-    """Room for the kernel to compute a run of a problem in, see ``start``; its loop comes later.
-
-    Args:
-        problem: What is run.
-        number: Which of its simulations.
-        record: Where its rows go.
-        stepper: What moves its plant.
-        of_engine: The fields of ``KernelRun`` in which the engines differ.
-    """
-    meters, (pushes, values) = problem.meters[number], problem.pushes_of(number)
-    now = np.zeros(problem.width)
-    signals = {name: now[columns] for name, columns in problem.columns.items()}
-    loop: Any = None
-    return KernelRun(
-        clock=np.zeros(3, np.int64),
-        keep=0 if problem.record else problem.steps - 1,
-        stride=problem.stride,
-        h=problem.timestep,
-        period=problem.control_period,
-        q=stepper.q,
-        v=stepper.v,
-        u=stepper.u,
-        warnings=stepper.warnings,
-        pushes=pushes,
-        values=values,
-        bodies=stepper.bodies,
-        forces=stepper.forces,
-        now=now,
-        **{**signals, "seen": np.zeros(problem.x0.shape[1])},
-        meters=record.meters[number],
-        meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
-        rows=record.rows[number, 1:],
-        loop=loop,
-        **of_engine,
-    )
-
-
-def start(
-    r: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, row: Array
-) -> None:
-    """Bring a run to its start.
-
-    Args:
-        r: Room for it.
-        problem: What is run.
-        number: Which of its simulations.
-        stepper: What moves its plant.
-        memory: Of its law, flat.
-        row: The record's first row.
-    """
-    stepper.restart(problem.x0[number])
-    r.clock[:] = 0, problem.steps, ANSWERED
-    r.now[:], r.seen[:] = 0.0, 0.0
-    r.x[:], r.memory[:] = problem.x0[number], memory
-    row[: len(r.x)] = r.x
-    if stepper.size:
-        stepper.read(row[problem.width :])

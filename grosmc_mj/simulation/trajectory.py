@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import Enum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, SetupError, one_line, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, one_line, shown, unknown_name
 from grosmc_mj.fields import Is, checked_call
 from grosmc_mj.files import written_aside
 from grosmc_mj.physics.hidden_states import HiddenState
@@ -156,17 +155,6 @@ class Trajectory:
         }
         return _table(columns, json.dumps(about))
 
-    def to_pandas(self) -> Any:
-        """The same as a pandas frame, indexed by time; pandas must be installed.
-
-        Raises:
-            ArgumentError: For a batch.
-            SetupError: Without pandas.
-        """
-        if find_spec("pandas") is None:
-            raise SetupError("pandas is not installed; run: pip install pandas")
-        return self.to_arrow().to_pandas().set_index("time")
-
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.
 
@@ -305,6 +293,10 @@ def _restored(table: Any) -> Trajectory:
     Raises:
         Exception: Of any class, if the table is none of a run.
     """
+    if others := [
+        f"{field.name}: {field.type}" for field in table.schema if field.type != "double"
+    ]:
+        raise ArgumentError(f"columns must be real numbers, not {', '.join(others)}")
     about, time = json.loads(table.schema.metadata[_ABOUT.encode()]), table["time"].to_numpy()
     if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
         raise ArgumentError("time must be finite and increasing")
@@ -316,6 +308,10 @@ def _restored(table: Any) -> Trajectory:
         rows = np.ascontiguousarray(rows if signal in _INSTANTS else rows[:-1])
         target = memory if signal.startswith("memory ") else signals
         target[signal.removeprefix("memory ")] = rows.reshape(len(rows), *shape)
+    sizes = {"state": about["states"], "command": about["inputs"], "input": about["inputs"]}
+    for signal, of in sizes.items():
+        if math.prod(signals[signal].shape[1:]) != len(of) or signals[signal].ndim > 2:
+            raise ArgumentError(f"{signal} must have {len(of)} numbers at each instant")
     signals.pop("unseen", None)  # columns of physics
     kinds = [(name, np.float64, rows.shape[1:]) for name, rows in memory.items()]
     remembered = np.zeros(len(time) - 1, np.dtype(kinds))

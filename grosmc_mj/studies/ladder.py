@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any
 
+import mujoco
 import numpy as np
-from pydantic import BaseModel, ConfigDict, computed_field
-from scipy.ndimage import uniform_filter1d
+from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ClaimTable
+from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
+from grosmc_mj.experiments.films import film_of
+from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import judge
+from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, run_on
+from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop, in_loop
 from grosmc_mj.machine import (
     LuGre,
@@ -29,24 +36,50 @@ from grosmc_mj.machine import (
     Transmission,
     Wall,
 )
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.results.document import json_text
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    CellChart,
+    Sheet,
+    Standing,
+    Value,
+    finite,
+    result,
+)
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.studies.figures import write_cells
 from grosmc_mj.studies.studied import (
     UNDER_LOAD,
     Condition,
-    Named,
     StudiedLaw,
-    Unlimited,
     case_for,
     chosen_laws,
     conditions_of,
     judgeable_in,
-    laws_of,
     limits_in,
 )
+from grosmc_mj.versions import versions
 
 # The case of a system whose loop and machine are those that one can buy.
 MACHINE = "machine"
 # What breaks first of a run that ended early.
 ENDED = "the run ended"
+STANDS = "stands"
+LEGEND = (
+    "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
+    "never: it does not settle; -: there is no such law."
+)
+CLAIMS = "Which claim falls, and on which rung"
+_TITLES = {
+    True: "Each rung on top of the others",
+    False: "Each alone on the sampled plant",
+}
+# Decades beyond a limit in a chart.
+_MOST = 2.0
 _COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
 # The numbers of each rung: tables of a case file, and which of their keys; None for all of them.
 _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
@@ -61,12 +94,10 @@ _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     "stops": (("stop", "wall"), None),
 }
 _OWNERS = ("of", "joint", "input", "body")
-# The part of a run that is its end, and the time over which an input's mean is taken [s].
-_END, _MEAN = 0.2, 0.02
-# Fewer swings than these are no cycle.
-_SWINGS = 3
-
-# The result
+# The part of a run that is its end; fewer swings than these are no cycle.
+_END, _SWINGS = 0.2, 3
+# A number that may be infinite, for which JSON has null.
+Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 
 
 class Climb(BaseModel):
@@ -82,9 +113,9 @@ class Climb(BaseModel):
         shares: The share used of each limit.
         amplitude: Half of the range of the error in the end, in its unit.
         frequency: Its swings a second [Hz].
-        chatter: Of the command in the end, in the input's unit.
         variation: Total variation of the input a second.
         deviation: Largest distance from the nominal optimum of a law that follows it.
+        optimum_settles: Where the law does not settle in time: when the nominal optimum does [s].
         impossible: Why there is no such run.
         claims: The share used of the limits of each claim about this law, by its id; above 1 it has
             fallen.
@@ -100,9 +131,9 @@ class Climb(BaseModel):
     shares: dict[str, Unlimited] = {}
     amplitude: float | None = None
     frequency: float | None = None
-    chatter: float | None = None
     variation: float | None = None
     deviation: float | None = None
+    optimum_settles: float | None = None
     impossible: str | None = None
     claims: dict[str, Unlimited] = {}
 
@@ -112,99 +143,38 @@ class Climb(BaseModel):
         """Whether everything is kept."""
         return self.share_of_the_tightest_limit <= 1 and not self.impossible
 
-
-class Level(BaseModel):
-    """A rung of a result; with the loop and the parts of a machine that it has."""
-
-    name: str
-    plant: str
-    sampled: bool = True
-    loop: Any = None
-    parts: list[Any] = []
-    assumed: list[str] = []
+    @property
+    def key(self) -> tuple[str, str, str, bool]:
+        """What tells it from others: law, rung, condition, together."""
+        return self.law, self.rung, self.condition, self.together
 
     @property
-    def title(self) -> str:
-        """The name, with a mark where it rests on numbers that nobody has published."""
-        return f"{self.name}*" if self.assumed else self.name
+    def share_text(self) -> str:
+        """How much of the tightest limit is used, or why there is no number."""
+        if self.impossible:
+            return "-"
+        if self.tightest == ENDED:
+            return "ended"
+        used = self.share_of_the_tightest_limit
+        if math.isinf(used):
+            return "never"
+        return f"{number(used)}x" if used > 1 else number(used)
+
+    @property
+    def reason(self) -> str:
+        """What breaks, in words."""
+        if self.impossible or self.tightest == ENDED:
+            return self.impossible or ENDED
+        used = self.share_of_the_tightest_limit
+        often = "never" if math.isinf(used) else f"{number(used)} times"
+        if number(used) == "1":
+            often = "at its limit"
+        optimum = self.optimum_settles
+        needs = "" if optimum is None else f" (the nominal optimum needs {number(optimum)} s)"
+        return f"{self.tightest.replace('_', ' ')}: {often}{needs}"
 
 
-class Climber(BaseModel):
-    """A law that climbs."""
-
-    name: str
-    predicts: bool = False
-    sampled: str = ""
-    follows_optimum: bool = True
-
-
-class Statement(BaseModel):
-    """A claim of the chapter."""
-
-    claim: str
-    statement: str
-    under: str = "nominal"
-    of: list[str] = []
-
-
-class Climbs(BaseModel):
-    """A ladder with its rows: what the study writes and its tables are made from.
-
-    Attributes:
-        target: SYSTEM/CASE.
-        title: Of the case.
-        output_unit: Of errors.
-        input_unit: Of inputs.
-        conditions: Under which laws climb; the first rows are of the first.
-        laws: Those that climb.
-        climbing: Rungs, each on top of the others.
-        alone: Rungs, each alone on the sampled plant.
-        claims: Claims of the case file.
-        climbs: A row for each law, rung and condition.
-    """
-
-    target: str
-    title: str
-    output_unit: str
-    input_unit: str
-    conditions: list[Named]
-    laws: list[Climber]
-    climbing: list[Level]
-    alone: list[Level]
-    claims: list[Statement] = []
-    climbs: list[Climb]
-
-    def way(self, law: str, condition: str) -> list[Climb]:
-        """A law's way up, rung by rung, from equations that are true."""
-        return [
-            row
-            for row in self.climbs
-            if row.together
-            and row.rung != "printed"
-            and (row.law, row.condition) == (law, condition)
-        ]
-
-    def ways(self, condition: str) -> dict[str, list[Climb]]:
-        """The way of each law that has begun to climb."""
-        ways = {law.name: self.way(law.name, condition) for law in self.laws}
-        return {law: way for law, way in ways.items() if way}
-
-    def complete(self, way: Sequence[Climb]) -> bool:
-        """Whether a way ends at the complete machine, and all is kept there."""
-        return way[-1].rung == self.climbing[-1].name and way[-1].kept
-
-
-def first_failed(way: Sequence[Climb]) -> Climb | None:
-    """The first rung on which something is not kept; None if all is kept on all."""
-    return next((row for row in way if not row.kept), None)
-
-
-def fallen(way: Sequence[Climb], claim: str) -> Climb | None:
-    """The first rung on which a claim is not kept; None if it is kept wherever it is judged."""
-    return next((row for row in way if row.claims.get(claim, 0.0) > 1), None)
-
-
-# The rungs
+# The design: rungs
 
 
 @dataclass(frozen=True)
@@ -233,16 +203,15 @@ class Rung:
         return self.loop != Loop(seed=self.loop.seed)
 
     @property
-    def level(self) -> Level:
-        """It in a result."""
-        return Level(
-            name=self.name,
-            plant=self.plant,
-            sampled=self.sampled,
-            loop=asdict(self.loop) if self.looped else None,
-            parts=[{"kind": part.kind, **asdict(part)} for part in self.parts],
-            assumed=list(self.assumed),
-        )
+    def title(self) -> str:
+        """The name, with a mark where it rests on numbers that nobody has published."""
+        return f"{self.name}*" if self.assumed else self.name
+
+    def document(self) -> dict[str, Any]:
+        """It as plain values."""
+        loop = asdict(self.loop) if self.looped else None
+        parts = [{"kind": part.kind, **asdict(part)} for part in self.parts]
+        return {**vars(self), "loop": loop, "parts": parts}
 
 
 def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
@@ -269,10 +238,10 @@ def _assumed(machine: Experiment, rung: str) -> Iterator[str]:
     kinds, numbers = _TABLES[rung]
     for kind in kinds:
         tables = getattr(machine.file, kind)
-        for table in tables if isinstance(tables, list) else [tables]:
-            own = [name for name in table.assumed if numbers is None or name in numbers]
+        for entry in tables if isinstance(tables, list) else [tables]:
+            own = [name for name in entry.assumed if numbers is None or name in numbers]
             if own:
-                of = next((getattr(table, key) for key in _OWNERS if hasattr(table, key)), kind)
+                of = next((getattr(entry, key) for key in _OWNERS if hasattr(entry, key)), kind)
                 yield f"{' and '.join([of] if isinstance(of, str) else of)}: {', '.join(own)}"
 
 
@@ -314,9 +283,6 @@ def _merged(below: Loop, added: Loop) -> Loop:
     )
 
 
-# The runs
-
-
 @dataclass(frozen=True, eq=False)
 class Ladder:
     """A target, ready to be climbed.
@@ -347,29 +313,31 @@ class Ladder:
                 if condition is self.conditions[0]:
                     yield from ((law, rung, condition, False) for rung in self.alone)
 
-    def of_rows(self, rows: Sequence[Climb]) -> Climbs:
-        """The result."""
-        case, error = self.machine.case, self.laws[0].controller.designed.error
-        return Climbs(
-            target=f"{case.system}/{case.name}",
-            title=case.title,
-            output_unit=error.units[error.output_rows[0]],
-            input_unit=self.experiment.nominal.system.input.unit,
-            conditions=[c.named for c in self.conditions],
-            laws=[
-                Climber(name=law.name, predicts=law.predict, sampled=law.settings,
-                        follows_optimum=law.follows_optimum)
-                for law in self.laws
-            ],
-            climbing=[rung.level for rung in self.climbing],
-            alone=[rung.level for rung in self.alone],
-            claims=[
-                Statement(claim=table.id, statement=self.statements.get(table.id, ""),
-                          under=table.under, of=list(table.of or self.machine.controllers))
-                for table in self.machine.file.claim
-            ],
-            climbs=list(rows),
-        )  # fmt: skip
+    @property
+    def target(self) -> str:
+        """SYSTEM/CASE."""
+        return f"{self.machine.case.system}/{self.machine.case.name}"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of the output and of the input."""
+        error = self.laws[0].controller.designed.error
+        return error.units[error.output_rows[0]], self.experiment.nominal.system.input.unit
+
+    def configuration(self) -> dict[str, Any]:
+        """What rows depend on, in its result."""
+        settings, file = self.experiment.settings, self.machine.file
+        named = [*named_in(file), *(file.law(law.base).law for law in self.laws)]
+        return {
+            "target": self.target,
+            "title": self.machine.case.title,
+            "model": self.experiment.plant(self.experiment.nominal.truest).digest,
+            "sources": sources(filter(is_named, named), self.machine.path.parent),
+            "control_period": {"value": settings.control_period, "unit": "s"},
+            "timestep": {"value": settings.timestep, "unit": "s"},
+            "integrator": settings.integrator,
+            "file": self.machine.document(),
+        }
 
 
 def ladder(
@@ -402,11 +370,37 @@ def ladder(
     return Ladder(
         experiment=bare,
         machine=machine,
-        laws=chosen_laws(laws_of(bare), chosen, rivals=rivals),
+        laws=chosen_laws(bare, chosen, rivals=rivals),
         climbing=climbing,
         alone=alone,
         conditions=conditions if loaded else conditions[:1],
     )
+
+
+def kept_rows(studied: Ladder, path: Path) -> list[Climb]:
+    """The rows of an interrupted ladder of the same file by the same versions; none without it.
+
+    Raises:
+        ArgumentError: If the result is another one's.
+    """
+    if not path.is_file():
+        return []
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        own = json.loads(json_text([studied.configuration(), versions()]))
+        same = [document["configuration"], document["versions"]] == own
+        rows = [Climb.model_validate(row) for row in document["climbs"]]
+    except (OSError, ValueError, LookupError, TypeError):
+        same, rows = False, []
+    if not same:
+        raise ArgumentError(
+            f"{path} is no ladder of this file by these versions: leave out --resume, or choose "
+            "another --out"
+        )
+    return rows
+
+
+# The reduction: a run as a row
 
 
 def climb(
@@ -415,29 +409,40 @@ def climb(
     """How a law stands on a rung."""
     row = Climb(law=law.name, rung=rung.name, together=together, condition=condition.name)
     try:
-        result = run_of(studied, law, rung, condition)
+        run = run_of(studied, law, rung, condition)
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
     limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
     limits = judgeable_in(limits, rung.loop, studied.machine.case.loop)
-    shares = {limit.key: judge(limit, result).share for limit in limits if limit.value}
-    claims = _shares_of_claims(studied.machine, law, condition, result)
+    shares = {limit.key: judge(limit, run).share for limit in limits if limit.value}
+    claims = _shares_of_claims(studied.machine, law, condition, run)
     row = row.model_copy(update={"shares": shares, "claims": claims, "tightest": ENDED})
-    if result.ended:
+    if run.ended:
         return row
-    worst, run = max(shares, key=lambda key: shares[key], default=""), result.trajectory
-    swing = oscillation(run.time, result.comparison.error)
+    worst = max(shares, key=lambda key: shares[key], default="")
+    used, comparison = shares.get(worst, 0.0), run.comparison
+    amplitude, frequency = oscillation(comparison.time, comparison.error)
+    follows = law.controller.designed.follows_optimum
+    slow = next((limit for limit in limits if limit.key == worst and used > 1), None)
     return row.model_copy(
         update={
-            "share_of_the_tightest_limit": shares.get(worst, 0.0),
+            "share_of_the_tightest_limit": used,
             "tightest": worst,
-            "amplitude": swing.amplitude,
-            "frequency": swing.frequency,
-            "chatter": chatter(run.time[:-1], run.command),
-            "variation": result.metrics["total_variation"].value,
-            "deviation": result.metrics["deviation"].value if law.follows_optimum else None,
+            "amplitude": amplitude,
+            "frequency": frequency,
+            "variation": run.metrics["total_variation"].value,
+            "deviation": run.metrics["deviation"].value if follows else None,
+            "optimum_settles": _optimum_settles(run, slow) if slow else None,
         }
     )
+
+
+def _optimum_settles(run: RunResult, limit: Limit) -> float | None:
+    """When the nominal optimum of a run's law settles as a limit means it [s]."""
+    if limit.kind != "settles_within":
+        return None
+    optimum = run.comparison._replace(z=run.comparison.optimal)
+    return settling_time(optimum.time, optimum.error, limit.band).value
 
 
 def run_of(studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition) -> RunResult:
@@ -469,39 +474,30 @@ def _shares_of_claims(
     out.
     """
     shares: dict[str, float] = {}
-    for table in machine.file.claim:
-        if table.under == condition.name and _is_about(machine, table, law):
-            for limit in limits_in([table], law, condition, [result.plant]):
+    for claim in machine.file.claim:
+        if claim.under == condition.name and _is_about(machine, claim, law):
+            for limit in limits_in([claim], law, condition, [result.plant]):
                 share = judge(limit, result).share
-                shares[table.id] = max(share, shares.get(table.id, share))
+                shares[claim.id] = max(share, shares.get(claim.id, share))
     return shares
 
 
-def _is_about(machine: Experiment, table: ClaimTable, law: StudiedLaw) -> bool:
+def _is_about(machine: Experiment, claim: ClaimTable, law: StudiedLaw) -> bool:
     """Whether a claim is about a law, however that law switches."""
     written = {controller.called: controller.law for controller in machine.file.controller}
-    named = table.of or machine.controllers
+    named = claim.of or machine.controllers
     return law.base in {*named, *(written.get(name, name) for name in named)}
 
 
-class Oscillation(NamedTuple):
-    """Of a signal that swings about its mean.
-
-    Attributes:
-        amplitude: Half of its range, in the signal's unit.
-        frequency: Swings a second [Hz]; None for no cycle.
-    """
-
-    amplitude: float
-    frequency: float | None
-
-
-def oscillation(time: Array, signal: Array) -> Oscillation:
+def oscillation(time: Array, signal: Array) -> tuple[float, float | None]:
     """How a signal swings in the end of a run.
 
     Args:
         time: Equally spaced instants [s], (N,).
         signal: (N,).
+
+    Returns:
+        Half of its range, in its unit, and its swings a second [Hz]; None for no cycle.
     """
     tail = signal[-max(2, round(_END * len(signal))) :]
     about = tail - tail.mean()
@@ -510,19 +506,325 @@ def oscillation(time: Array, signal: Array) -> Oscillation:
     side = np.sign(about)[np.abs(about) > 0.1 * amplitude]
     crossings = int(np.count_nonzero(np.diff(side)))
     if amplitude == 0 or crossings < 2 * _SWINGS:
-        return Oscillation(amplitude, None)
-    return Oscillation(amplitude, crossings / 2 / (len(tail) * float(time[1] - time[0])))
+        return amplitude, None
+    return amplitude, crossings / 2 / (len(tail) * float(time[1] - time[0]))
 
 
-def chatter(time: Array, command: Array) -> float:
-    """Root mean square of a command about its mean over 20 ms, in the end of a run.
+# The answer: words, tables, charts, document, film
+
+
+def way(rows: Iterable[Climb], law: str, condition: str) -> list[Climb]:
+    """A law's way up, rung by rung, from equations that are true."""
+    return [
+        row
+        for row in rows
+        if row.together and row.rung != "printed" and (row.law, row.condition) == (law, condition)
+    ]
+
+
+def ways(rows: Sequence[Climb], condition: str) -> dict[str, list[Climb]]:
+    """The way of each law that has begun to climb under a condition."""
+    found = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
+    return {law: rungs for law, rungs in found.items() if rungs}
+
+
+def first_failed(way: Sequence[Climb]) -> Climb | None:
+    """The first rung on which something is not kept; None if all is kept on all."""
+    return next((row for row in way if not row.kept), None)
+
+
+def fallen(way: Sequence[Climb], claim: str) -> Climb | None:
+    """The first rung on which a claim is not kept; None if it is kept wherever it is judged."""
+    return next((row for row in way if row.claims.get(claim, 0.0) > 1), None)
+
+
+def verdict(studied: Ladder, rows: Sequence[Climb], condition: str) -> str:
+    """How many laws pass, and what breaks most of them."""
+    climbed, top = ways(rows, condition).values(), studied.climbing[-1].name
+    failed = [row.rung for rungs in climbed if (row := first_failed(rungs))]
+    complete = [rungs for rungs in climbed if rungs[-1].rung == top and rungs[-1].kept]
+    every = sum(first_failed(rungs) is None for rungs in complete)
+    answer = f"{every} of {len(climbed)} laws pass every rung, {len(complete)} the complete machine"
+    breaks = ", ".join(f"{name} breaks {n}" for name, n in Counter(failed).most_common(3))
+    return f"{answer}; {breaks}." if breaks else f"{answer}."
+
+
+def answer_table(studied: Ladder, rows: Sequence[Climb], condition: Condition) -> Table:
+    """Which laws pass every rung and which the complete machine, and where each breaks first."""
+    climbed, top = ways(rows, condition.name), studied.climbing[-1].name
+
+    def height(law: str) -> int:
+        row = first_failed(climbed[law])
+        return len(climbed[law]) if row is None else climbed[law].index(row)
+
+    cells = []
+    for law in sorted(climbed, key=height, reverse=True):
+        row, last = first_failed(climbed[law]), climbed[law][-1]
+        shown, complete = row or last, last.rung == top
+        every = "no" if row else "yes" if complete else ""
+        machine = f"{'yes' if last.kept else 'no'} ({last.share_text})" if complete else ""
+        breaks = f"{row.rung}: {row.reason}" if row else ""
+        measured = (shown.amplitude, shown.frequency, shown.variation)
+        cells.append(
+            [law, every, machine, breaks, *("" if x is None else number(x) for x in measured)]
+        )
+    output, input_unit = studied.units
+    columns = [
+        *names("law"),
+        *words("passes\nevery rung", "passes the\ncomplete\nmachine"),
+        *text("breaks first at"),
+        *numbers(f"swings by\n[{output}]", "at\n[Hz]", f"variation\n[{input_unit}/s]"),
+    ]
+    return table(condition.title, columns, cells)
+
+
+def _by_law(
+    title: str,
+    rows: Sequence[Climb],
+    columns: Mapping[str, str],
+    column_of: Callable[[Climb], str],
+    cell: Callable[[Climb], str] = lambda row: row.share_text,
+) -> Table:
+    """A row for each law, a column for each key of its header; a cell says something of a row."""
+    known = {(row.law, column_of(row)): cell(row) for row in rows}
+    laws = dict.fromkeys(row.law for row in rows)
+    cells = [[law, *(known.get((law, key), "") for key in columns)] for law in laws]
+    return table(title, [*words("law"), *numbers(*columns.values())], cells)
+
+
+def share_table(studied: Ladder, rows: Sequence[Climb], condition: str, *, together: bool) -> Table:
+    """Laws by rungs: how much of the tightest limit is used."""
+    own = [x for x in rows if (x.condition, x.together) == (condition, together)]
+    rungs = {rung.name: rung.title for rung in (studied.climbing if together else studied.alone)}
+    return _by_law(_TITLES[together], own, rungs, lambda row: row.rung)
+
+
+def load_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
+    """Laws by conditions: the complete machine."""
+    own = [row for row in rows if row.together and row.rung == studied.climbing[-1].name]
+    loads = "; ".join(f"{c.name}: {c.title}" for c in studied.conditions[1:])
+    title = f"The whole machine, nominally and under load ({loads})"
+    return _by_law(
+        title, own, {c.name: c.name for c in studied.conditions}, lambda row: row.condition
+    )
+
+
+def deviation_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
+    """How far each law that follows the nominal optimum is from it, climbing."""
+    first, unit = studied.conditions[0].name, studied.units[0]
+    unit, scale = (f"m{unit}", 1e3) if unit in ("rad", "m") else (unit, 1.0)
+    follow = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
+    own = [x for x in rows if x.together and x.condition == first and x.law in follow]
+
+    def cell(row: Climb) -> str:
+        if row.deviation is not None:
+            return number(row.deviation * scale)
+        return "ended" if row.tightest == ENDED else "-"
+
+    title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it"
+    rungs = {rung.name: rung.name for rung in studied.climbing}
+    return _by_law(title, own, rungs, lambda row: row.rung, cell)
+
+
+def claims_table(studied: Ladder, rows: Sequence[Climb], condition: str) -> Table | None:
+    """On which rung each claim falls for each law that it is about; None without a claim."""
+    climbed = {law: x for law, x in ways(rows, condition).items() if any(row.claims for row in x)}
+    claims = list(
+        dict.fromkeys(x for rungs in climbed.values() for row in rungs for x in row.claims)
+    )
+    if not claims:
+        return None
+
+    def cell(rungs: Sequence[Climb], claim: str) -> str:
+        row = fallen(rungs, claim)
+        judged = any(claim in row.claims for row in rungs)
+        return row.rung if row else STANDS if judged else ""
+
+    cells = [[law, *(cell(rungs, claim) for claim in claims)] for law, rungs in climbed.items()]
+    columns = words("law", *(f"`{claim}`" for claim in claims))
+    legend = "; ".join(f"`{claim}`: {studied.statements.get(claim, '')}" for claim in claims)
+    where = "" if condition == studied.conditions[0].name else f" ({condition})"
+    return table(CLAIMS + where, columns, cells, legend=f"{legend}.")
+
+
+def assumed_text(studied: Ladder) -> str:
+    """Which numbers nobody has published, by the rung that adds them; empty if there is none."""
+    rungs = [f"{x.name} ({'; '.join(x.assumed)})" for x in studied.climbing if x.assumed]
+    return f"* rests on numbers that are assumed: {', '.join(rungs)}." if rungs else ""
+
+
+def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[tuple[str, bool], CellChart]:
+    """A map for each condition, climbing and alone: below zero is kept, then decades beyond."""
+    titles = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
+    maps = {}
+    for condition in studied.conditions:
+        for together in (True, False):
+            cells = {}
+            for row in rows:
+                own = (row.condition, row.together) == (condition.name, together)
+                if own and not row.impossible:
+                    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
+                    redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
+                    value = -0.5 * _MOST if row.kept else redness
+                    cells[row.law, titles[row.rung]] = (value, row.share_text, row.reason)
+            if cells:
+                name = f"{_TITLES[together]} ({condition.name}: {condition.title})"
+                maps[condition.name, together] = CellChart.of(name, cells, _MOST)
+    return maps
+
+
+def write_ladder_figure(studied: Ladder, rows: Sequence[Climb], path: Path) -> Path:
+    """Draw the maps of all conditions; the SVG lies beside the PNG.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    note = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
+    title = f"{studied.target}: where each law breaks"
+    return write_cells(path, title, list(charts(studied, rows).values()), note)
+
+
+def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
+    """Every table with its charts: shares, the machine under load, distances, claims."""
+    maps, (first, *loads) = charts(studied, rows), studied.conditions
+    shares = [
+        Sheet(table=share_table(studied, rows, first.name, together=together), charts=[chart])
+        for together in (True, False)
+        if (chart := maps.get((first.name, together)))
+    ]
+    tables = [deviation_table(studied, rows)]
+    tables += [x for c in studied.conditions if (x := claims_table(studied, rows, c.name))]
+    under = [chart for c in loads if (chart := maps.get((c.name, True)))]
+    loaded = [Sheet(table=load_table(studied, rows), charts=under)] if loads else []
+    return [*shares, *loaded, *(Sheet(table=x) for x in tables)]
+
+
+def _standings(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Iterator[Standing]:
+    """The first rung on which each law breaks, under the first condition."""
+    condition = studied.conditions[0].name
+    for law, rungs in ways(rows, condition).items():
+        row = first_failed(rungs)
+        stands = "stands on every rung" if complete else "stands on every rung so far"
+        yield Standing(
+            case=studied.target,
+            law=law,
+            breaks_at=row.rung if row else "",
+            words=f"{row.reason} ({condition})" if row else stands,
+            complete=complete or row is not None,
+        )
+
+
+def _values(target: str, rows: Sequence[Climb]) -> Iterator[Value]:
+    for row in rows:
+        if not row.impossible:
+            how = "up to" if row.together else "alone"
+            name = f"{target} {row.condition} {row.law}, {how} {row.rung}"
+            yield Value(name=name, value="kept" if row.kept else "not kept")
+            used = finite(row.share_of_the_tightest_limit)
+            yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
+
+
+def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> dict[str, Any]:
+    """The content of ladder_NAME.json.
 
     Args:
-        time: Equally spaced instants [s], (N,).
-        command: (N,) or (N, m), of which the largest input counts.
+        studied: The target.
+        rows: What was climbed.
+        complete: Whether nothing was interrupted.
     """
-    inputs = command.reshape(len(command), -1)
-    inputs = inputs[-max(2, round(_END * len(inputs))) :]
-    window = max(2, round(_MEAN / float(time[1] - time[0])))
-    fast = inputs - uniform_filter1d(inputs, window, axis=0, mode="nearest")
-    return float(np.sqrt(np.mean(fast**2, axis=0)).max())
+    case, top = studied.machine.case, studied.climbing[-1].name
+    conditions = [c.name for c in studied.conditions if ways(rows, c.name)]
+    lasts = [rungs[-1] for name in conditions for rungs in ways(rows, name).values()]
+    passed = all(row.rung == top and row.kept for row in lasts)
+    answer = "; ".join(f"{name}: {verdict(studied, rows, name)}" for name in conditions)
+    return result(
+        "ladder",
+        studied.configuration(),
+        seed=case.loop.seed if case.loop else None,
+        complete=complete,
+        answers=[
+            Answer(
+                question=f"Ladder of {studied.target}",
+                verdict=(KEPT if passed else NOT_KEPT) if complete else OPEN,
+                words=answer if complete else f"{answer} Interrupted: not complete.",
+            )
+        ],
+        standings=_standings(studied, rows, complete=complete),
+        sheets=sheets(studied, rows),
+        values=_values(studied.target, rows),
+        target=studied.target,
+        title=case.title,
+        units=studied.units,
+        conditions=[{"name": c.name, "title": c.title} for c in studied.conditions],
+        laws=[
+            {"name": law.name, "predicts": law.predict, "sampled": law.sampled}
+            for law in studied.laws
+        ],
+        climbing=[rung.document() for rung in studied.climbing],
+        alone=[rung.document() for rung in studied.alone],
+        assumed=assumed_text(studied),
+        claims=[
+            {"claim": claim.id, "statement": studied.statements.get(claim.id, ""),
+             "under": claim.under, "of": list(claim.of or studied.machine.controllers)}
+            for claim in studied.machine.file.claim
+        ],
+        climbs=[row.model_dump() for row in rows],
+    )  # fmt: skip
+
+
+def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
+    """Headings and tables of each document, for ``docs/ladder.md``."""
+    parts: list[str] = []
+    for document in documents:
+        tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
+        parts.append(f"**{document['target']}**: {document['title']}")
+        parts += [_titled(shown) for shown in tables if not shown.legend]
+        # A star would begin a list.
+        parts += [f"\\{document['assumed']}"] if document["assumed"] else []
+        for claims in (shown for shown in tables if shown.title == CLAIMS):
+            parts += [_titled(claims), claims.legend]
+    return "\n\n".join(parts)
+
+
+def _titled(shown: Table) -> str:
+    return "\n".join([f"{shown.title}:", "", *shown.markdown()])
+
+
+def ladder_film(
+    studied: Ladder, law: StudiedLaw, rows: Sequence[Climb], form: Format | None = None
+) -> Film:
+    """A law on MuJoCo's ideal plant, around where it breaks first, and on the whole machine.
+
+    The rigid machine is drawn: motors behind their transmissions are not seen.
+
+    Args:
+        studied: The target.
+        law: One of its laws.
+        rows: Its rows.
+        form: How the film is cut.
+
+    Raises:
+        ArgumentError: If nothing of it runs in MuJoCo.
+    """
+    condition = studied.conditions[0]
+    rungs = [rung for rung in studied.climbing if rung.plant == "physics"]
+    if not rungs:
+        raise ArgumentError("a film is of runs in MuJoCo: this target has none")
+    failed, last = first_failed(way(rows, law.name, condition.name)), len(rungs) - 1
+    at = next((i for i, rung in enumerate(rungs) if failed and rung.name == failed.rung), last)
+    chosen = [rungs[i] for i in sorted({0, max(at - 1, 0), at, last})[:MOST_TAKES]]
+    results = [_rigid(run_of(studied, law, rung, condition)) for rung in chosen]
+    return film_of(results, form, [rung.name for rung in chosen])
+
+
+def _rigid(run: RunResult) -> RunResult:
+    """The same run, without the states that the rigid plant does not have."""
+    plant, trajectory = run.true, run.trajectory
+    assert isinstance(plant, MujocoPlant)
+    assert trajectory.physics is not None
+    n, model, rigid = plant.system.degrees_of_freedom, plant.undrawn_model, plant.rigid
+    columns = [0, *range(1, 1 + n), *range(1 + model.nq, 1 + model.nq + n)]
+    size = mujoco.mj_stateSize(rigid.undrawn_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    assert len(columns) == size
+    seen = np.ascontiguousarray(trajectory.physics[:, columns])
+    return replace(run, true=rigid, trajectory=replace(trajectory, physics=seen))

@@ -3,42 +3,44 @@
 from __future__ import annotations
 
 import math
-import time
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache, cached_property, partial
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, around
-from grosmc_mj.errors import ArgumentError, unknown_name
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.fields import Positive, Range, checked
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import Plant, System
-from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW
+from grosmc_mj.plants import Plant, Signal, System
+from grosmc_mj.results.figure import in_lines
+from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
+from grosmc_mj.results.result import MEASURED, Answer, GridChart, Letter, Sheet, Value, result
+from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.studies.figures import write_panels
 from grosmc_mj.sweep.agreement import model_mismatch
 
 Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]
 
-SCREENS = ("auto", "none")
-POINTS = (2, 1000)
-LONGEST = 1000.0  # s
 # Where starts end on an axis, by its unit.
 LIMITS: Mapping[str, float] = {"rad": math.pi / 2, "rad/s": 10.0, "m": 1.0, "m/s": 2.0}
 # How near zero every regulated error must be at the end, by its unit. It is far above the chatter
@@ -59,56 +61,33 @@ _EARLY = 0.25
 _RANDOM = 0.02
 # An implicit step evaluates the physics once, RK4 four times. On 256 starts of each map of the
 # pendulum both give the same outcome but for up to two on a boundary.
-REGION_SETTINGS = Settings(integrator="implicitfast")
+SETTINGS = Settings(integrator="implicitfast")
 
 
 # One run
 
 
 class Outcome(Enum):
-    """Outcome of a start; the value is its letter in the file."""
+    """Outcome of a start: its letter in the file, its name, its meaning, and its colour."""
 
-    CONVERGED = "c"
-    LEFT = "l"
-    SINGULAR = "s"
-    NOT_CONVERGED = "n"
-    DIVERGED = "d"
+    CONVERGED = ("c", "converged", "every regulated error is within its tolerance at the end", BLUE)
+    LEFT = (
+        "l", "left the region",
+        "a sample of the law fell outside the region where the laws are defined", ORANGE,
+    )  # fmt: skip
+    SINGULAR = (
+        "s", "singular plant", "the plant reached a state where its equations break down", PURPLE
+    )  # fmt: skip
+    NOT_CONVERGED = (
+        "n", "not converged",
+        "the run stayed in the region and is beyond a tolerance at the end", YELLOW,
+    )  # fmt: skip
+    DIVERGED = ("d", "diverged", "the state grew without bound", BLACK)
 
-    @property
-    def title(self) -> str:
-        """For people."""
-        return _OUTCOMES[self][0]
-
-    @property
-    def meaning(self) -> str:
-        """One sentence."""
-        return _OUTCOMES[self][1]
-
-    @property
-    def colour(self) -> str:
-        """In figures; they differ in lightness too."""
-        return _OUTCOMES[self][2]
+    def __init__(self, letter: str, title: str, meaning: str, colour: str) -> None:
+        self.letter, self.title, self.meaning, self.colour = letter, title, meaning, colour
 
 
-_OUTCOMES: Mapping[Outcome, tuple[str, str, str]] = {
-    Outcome.CONVERGED: (
-        "converged", "every regulated error is within its tolerance at the end", BLUE
-    ),
-    Outcome.LEFT: (
-        "left the region",
-        "a sample of the law fell outside the region where the laws are defined",
-        ORANGE,
-    ),
-    Outcome.SINGULAR: (
-        "singular plant", "the plant reached a state where its equations break down", PURPLE
-    ),
-    Outcome.NOT_CONVERGED: (
-        "not converged",
-        "the run stayed in the region and is beyond a tolerance at the end",
-        YELLOW,
-    ),
-    Outcome.DIVERGED: ("diverged", "the state grew without bound", BLACK),
-}  # fmt: skip
 _ENDED_EARLY = {
     Status.UNDEFINED_LAW: Outcome.LEFT,
     Status.SINGULAR_PLANT: Outcome.SINGULAR,
@@ -118,18 +97,17 @@ _ENDED_EARLY = {
 }
 
 
-def judge(status: Status, error: ArrayLike, tolerance: ArrayLike) -> Outcome:
-    """The outcome of one run of a guarded law.
+def judge(status: Iterable[Status], errors: Array, tolerance: ArrayLike) -> Letters:
+    """The outcomes of runs of a guarded law, as letters.
 
     Args:
-        status: How the run ended.
-        error: Error state at its end, (errors,).
+        status: How each run ended, (nsim,).
+        errors: Error states at the end, (nsim, errors).
         tolerance: Largest size of each error that counts as none, (errors,).
     """
-    if status in _ENDED_EARLY:
-        return _ENDED_EARLY[status]
-    near = np.all(np.abs(np.asarray(error)) <= np.asarray(tolerance))
-    return Outcome.CONVERGED if near else Outcome.NOT_CONVERGED
+    near = np.all(np.abs(errors) <= np.asarray(tolerance), axis=1)
+    ends = [Outcome.CONVERGED if x else Outcome.NOT_CONVERGED for x in near]
+    return np.array([_ENDED_EARLY.get(s, end).letter for s, end in zip(status, ends, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,31 +115,26 @@ class RegionLoop:
     """A law on the physics of an experiment, stopped where it leaves the region of the laws.
 
     Attributes:
-        experiment: The true plant, and how it is run.
+        experiment: Its case, and how it is run.
         controller: The law, guarded; designed for the nominal plant.
-        on_equations: Whether it runs on the plant's equations instead, which take steps of RK4.
+        plant: The experiment's plant, or its equations, which take steps of RK4.
     """
 
     experiment: Experiment
     controller: Controller
-    on_equations: bool = False
+    plant: Plant
 
     @classmethod
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
         """The loop of a named controller."""
         law = experiment.law("physics", controller)
-        return cls(experiment, guarded(law, experiment.nominal.system))
+        system = experiment.nominal.system
+        return cls(experiment, guarded(law, system), experiment.plant("physics"))
 
     @property
     def system(self) -> System:
         """The plant's system."""
         return self.experiment.nominal.system
-
-    @cached_property
-    def plant(self) -> Plant:
-        """The experiment's plant, or its equations."""
-        physics = self.experiment.plant("physics")
-        return physics.analytic() if self.on_equations else physics
 
     def run(self, starts: Array, duration: float) -> Trajectory:
         """Start and end of the runs from the starts (nsim, n)."""
@@ -254,20 +227,18 @@ def outcomes(
         looks: Parts of it after which to look, ending with 1.
     """
     tolerance = np.array([value for value, _ in loop.tolerances.values()])
-    disturbed = bool(loop.experiment.case.disturbances)
-    moved = np.any(np.abs(loop.errors(0.0, starts)) > tolerance, axis=1)
-    letters = np.full(len(starts), Outcome.NOT_CONVERGED.value)
+    away = np.any(np.abs(loop.errors(0.0, starts)) > tolerance, axis=1)
+    early = away & (not loop.experiment.case.disturbances)
+    letters = np.full(len(starts), Outcome.NOT_CONVERGED.letter)
     for look in looks:
-        undecided = np.flatnonzero(letters == Outcome.NOT_CONVERGED.value)
+        undecided = np.flatnonzero(letters == Outcome.NOT_CONVERGED.letter)
         if not len(undecided):
             break
         run, last = loop.run(starts[undecided], look * duration), look == looks[-1]
         errors = loop.errors(float(run.time[-1]), run.state[:, -1])
-        bound = tolerance if last else _EARLY * tolerance
-        for start, status, error in zip(undecided, run.status, errors, strict=True):
-            outcome = judge(status, error, bound)
-            if outcome is not Outcome.CONVERGED or last or (moved[start] and not disturbed):
-                letters[start] = outcome.value
+        ends = judge(run.status, errors, tolerance if last else _EARLY * tolerance)
+        decided = (ends != Outcome.CONVERGED.letter) | last | early[undecided]
+        letters[undecided[decided]] = ends[decided]
     return letters
 
 
@@ -281,10 +252,8 @@ class Axis:
     Attributes:
         state: Index of the state.
         key: Its symbol in ASCII, as on the command line.
-        name: Its name for people.
-        symbol: Its symbol.
-        unit: Unit of the state and of ``limit``.
-        limit: Starts lie between minus this and this.
+        signal: The state's name, symbol and unit.
+        limit: Starts lie between minus this and this, in the state's unit.
         direction: How the state moves with the axis: -1 for an error y_r - y.
         origin: Value of the state at zero of the axis.
         is_error: Whether zero of the axis is zero error of a regulated state.
@@ -292,31 +261,35 @@ class Axis:
 
     state: int
     key: str
-    name: str
-    symbol: str
-    unit: str
+    signal: Signal
     limit: float
     direction: float
     origin: float
     is_error: bool
 
     @property
-    def shown_unit(self) -> str:
+    def name(self) -> str:
+        """For people."""
+        return f"error of {self.signal.name}" if self.is_error else self.signal.name
+
+    @property
+    def unit(self) -> str:
         """Unit for people: degrees for angles."""
-        return {"rad": "°"}.get(self.unit, self.unit)
+        return {"rad": "°"}.get(self.signal.unit, self.signal.unit)
 
     def shown(self, value: float) -> float:
         """A value on the axis in the unit for people."""
-        return math.degrees(value) if self.unit == "rad" else value
-
-    @property
-    def label(self) -> str:
-        """Title of the axis."""
-        return f"start {self.name} {self.symbol} [{self.shown_unit}]"
+        return math.degrees(value) if self.signal.unit == "rad" else value
 
     def cells(self, count: int) -> Array:
         """Centres of equal cells from minus to plus the limit."""
         return self.limit * ((2 * np.arange(count) + 1) / count - 1)
+
+    def document(self) -> dict[str, Any]:
+        """It as plain values."""
+        own = {name: getattr(self, name) for name in ("name", "limit", "direction", "origin")}
+        measures = "error" if self.is_error else "state"
+        return {"state": self.key, "measures": measures, "unit": self.signal.unit, **own}
 
 
 def state_names(system: System) -> list[str]:
@@ -349,46 +322,30 @@ def choose_axes(
         limits: Largest start by unit, instead of ``LIMITS``.
 
     Raises:
-        ArgumentError: If a state is unknown or named twice, or a limit is not positive.
+        ArgumentError: If a state is unknown or named twice, or of a unit without a limit.
     """
-    for unit, limit in limits.items():
-        if not (math.isfinite(limit) and limit > 0):
-            raise ArgumentError(f"limit {limit:g} {unit} of the starts must be finite and positive")
     system, keys = loop.system, state_names(loop.system)
-    known = {state.symbol: i for i, state in enumerate(system.states)}
-    known |= {key: i for i, key in enumerate(keys)}
+    known = {name: i for i, name in enumerate(keys)}
+    for name in names or ():
+        require_known(f"state of {system.name}", name, known)
     first = loop.regulated[0]
-    chosen = [first, first + system.degrees_of_freedom]
-    if names is not None:
-        for name in names:
-            if name not in known:
-                raise ArgumentError(unknown_name(f"state of {system.name}", name, keys))
-        chosen = [known[name] for name in names]
-    if len(set(chosen)) != 2:
+    chosen = [known[x] for x in names] if names else [first, first + system.degrees_of_freedom]
+    if chosen[0] == chosen[1]:
         raise ArgumentError(
             f"axes {', '.join(keys[i] for i in chosen)} must be two different states of "
             f"{system.name}: {', '.join(keys)}"
         )
-    across, down = (_axis(loop, state, keys[state], {**LIMITS, **limits}) for state in chosen)
-    return across, down
 
+    def axis(state: int) -> Axis:
+        signal, is_error = system.states[state], state in loop.regulated
+        ends = {**LIMITS, **limits}
+        require_known(f"unit of an axis, of {keys[state]},", signal.unit, ends)
+        row = loop.sensitivity[loop.regulated.index(state)] if is_error else None
+        direction = 1.0 if row is None else float(row[state])
+        origin = float(loop.equilibrium[state])
+        return Axis(state, keys[state], signal, ends[signal.unit], direction, origin, is_error)
 
-def _axis(loop: RegionLoop, state: int, key: str, limits: Mapping[str, float]) -> Axis:
-    """The axis of one state."""
-    signal, is_error = loop.system.states[state], state in loop.regulated
-    require_known(f"unit of an axis, of {key},", signal.unit, limits)
-    row = loop.sensitivity[loop.regulated.index(state)] if is_error else None
-    return Axis(
-        state=state,
-        key=key,
-        name=f"error of {signal.name}" if is_error else signal.name,
-        symbol=signal.symbol,
-        unit=signal.unit,
-        limit=limits[signal.unit],
-        direction=1.0 if row is None else float(row[state]),
-        origin=float(loop.equilibrium[state]),
-        is_error=is_error,
-    )
+    return axis(chosen[0]), axis(chosen[1])
 
 
 def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
@@ -403,7 +360,7 @@ def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: A
     wrong = [x for x in starts if system.singular(x) or not system.linearizable(x)]
     if wrong:
         values = ", ".join(
-            f"{axis.symbol} = {axis.shown(wrong[0][axis.state]):.4g} {axis.shown_unit}"
+            f"{axis.signal.symbol} = {axis.shown(wrong[0][axis.state]):.4g} {axis.unit}"
             for axis in axes
         )
         raise ArgumentError(
@@ -416,42 +373,31 @@ def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: A
 # Maps on equations, their boundaries confirmed in MuJoCo
 
 
-@dataclass(frozen=True, eq=False)
-class ScreenedArea:
-    """Starts side by side, whose outcomes the equations gave and MuJoCo confirmed.
-
-    Attributes:
-        letters: Their outcomes, (rows, columns).
-        confirmed: Which of them are MuJoCo's.
-        overturned: For which of these the equations gave another outcome.
-    """
-
-    letters: Letters
-    confirmed: Mask
-    overturned: Mask
-
-
-def confirmed_area(first: Letters, confirm: Callable[[Mask], Letters], seed: int) -> ScreenedArea:
+def confirmed_area(
+    first: Letters, confirm: Callable[[Mask], Letters], seed: int
+) -> tuple[Letters, Mask]:
     """Confirm every start beside another outcome, and some of the others.
 
-    The starts beside an outcome that is overturned are confirmed, too, until none is.
+    Of an outcome that MuJoCo overturns every neighbour is confirmed: one that the equations told
+    apart from it was beside another outcome before, any other one is beside another outcome now.
 
     Args:
         first: Outcomes by the equations, (rows, columns).
         confirm: The outcomes in MuJoCo of some starts, in the order of the area.
         seed: Of the random ones.
+
+    Returns:
+        The outcomes, and which of them are MuJoCo's, (rows, columns).
     """
     letters, confirmed = first.copy(), np.zeros(first.shape, bool)
-    drawn = np.zeros(first.shape, bool)
-    few = np.random.default_rng(seed).permutation(drawn.size)[: math.ceil(_RANDOM * drawn.size)]
-    drawn.reshape(-1)[few] = True
-    wanted = beside_another(first) | drawn
-    while np.any(new := wanted & ~confirmed):
+    chosen = beside_another(first)
+    drawn = np.random.default_rng(seed).permutation(first.size)[: math.ceil(_RANDOM * first.size)]
+    chosen.reshape(-1)[drawn] = True
+    while np.any(new := chosen & ~confirmed):
         letters[new] = confirm(new)
         confirmed |= new
-        overturned = np.asarray(binary_dilation(letters != first, np.ones((3, 3))), bool)
-        wanted = beside_another(letters) | overturned
-    return ScreenedArea(letters, confirmed, letters != first)
+        chosen = beside_another(letters)
+    return letters, confirmed
 
 
 def beside_another(letters: Letters) -> Mask:
@@ -470,7 +416,6 @@ class RegionMap:
         grid: Letters of ``Outcome``, (second axis, first axis).
         line: Those of starts on the first axis alone, (4 * points,).
         line_starts: Their values on the first axis.
-        seconds: Wall time.
         confirmed: Starts that MuJoCo judged, of all.
         overturned: Those of them for which the equations gave another outcome.
     """
@@ -480,7 +425,6 @@ class RegionMap:
     grid: Letters
     line: Letters
     line_starts: Array
-    seconds: float
     confirmed: int = 0
     overturned: int = 0
 
@@ -488,19 +432,24 @@ class RegionMap:
     def counts(self) -> dict[Outcome, int]:
         """Starts of the grid with each outcome."""
         letters = Counter(self.grid.ravel().tolist())
-        return {outcome: letters[outcome.value] for outcome in Outcome}
+        return {outcome: letters[outcome.letter] for outcome in Outcome}
 
     @property
     def converged(self) -> float:
         """Share of the grid that converges [%]."""
         return 100 * self.counts[Outcome.CONVERGED] / self.grid.size
 
+    @property
+    def rows(self) -> list[str]:
+        """A string for each value of the second axis, from the lowest."""
+        return ["".join(row) for row in self.grid.tolist()]
+
     def rest_interval(self) -> tuple[float, float] | None:
         """The farthest starts on the first axis from which, and from all between, it converges.
 
         None if it does not converge from those next to zero.
         """
-        good, middle = self.line == Outcome.CONVERGED.value, len(self.line) // 2
+        good, middle = self.line == Outcome.CONVERGED.letter, len(self.line) // 2
         if not (good[middle - 1] and good[middle]):
             return None
         wrong = np.flatnonzero(~good)
@@ -512,12 +461,12 @@ class RegionMap:
 # The maps of a system
 
 
-@dataclass(frozen=True)
-class RegionQuestion:
-    """Which maps are made.
+@checked(eq=False)
+class Region:
+    """The maps of one system: every law, on the nominal and on the perturbed plant.
 
     Attributes:
-        system: Name of the system; or an experiment, ``SYSTEM/CASE`` or the path of a case file.
+        target: Name of the system; or an experiment, ``SYSTEM/CASE`` or the path of a case file.
         points: Starts along each axis.
         duration: Of each run [s].
         axes: Two states by symbol; None for the controlled position and its rate.
@@ -526,107 +475,102 @@ class RegionQuestion:
         controllers: Laws by name; none for those that validate runs.
         screen: ``auto`` makes maps on equations, where these agree with MuJoCo, and confirms
             their boundaries; ``none`` makes all of them in MuJoCo.
+
+    Raises:
+        ModelError: If the system is unknown.
+        ArgumentError: If a name or a number does not fit, or a start lies beyond a stop.
     """
 
-    system: str
-    points: int = 100
-    duration: float = 12.0
+    target: str
+    points: Annotated[int, Range(2, 1000, whole=True)] = 100
+    duration: Annotated[float, Range(0, 1000, unit="s", above=True)] = 12.0
     axes: tuple[str, str] | None = None
-    limits: Mapping[str, float] = field(default_factory=dict)
-    settings: Settings = REGION_SETTINGS
+    limits: Mapping[str, Positive] = field(default_factory=dict)
+    settings: Settings = SETTINGS
     controllers: tuple[str, ...] = ()
-    screen: str = "auto"
+    screen: Literal["auto", "none"] = "auto"
 
-
-class Region:
-    """The maps of one system: every law, on the nominal and on the perturbed plant."""
-
-    def __init__(self, question: RegionQuestion) -> None:
-        """Check the question and lay out the starts.
-
-        Raises:
-            ModelError: If the system is unknown.
-            ArgumentError: If a name or a number does not fit, or a start lies beyond a stop.
-        """
-        least, most = POINTS
-        if not least <= question.points <= most:
-            raise ArgumentError(f"{question.points} points per axis must be from {least} to {most}")
-        if not 0 < question.duration <= LONGEST:
-            raise ArgumentError(
-                f"duration {question.duration:g} s must be positive, up to {LONGEST:g} s"
-            )
-        require_known("screen", question.screen, SCREENS)
-        self.question = question
-        perturbed = _perturbed(question)
-        self.system: System = perturbed.nominal.system
-        self.experiments = [
-            experiment.with_settings(**question.settings.changes())
-            for experiment in (_unperturbed(perturbed), perturbed)
-        ]
-        self.controllers = list(dict.fromkeys(question.controllers or perturbed.controllers))
-        reference = RegionLoop.of(self.experiments[0], self.controllers[0])
-        self.axes: tuple[Axis, Axis] = choose_axes(reference, question.axes, question.limits)
-        first, second = np.meshgrid(*(axis.cells(question.points) for axis in self.axes))
-        self._line = self.axes[0].cells(_LINE * question.points)
-        self._starts = starts_on(
-            reference,
-            self.axes,
-            np.concatenate([first.ravel(), self._line]),
-            np.concatenate([second.ravel(), np.zeros(len(self._line))]),
-        )
-        physics = perturbed.plant("physics")
+    def __post_init__(self) -> None:
+        """Lay out the starts at once, so that a mistake is told before the first run."""
+        physics = self.experiments[1].plant("physics")
         try:
-            for start in self._starts:
+            for start in self.starts:
                 physics.require_start(start)
         except ArgumentError as error:
             raise ArgumentError(f"{error}, or lower the limits of the axes") from error
 
     @cached_property
+    def experiments(self) -> list[Experiment]:
+        """With the nominal plant, and with the perturbed one."""
+        perturbed = _perturbed(self.target, self.duration)
+        both = (_unperturbed(perturbed), perturbed)
+        return [experiment.with_settings(**self.settings.changes()) for experiment in both]
+
+    @property
+    def system(self) -> System:
+        """Whose starts they are."""
+        return self.experiments[1].nominal.system
+
+    @cached_property
+    def loops(self) -> list[RegionLoop]:
+        """The loops of the maps, every law on the nominal plant first."""
+        laws = dict.fromkeys(self.controllers or self.experiments[1].controllers)
+        return [RegionLoop.of(experiment, law) for experiment in self.experiments for law in laws]
+
+    @cached_property
+    def plane(self) -> tuple[Axis, Axis]:
+        """The two axes."""
+        return choose_axes(self.loops[0], self.axes, self.limits)
+
+    @cached_property
+    def line(self) -> Array:
+        """Values of the starts on the first axis alone, (4 * points,)."""
+        return self.plane[0].cells(_LINE * self.points)
+
+    @cached_property
+    def starts(self) -> Array:
+        """The starts of a map row by row, then those on the first axis alone, (nsim, n)."""
+        first, second = np.meshgrid(*(axis.cells(self.points) for axis in self.plane))
+        across = np.concatenate([first.ravel(), self.line])
+        up = np.concatenate([second.ravel(), np.zeros(len(self.line))])
+        return starts_on(self.loops[0], self.plane, across, up)
+
+    @property
     def batches(self) -> int:
         """Batches of all maps, for a progress bar."""
-        maps = len(self.experiments) * len(self.controllers)
-        return maps * math.ceil(len(self._starts) / BATCH)
+        return len(self.loops) * math.ceil(len(self.starts) / BATCH)
 
     @cached_property
     def why_not(self) -> dict[str, str]:
         """Why no map of a case is made on equations, by its name; empty where they are."""
-        none = self.question.screen == "none"
+        none = self.screen == "none"
         return {
             x.case.name: "screen is none" if none else model_mismatch(x.plant("physics"))
             for x in self.experiments
         }
 
-    def maps(self, advance: Callable[[str], None] = lambda _: None) -> Iterator[RegionMap]:
+    def maps(self, advance: Callable[[str], object] = lambda _: None) -> Iterator[RegionMap]:
         """Compute the maps, one by one; ``advance`` is called after each batch."""
-        for experiment in self.experiments:
-            for name in self.controllers:
-                yield self._map(experiment, name, advance)
-
-    def _map(self, experiment: Experiment, name: str, advance: Callable[[str], None]) -> RegionMap:
-        """One map."""
-        began, physics = time.perf_counter(), RegionLoop.of(experiment, name)
-        case, size = experiment.case, self.question.points
-        screened = not self.why_not[case.name]
-        loop = replace(physics, on_equations=True) if screened else physics
-        letters = self._outcomes(loop, self._starts, lambda: advance(f"{case.name}/{name}"))
-        cells = size * size
-        grid, line = letters[:cells].reshape(size, size), letters[cells:]
-        confirmed, overturned = len(letters), 0
-        if screened:
-            areas = [
-                confirmed_area(first, partial(self._of_some, physics, starts), seed)
-                for seed, (first, starts) in enumerate(
-                    [(grid, self._starts[:cells]), (line[None], self._starts[cells:])]
+        size = self.points**2
+        for physics in self.loops:
+            case, law, loop = physics.experiment.case, physics.controller.name, physics
+            if screened := not self.why_not[case.name]:
+                loop = replace(physics, plant=physics.plant.analytic())
+            letters = self._outcomes(loop, self.starts, partial(advance, f"{case.name}/{law}"))
+            grid, line = letters[:size].reshape(self.points, -1), letters[None, size:]
+            confirmed, overturned = len(letters), 0
+            if screened:
+                areas = ((grid, self.starts[:size]), (line, self.starts[size:]))
+                (grid, of_grid), (line, of_line) = (
+                    confirmed_area(first, partial(self._some_outcomes, physics, starts), seed)
+                    for seed, (first, starts) in enumerate(areas)
                 )
-            ]
-            grid, (line,) = (area.letters for area in areas)
-            confirmed = sum(int(area.confirmed.sum()) for area in areas)
-            overturned = sum(int(area.overturned.sum()) for area in areas)
-        seconds = time.perf_counter() - began
-        return RegionMap(case, name, grid, line, self._line, seconds, confirmed, overturned)
+                confirmed = int(of_grid.sum() + of_line.sum())
+                overturned = int((np.concatenate([grid.ravel(), line[0]]) != letters).sum())
+            yield RegionMap(case, law, grid, line[0], self.line, confirmed, overturned)
 
-    def _of_some(self, loop: RegionLoop, starts: Array, chosen: Mask) -> Letters:
-        """The outcomes of some starts."""
+    def _some_outcomes(self, loop: RegionLoop, starts: Array, chosen: Mask) -> Letters:
+        """The outcomes of some starts of an area."""
         return self._outcomes(loop, starts[chosen.reshape(-1)])
 
     def _outcomes(
@@ -635,7 +579,7 @@ class Region:
         """The outcome of each start, a batch at a time."""
         parts = []
         for first in range(0, len(starts), BATCH):
-            parts.append(outcomes(loop, starts[first : first + BATCH], self.question.duration))
+            parts.append(outcomes(loop, starts[first : first + BATCH], self.duration))
             advance()
         return np.concatenate(parts)
 
@@ -648,35 +592,188 @@ def _is_edited(experiment: Experiment) -> bool:
 
 def _unperturbed(perturbed: Experiment) -> Experiment:
     """The same laws on the nominal plant: the case of the package for it, if there is one."""
-    case = perturbed.case
+    case, laws = perturbed.case, (perturbed.controllers, perturbed.file.controller)
     if perturbed.path in shipped_files().values():
         for other in find_experiments(case.system):
             calm = not other.case.edits and not other.case.disturbances
-            if calm and other.case.controllers == case.controllers:
+            if calm and (other.controllers, other.file.controller) == laws:
                 return other
     return perturbed.varied(name="nominal", title="nothing is changed", edits=(), disturbances=())
 
 
-def _perturbed(question: RegionQuestion) -> Experiment:
+def _perturbed(target: str, duration: float) -> Experiment:
     """The experiment with the perturbed plant; of a system its first case that edits the plant.
 
     Raises:
         ArgumentError: If it is unknown, does not run in MuJoCo, or nothing differs from the
             nominal plant.
     """
-    known = find_experiments(question.system)
+    known = find_experiments(target)
     if len(known) > 1:
         return next(experiment for experiment in known if _is_edited(experiment))
     (experiment,) = known
     case = experiment.case
     if "physics" not in experiment.nominal.names:
-        raise ArgumentError(f"{question.system}: it does not run in MuJoCo, where maps are made")
-    if not case.edits and case.onset >= question.duration:
+        raise ArgumentError(f"{target}: it does not run in MuJoCo, where maps are made")
+    if not case.edits and case.onset >= duration:
         why = f"disturbed from {case.onset:g} s on" if case.disturbances else "not changed"
         others = find_experiments(case.system) if experiment.nominal.shipped else []
         names = ", ".join(x.case.name for x in others if _is_edited(x)) or "one with an edit"
         raise ArgumentError(
             f"{case.name} of {case.system} is the nominal plant, {why}, and a run takes "
-            f"{question.duration:g} s: take {names}"
+            f"{duration:g} s: take {names}"
         )
     return experiment
+
+
+# The answer: table, charts, figure, document
+
+
+def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
+    """A row a map, from the fewest starts that converge on; how far at rest it converges."""
+    axis, rows = region.plane[0], []
+    for found in sorted(maps, key=lambda found: found.converged):
+        ends = [f"{axis.shown(end):+.1f}" for end in found.rest_interval() or ()]
+        _, *others = found.counts.values()
+        share = f"{found.converged:.1f}"
+        at_rest = " to ".join(ends) or "none"
+        rows.append([found.case.name, found.controller, share, *map(str, others), at_rest])
+    outcomes = ("\n".join(outcome.title.rsplit(" ", 1)) for outcome in list(Outcome)[1:])
+    columns = [
+        *words("plant", "law"),
+        *numbers("converged\n%", *outcomes, f"at rest\n[{axis.unit}]"),
+    ]
+    return table(f"{region.system.title}: outcomes of the starts", columns, rows)
+
+
+def legend(region: Region, maps: Sequence[RegionMap]) -> str:
+    """Which engine judged the starts, and what the words of the table mean."""
+    starts = sum(found.grid.size + found.line.size for found in maps)
+    confirmed = sum(found.confirmed for found in maps)
+    bounds = sorted(
+        {
+            f"|error of {symbol}| <= {value:.3g} {unit}"
+            for loop in region.loops
+            for symbol, (value, unit) in loop.tolerances.items()
+        }
+    )
+    judged = (
+        f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
+        f"MuJoCo, all beside another outcome among them; it overturned "
+        f"{sum(found.overturned for found in maps)}. "
+    )
+    return (judged if confirmed < starts else "") + (
+        f"converged: {' and '.join(bounds)} after {region.duration:g} s; left the "
+        f"region: a sample of the law not in the region ({region.system.region}); at rest: the "
+        f"widest interval of starts of {region.plane[0].signal.symbol} alone, about zero, that all "
+        "converge."
+    )
+
+
+def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
+    """A row for each plant, a map for each law."""
+    across, up = (
+        (f"start {x.name} {x.signal.symbol} [{x.unit}]", x.shown(x.limit)) for x in region.plane
+    )
+    letters = [Letter(letter=x.letter, name=x.title, colour=x.colour) for x in Outcome]
+
+    def chart(found: RegionMap) -> GridChart:
+        name = f"{label_of(found.controller)}, {found.case.name}: {found.converged:.1f} % converge"
+        return GridChart(name=name, axes=(across, up), grid=found.rows, legend=letters)
+
+    cases = dict.fromkeys(found.case.name for found in maps)
+    return [[chart(found) for found in maps if found.case.name == case] for case in cases]
+
+
+def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> Path:
+    """Draw the maps, plants below each other; the SVG lies beside the PNG.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    how = f"{region.settings.switching} switching"
+    title = f"{region.system.title}: from where each law converges ({how})"
+    return write_panels(path, in_lines(title, 60), charts(region, maps))
+
+
+def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]:
+    """The content of region_SYSTEM.json."""
+    settings, cases = region.settings, {}
+    for experiment in region.experiments:
+        content = case_document(experiment.case)
+        keys = ("case", "title", "source", "edits", "disturbances")
+        cases[experiment.case.name] = {key: content[key] for key in keys}
+    least: dict[str, RegionMap] = {}
+    for found in maps:
+        other = least.get(found.controller, found)
+        least[found.controller] = min(other, found, key=lambda each: each.converged)
+    said = [
+        f"{law} converges from "
+        + (
+            f"{number(x.converged)} % of the starts in {x.case.name}"
+            if x.converged < 100
+            else "every start"
+        )
+        for law, x in least.items()
+    ]
+    system = region.system.name
+    return result(
+        "region",
+        {
+            "duration": {"value": region.duration, "unit": "s"},
+            "points": region.points,
+            "control_period": settings.control_period,
+            "timestep": settings.timestep,
+            "integrator": settings.integrator,
+            "switching": settings.switching,
+            "surface": settings.surface,
+            "region": region.system.region,
+            "axes": [axis.document() for axis in region.plane],
+            "cases": list(cases.values()),
+        },
+        answers=[
+            Answer(
+                question=f"Region of {system}",
+                verdict=MEASURED,
+                words="; ".join(said),
+                more=f"the worst of {', '.join(cases)}",
+            )
+        ],
+        sheets=[
+            Sheet(
+                table=region_table(region, maps).model_copy(
+                    update={"legend": legend(region, maps)}
+                ),
+                charts=[chart for row in charts(region, maps) for chart in row],
+            )
+        ],
+        values=[
+            Value(
+                name=f"{system}/{found.case.name} {found.controller}: starts that converge",
+                value=found.converged, unit="%", better=1, relative=0.1,
+            )
+            for found in maps
+        ],
+        system=system,
+        outcomes={x.letter: {"name": x.title, "meaning": x.meaning} for x in Outcome},
+        maps=[_map(region, found) for found in maps],
+    )  # fmt: skip
+
+
+def _map(region: Region, found: RegionMap) -> dict[str, Any]:
+    """One map as plain values."""
+    low, high = found.rest_interval() or (None, None)
+    return {
+        "case": found.case.name,
+        "controller": found.controller,
+        "counts": {outcome.title: count for outcome, count in found.counts.items()},
+        "converges_on_first_axis": {
+            "from": low,
+            "to": high,
+            "spacing": float(found.line_starts[1] - found.line_starts[0]),
+            "unit": region.plane[0].signal.unit,
+        },
+        "judged_in_mujoco": found.confirmed,
+        "overturned": found.overturned,
+        "grid": found.rows,
+    }

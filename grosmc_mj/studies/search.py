@@ -1,25 +1,18 @@
-"""One search along a factor, and the batch runner that it asks."""
+"""One search along a factor, and the runs that it asks for."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.metrics import Recording, meters_of, said_by
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, costs_wanted, margins_of, windows
-from grosmc_mj.loop import Loop, in_loop
-from grosmc_mj.simulation.problem import Meters
-from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.experiments.requirements import Limit
+from grosmc_mj.loop import Loop
 from grosmc_mj.studies.studied import Condition, StudiedLaw, judgeable_in
+from grosmc_mj.sweep.runs import MARGIN, Row, run_rows
 
 # The grid: factors on an amount, each twice the one before.
 LEAST, MOST = 2.0**-4, 2.0**10
@@ -116,12 +109,6 @@ class TrialResult(NamedTuple):
     impossible: str = ""
 
 
-class _PlannedRun(NamedTuple):
-    trial: Trial
-    number: int
-    controller: Controller
-
-
 @dataclass(frozen=True, eq=False)
 class Trials:
     """The runs of one law on one plant in many loops, none made twice.
@@ -143,22 +130,14 @@ class Trials:
     seeds: int
     threads: int = 0
     known: dict[tuple[Trial, int], TrialResult] = field(default_factory=dict)
-    _meters: dict[Condition, Meters] = field(default_factory=dict)
 
     def results(self, runs: Sequence[tuple[Trial, int]]) -> list[TrialResult]:
-        """Results of runs, by trial and number; those of one law and condition run together."""
-        groups: dict[tuple[Any, Condition], list[_PlannedRun]] = {}
-        for trial, number in dict.fromkeys(runs):
-            if (trial, number) in self.known:
-                continue
-            try:
-                run = _PlannedRun(trial, number, self._controller(trial, number))
-                self._measure(trial.condition)
-            except GrosmcError as error:
-                self.known[trial, number] = TrialResult(False, -np.inf, "", number, str(error))
-            else:
-                groups.setdefault((run.controller.law, trial.condition), []).append(run)
-        for (_, condition), group in groups.items():
+        """Results of runs, by trial and number; those under one condition run together."""
+        groups: dict[Condition, list[tuple[Trial, int]]] = {}
+        for run in dict.fromkeys(runs):
+            if run not in self.known:
+                groups.setdefault(run[0].condition, []).append(run)
+        for condition, group in groups.items():
             self._run(condition, group)
         return [self.known[run] for run in runs]
 
@@ -171,63 +150,25 @@ class Trials:
         return [min((r for r in results if r), key=lambda r: (r.kept, r.margin))
                 for results in every]  # fmt: skip
 
-    def _controller(self, trial: Trial, number: int) -> Controller:
-        """The law in its loop."""
-        experiment = trial.condition.experiment
-        settings = experiment.settings
-        return in_loop(
-            self.law.controller, trial.loop, experiment.nominal.system,
-            control_period=settings.control_period, timestep=settings.timestep,
-            predict=self.law.predict, run=number,
-        )  # fmt: skip
-
-    def _measure(self, condition: Condition) -> Meters:
-        """The meters of the requirements under a condition."""
-        if condition not in self._meters:
-            experiment, limits = condition.experiment, self.limits[condition]
-            self._meters[condition] = meters_of(
-                self.law.controller,
-                experiment.settings.timestep,
-                windows(limits),
-                experiment.case.onset,
-                costs=costs_wanted(limits),
-                limits=experiment.plant(self.plant).input_limits,
-            )
-        return self._meters[condition]
-
-    def _run(self, condition: Condition, runs: Sequence[_PlannedRun]) -> None:
-        """Make runs of one layout under one condition, and note their results."""
-        experiment, limits, count = condition.experiment, self.limits[condition], len(runs)
-        case, settings = experiment.case, experiment.settings
-        starts = np.tile(np.array(case.x0, float), (count, 1))
-        ended = simulate(
-            [experiment.plant(self.plant)] * count,
-            [run.controller for run in runs],
-            starts,
-            duration=case.duration,
-            control_period=settings.control_period,
-            timestep=settings.timestep,
-            disturbances=[list(case.disturbances)] * count,
-            meters=[self._measure(condition)] * count,
-            engine=settings.engine_for(runs[0].controller),
-            record=False,
-            threads=self.threads,
+    def _run(self, condition: Condition, runs: Sequence[tuple[Trial, int]]) -> None:
+        """Make runs under one condition, and note their results."""
+        experiment, limits, law = condition.experiment, self.limits[condition], self.law
+        plant = experiment.plant(self.plant)
+        rows = [
+            Row(law.controller, case=replace(experiment.case, loop=trial.loop), number=number,
+                plant=plant, predict=law.predict)
+            for trial, number in runs
+        ]  # fmt: skip
+        outcomes = run_rows(
+            experiment, rows, limits, self.plant, keep_impossible=True, threads=self.threads
         )
-        completed = np.array([status is Status.COMPLETED for status in ended.status])
-        recording = Recording.sampled(
-            settings.timestep, case.duration, np.full(count, case.onset), windows(limits)
-        )
-        metrics = said_by(
-            runs[0].controller, np.atleast_1d(ended.meters), recording, starts, ended.state[:, -1],
-            completed, costs=costs_wanted(limits),
-        )  # fmt: skip
-        margins = margins_of(limits, metrics, completed)
-        for i, run in enumerate(runs):
-            judged = judgeable_in(limits, run.trial.loop, self.built)
-            shares = {limit.key: float(margins[limit.key][i] / limit.value) for limit in judged}
-            worst = min(shares, key=lambda key: (shares[key], key), default="")
-            margin = shares.get(worst, 1.0)
-            result = TrialResult(margin >= 0, margin, worst, run.number)
-            if not completed[i]:
-                result = TrialResult(False, -np.inf, ended.status[i].name.lower(), run.number)
-            self.known[run.trial, run.number] = result
+        for i, (trial, number) in enumerate(runs):
+            judged = judgeable_in(limits, trial.loop, self.built)
+            shares = [(float(outcomes[MARGIN + x.key][i] / x.value), x.key) for x in judged]
+            margin, worst = min(shares, default=(1.0, ""))
+            result = TrialResult(margin >= 0, margin, worst, number)
+            if why := outcomes.impossible.get(i):
+                result = TrialResult(False, -math.inf, "", number, why)
+            elif not outcomes.completed[i]:
+                result = TrialResult(False, -math.inf, outcomes["status"][i], number)
+            self.known[trial, number] = result

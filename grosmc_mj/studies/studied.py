@@ -1,13 +1,10 @@
-"""Laws and load conditions that the tolerance and ladder studies share."""
+"""Laws, load conditions and limits that the tolerance and ladder studies share."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
-
-from pydantic import BaseModel, BeforeValidator
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
@@ -19,8 +16,6 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judgeable, limits, required, transient
 from grosmc_mj.loop import Loop
 
-# A number that may be infinite, for which JSON has null.
-Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 UNDER_LOAD = "under load"
 # Laws that GROSMC is compared with, in the variants of a case file; studied on request.
 _RIVALS = ("lqi", "pid", "adrc", "adaptive")
@@ -51,7 +46,6 @@ class StudiedLaw:
         name: For people: that of the file, or the switching law's.
         controller: Without a loop.
         predict: Whether it predicts over the delay of its loop.
-        settings: How it is sampled, in words.
         base: Name of the law in the case file.
         sampled: How it is sampled, as settings of an experiment.
         rival: Whether GROSMC is compared with it and the case does not run it.
@@ -60,22 +54,9 @@ class StudiedLaw:
     name: str
     controller: Controller
     predict: bool = False
-    settings: str = ""
     base: str = ""
     sampled: Mapping[str, str] = field(default_factory=dict)
     rival: bool = False
-
-    @property
-    def follows_optimum(self) -> bool:
-        """Whether its nominal loop is the optimum's, see ``Design``."""
-        return self.controller.designed.follows_optimum
-
-
-class Named(BaseModel):
-    """Name and title of a condition in a result."""
-
-    name: str
-    title: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +72,6 @@ class Condition:
     name: str
     title: str
     experiment: Experiment
-
-    @property
-    def named(self) -> Named:
-        """It in a result."""
-        return Named(name=self.name, title=self.title)
 
 
 def case_for(target: str, name: str) -> Experiment:
@@ -126,7 +102,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
     first = Condition("nominal", "the nominal plant", calm.varied(edits=(), disturbances=()))
     if case.edits or case.disturbances or nominal.scales:
         return [first, Condition(UNDER_LOAD, case.title, experiment)]
-    others = [other.case for name in _LOADED if (other := of_system(experiment, name))]
+    loads = [other.case for name in _LOADED if (other := of_system(experiment, name))]
     return [first] + [
         Condition(
             load.name,
@@ -137,7 +113,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
                 duration=max(case.duration, load.duration),
             ),
         )
-        for load in others
+        for load in loads
     ]
 
 
@@ -151,10 +127,12 @@ def limits_in(
     case, controller = condition.experiment.case, law.controller
     changes = {"of": None, "on": None, **({} if controller.designed.sliding_unit else _OF_SURFACE)}
     own = [table.model_copy(update=changes) for table in tables]
-    every: list[Limit] = []
-    for table in own:
-        if any(getattr(table, name) for name in _REQUIRED):
-            every += limits(table, [controller], plants, case.duration)
+    every = [
+        limit
+        for table in own
+        if any(getattr(table, name) for name in _REQUIRED)
+        for limit in limits(table, [controller], plants, case.duration)
+    ]
     onsets = [(push.window[0], push.window[0]) for push in case.disturbances]
     judged, _notes = judgeable(every, transient(case.duration, onsets))
     return required(judged, {controller.name})
@@ -219,35 +197,42 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
 def _switched(experiment: Experiment, base: str, taken: set[str]) -> list[StudiedLaw]:
     """A law with every switching law that fits its surface, without and with prediction."""
     laws = []
-    for predict, ending in ((False, ""), (True, ", predicted")):
-        for switching, surface in _SWITCHED:
-            if predict and switching not in _PREDICTED:
-                continue
-            sampled = {"switching": switching, "surface": surface}
-            try:
-                controller = experiment.with_settings(**sampled).law(
-                    experiment.nominal.truest, base
-                )
-            except GrosmcError:
-                # Not every switching law fits every surface, such as one of several inputs.
-                continue
-            name = (f"{base} {switching}" if switching in taken else switching) + ending
-            words = f"{base}, {switching}, {surface} surface"
-            laws.append(StudiedLaw(name, controller, predict, words, base, sampled))
+    variants = [(False, *law) for law in _SWITCHED]
+    variants += [(True, *law) for law in _SWITCHED if law[0] in _PREDICTED]
+    for predict, switching, surface in variants:
+        sampled = {"switching": switching, "surface": surface}
+        try:
+            law = experiment.with_settings(**sampled).law(experiment.nominal.truest, base)
+        except GrosmcError:
+            # Not every switching law fits every surface, such as one of several inputs.
+            continue
+        name = f"{base} {switching}" if switching in taken else switching
+        name += ", predicted" if predict else ""
+        laws.append(StudiedLaw(name, law, predict, base, sampled))
     return laws
 
 
 def chosen_laws(
-    laws: Sequence[StudiedLaw], names: Sequence[str], *, rivals: bool = False
+    experiment: Experiment, names: Sequence[str] = (), *, rivals: bool = False
 ) -> list[StudiedLaw]:
-    """The laws of these names; without names all, the rivals only on request.
+    """The laws of these names, any law of the file among them; without names those of ``laws_of``.
+
+    Args:
+        experiment: The target's, without a loop.
+        names: Of laws.
+        rivals: Whether all includes the rivals.
 
     Raises:
         ArgumentError: If there is none of one of them.
     """
-    known = {law.name: law for law in laws}
+    laws, file = laws_of(experiment), experiment.file
+    if not names:
+        return [law for law in laws if rivals or not law.rival]
+    known, own = {law.name: law for law in laws}, [*file.laws, *experiment.controllers]
     for name in names:
-        require_known("law", name, known)
-    if names:
-        return [known[name] for name in dict.fromkeys(names)]
-    return [law for law in laws if rivals or not law.rival]
+        require_known("law", name, dict.fromkeys([*known, *own]))
+        if name not in known:
+            controller = experiment.law(experiment.nominal.truest, name)
+            predict = bool(file.law(name).predict)
+            known[name] = StudiedLaw(name, controller, predict, base=name)
+    return [known[name] for name in dict.fromkeys(names)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,6 @@ import numpy as np
 
 from grosmc_mj.control.switching import (
     SWITCHINGS,
-    SuperTwisting,
     Switching,
     find_switching,
 )
@@ -78,8 +77,7 @@ def law_for(name: str) -> Switching:
     Raises:
         GainError: If there is no such law.
     """
-    law = find_switching(name)
-    return replace(law, slope=SLOPE) if isinstance(law, SuperTwisting) else law
+    return find_switching(name, slope=SLOPE)
 
 
 class Sample(NamedTuple):
@@ -125,7 +123,7 @@ def scalar_samples(
     for i in range(round(_END / h)):
         t = i * h
         memory.elapsed, memory.t = t - memory.t, t
-        law.reach(np.array([s]), 0.0, GAIN, memory, law, memory.phi)
+        law.reach(np.array([s]), 0.0, GAIN, memory, law.numbers, memory.phi)
         phi = float(memory.phi[0])
         yield Sample(t, s, phi, memory)
         s += gain_ratio * h * phi + push(t, (i + 1) * h)

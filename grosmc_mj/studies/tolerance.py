@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from rich.cells import cell_len
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Executor, Notice
@@ -21,17 +22,45 @@ from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.loop import Loop
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
-from grosmc_mj.results.tables import number, prefixed
-from grosmc_mj.studies.search import MOST, Search, Trial, TrialResult, Trials
+from grosmc_mj.results.figure import in_lines
+from grosmc_mj.results.result import (
+    MEASURED,
+    OPEN,
+    Answer,
+    CellChart,
+    Sheet,
+    Standing,
+    Value,
+    result,
+)
+from grosmc_mj.results.tables import (
+    WIDTH,
+    Table,
+    names,
+    number,
+    numbers,
+    prefixed,
+    table,
+    text,
+    words,
+)
+from grosmc_mj.studies.figures import write_cells
+from grosmc_mj.studies.search import (
+    BEYOND,
+    LEAST,
+    MOST,
+    RESOLUTION,
+    Search,
+    Trial,
+    TrialResult,
+    Trials,
+)
 from grosmc_mj.studies.studied import (
     Condition,
-    Named,
     StudiedLaw,
-    Unlimited,
     case_for,
     chosen_laws,
     conditions_of,
-    laws_of,
     limits_in,
     of_system,
 )
@@ -40,7 +69,7 @@ from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 # The case of a system whose loop is that of equipment that one can buy.
 BENCH = "bench"
 # Name of all imperfections at once, in the bench's proportions.
-WHOLE = "all"
+ALL = "all"
 # More of these is less of an imperfection.
 _LIMITS = ("limit", "rate_limit")
 # Times are below this [s], and so many samples come through at least.
@@ -49,143 +78,16 @@ _LONGEST, _MISSED = 1.0, 0.99
 _TYPICAL = 100.0
 # Of the answers that the equations are sure of, this part is confirmed all the same.
 _RANDOM = 0.1
+LEGEND = (
+    "The largest amount up to which all is kept, of the first part. no: not kept without it; "
+    "none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again beyond; "
+    "!: MuJoCo differs from the equations, and counts."
+)
+# Letters in a line of a header, and octaves of a chart's colours.
+_LETTERS, _OCTAVES = 12, 6.0
 
 
-# The result
-
-
-class Part(BaseModel):
-    """An amount of one number of a loop; infinite for no limit."""
-
-    of: str
-    quantity: str
-    unit: str
-    value: Unlimited
-
-
-class Level(BaseModel):
-    """How much of an imperfection: its factor on the bench, and the amounts that it makes.
-
-    Attributes:
-        factor: On what the bench has.
-        shown: The amount of the first part as it is run, in its unit; of all at once the factor.
-        parts: The amounts.
-    """
-
-    factor: float
-    shown: Unlimited
-    parts: list[Part]
-
-
-class Kind(BaseModel):
-    """An imperfection, and how its amounts are shown.
-
-    Attributes:
-        name: For people.
-        unit: In which amounts are shown; empty for none.
-        scale: Factor to that unit.
-        bench: What the bench has, in the unit of ``Level.shown``.
-        limits: Whether less of it is worse.
-        graded: Whether there is more or less of it.
-        whole: Whether it is all imperfections at once.
-    """
-
-    name: str
-    unit: str
-    scale: float
-    bench: float
-    limits: bool
-    graded: bool
-    whole: bool
-
-    @property
-    def heading(self) -> str:
-        """Name and unit."""
-        unit = "times the bench" if self.whole else self.unit
-        return f"{self.name} [{unit}]" if unit else self.name
-
-    def text(self, level: Level) -> str:
-        """An amount with its unit."""
-        return f"{number(level.shown * self.scale)} {self.unit or 'times the bench'}"
-
-
-class Tolerance(BaseModel):
-    """How much of an imperfection a law stands under a condition.
-
-    Attributes:
-        law: Name of the law.
-        imperfection: Name of the imperfection.
-        condition: Name of the condition.
-        kept_ideally: Whether all is kept without any of it.
-        largest_kept: Up to where all that was tried is kept; a factor of 0 if only none of it is.
-        smallest_failed: The smallest that fails; None if none that was tried does.
-        kept_again: Where all is kept again beyond that, from where to where.
-        breaks: The requirement that fails there, or how that run ended.
-        physics_agrees: Whether MuJoCo says the same at both ends; None where it was not run.
-        impossible: Why there can be no such loop.
-    """
-
-    model_config = ConfigDict(frozen=True)
-    law: str
-    imperfection: str
-    condition: str
-    kept_ideally: bool
-    largest_kept: Level
-    smallest_failed: Level | None = None
-    kept_again: list[tuple[Level, Level]] = []
-    breaks: str | None = None
-    physics_agrees: bool | None = None
-    impossible: str | None = None
-
-    @property
-    def weakness(self) -> float:
-        """By which tolerances are compared: the factor that fails, infinite if none does."""
-        if not self.kept_ideally or self.impossible:
-            return 0.0
-        return math.inf if self.smallest_failed is None else self.smallest_failed.factor
-
-    @property
-    def none(self) -> bool:
-        """Whether all is kept only without it: with less than half a timestep of it at most."""
-        return self.largest_kept.factor == 0 or self.largest_kept.shown == 0
-
-
-class Tolerances(BaseModel):
-    """The tolerances of a target's laws: what the study writes and its tables are made from.
-
-    Attributes:
-        target: SYSTEM/CASE.
-        conditions: Under which laws are studied.
-        imperfections: Of the loop.
-        tolerances: A row for each law, imperfection and condition.
-    """
-
-    target: str
-    conditions: list[Named]
-    imperfections: list[Kind]
-    tolerances: list[Tolerance]
-
-    def kind(self, row: Tolerance) -> Kind:
-        """The imperfection of a row."""
-        return next(kind for kind in self.imperfections if kind.name == row.imperfection)
-
-    def stands_ideally(self, law: str, condition: str) -> bool:
-        """Whether a law keeps everything without any imperfection under a condition."""
-        own = (x for x in self.tolerances if (x.law, x.condition) == (law, condition))
-        return any(row.kept_ideally for row in own if self.kind(row).graded)
-
-    def least(self) -> list[Tolerance]:
-        """The least of each law and imperfection, over the conditions that the law stands."""
-        rows: dict[tuple[str, str], Tolerance] = {}
-        for row in self.tolerances:
-            if self.stands_ideally(row.law, row.condition):
-                key = row.law, row.imperfection
-                least = (rows.get(key, row), row)
-                rows[key] = min(least, key=lambda x: (x.weakness, x.largest_kept.factor))
-        return list(rows.values())
-
-
-# What is varied
+# The design: imperfections, conditions, laws
 
 
 class Amount(NamedTuple):
@@ -233,9 +135,19 @@ class Imperfection:
     timestep: float
 
     @property
+    def single(self) -> bool:
+        """Whether there is more or less of it, and it is not all of them at once."""
+        return bool(self.amounts) and self.name != ALL
+
+    @property
+    def limits(self) -> bool:
+        """Whether less of it is worse."""
+        return self.single and self.amounts[0].quantity in _LIMITS
+
+    @property
     def most(self) -> float:
         """The factor where it ends; of all at once each ends where it must."""
-        return min([MOST, *(x.most for x in self.amounts if self.name != WHOLE)])
+        return min([MOST, *(x.most for x in self.amounts if self.single)])
 
     def at(self, factor: float) -> Loop:
         """The loop with this factor on what the bench has, its times on the timestep's grid."""
@@ -244,35 +156,33 @@ class Imperfection:
             loop = loop.changed(amount.kind, amount.of, **{amount.quantity: amount.scaled(factor)})
         return loop.rounded(self.timestep)
 
-    def level(self, factor: float) -> Level:
-        """The amounts for a factor."""
-        shown = factor
-        if self.name != WHOLE and self.amounts:
-            first = self.amounts[0]
-            shown = first.scaled(factor)
-            if first.quantity in TIMES:
-                shown = time_as_run(first.quantity, shown, self.timestep)
-        parts = [
-            Part(of=f"{x.kind} {x.of}".strip(), quantity=x.quantity, unit=x.unit,
-                 value=x.scaled(factor))
-            for x in self.amounts
-        ]  # fmt: skip
-        return Level(factor=factor, shown=shown, parts=parts)
+    def amount(self, factor: float) -> float:
+        """The first amount for a factor as it is run, in its unit; the factor if it has none."""
+        if not self.single:
+            return factor
+        first = self.amounts[0]
+        value = first.scaled(factor)
+        return (
+            time_as_run(first.quantity, value, self.timestep) if first.quantity in TIMES else value
+        )
 
     @property
-    def kind(self) -> Kind:
-        """How it is shown."""
-        whole, graded = self.name == WHOLE, bool(self.amounts)
-        unit, scale, limits = "", 1.0, False
-        if graded and not whole:
-            first = self.amounts[0]
-            limits = first.quantity in _LIMITS
-            typical = abs(first.value) * (1.0 if limits else _TYPICAL)
-            unit, scale = prefixed(first.unit, typical) if first.unit else ("%", 100.0)
-        return Kind(
-            name=self.name, unit=unit, scale=scale, bench=self.level(1.0).shown, limits=limits,
-            graded=graded, whole=whole,
-        )  # fmt: skip
+    def unit(self) -> tuple[str, float]:
+        """The unit in which amounts are shown, and the factor to it; empty for none."""
+        if not self.single:
+            return ("times the bench" if self.amounts else ""), 1.0
+        first = self.amounts[0]
+        typical = abs(first.value) * (1.0 if self.limits else _TYPICAL)
+        return prefixed(first.unit, typical) if first.unit else ("%", 100.0)
+
+    @property
+    def heading(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit[0]}]" if self.unit[0] else self.name
+
+    def text(self, factor: float) -> str:
+        """The amount for a factor, in the unit that is shown."""
+        return number(self.amount(factor) * self.unit[1])
 
 
 def imperfections(
@@ -294,21 +204,21 @@ def imperfections(
         estimated = estimated.changed(amount.kind, amount.of, **ideal_number)
         groups.setdefault((amount.kind, amount.quantity), []).append(amount)
     ideal = replace(estimated, estimators=())
-    names = {key: " ".join(key).replace("_", " ") for key in groups}
+    titles = {key: " ".join(key).replace("_", " ") for key in groups}
     single = [
-        Imperfection(names[key], ideal, ideal, tuple(amounts), timestep)
+        Imperfection(titles[key], ideal, ideal, tuple(amounts), timestep)
         for key, amounts in groups.items()
     ]
-    whole = Imperfection(WHOLE, estimated, estimated, tuple(everything), timestep)
+    every = Imperfection(ALL, estimated, estimated, tuple(everything), timestep)
     if not bench.estimators:
-        return [*single, whole]
+        return [*single, every]
     name = "estimated rates"
     rates = [Imperfection(name, ideal, estimated, (), timestep)] + [
-        Imperfection(f"{names[key]}, {name}", estimated, estimated, tuple(amounts), timestep)
+        Imperfection(f"{titles[key]}, {name}", estimated, estimated, tuple(amounts), timestep)
         for key, amounts in groups.items()
         if key in (("sensor", "resolution"), ("sensor", "noise"))
     ]
-    return [*single, *rates, whole]
+    return [*single, *rates, every]
 
 
 def _amounts(
@@ -321,7 +231,9 @@ def _amounts(
         of: Any = getattr(part, "of", "")
         for item in fields(part):
             value: Any = getattr(part, item.name)
-            if item.name in LOOP_UNITS[kind] and value != 0 and math.isfinite(value):
+            # A sensor's scale is 1 where it is ideal, and has no more or less.
+            known = item.name in LOOP_UNITS[kind] and item.name != "scale"
+            if known and value != 0 and math.isfinite(value):
                 unit = unit_of(kind, of, item.name, system)
                 most = _LONGEST - timestep if unit == "s" else math.inf
                 most = {"missed": _MISSED, "jitter": control_period - timestep}.get(item.name, most)
@@ -355,6 +267,11 @@ class Setting:
         return setting, (self.named, [law.name for law in self.laws])
 
     @property
+    def target(self) -> str:
+        """SYSTEM/CASE."""
+        return f"{self.experiment.case.system}/{self.experiment.case.name}"
+
+    @property
     def plants(self) -> list[PlantName]:
         """The equations, if there are any, and physics, if there is."""
         return [name for name in self.experiment.nominal.names if name != "printed"]
@@ -362,16 +279,6 @@ class Setting:
     def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Limit, ...]:
         """Limits that a law must keep, whichever laws the file names."""
         return limits_in(self.experiment.file.requirement, law, condition, self.plants)
-
-    def of_rows(self, rows: Sequence[Tolerance]) -> Tolerances:
-        """The result."""
-        case = self.experiment.case
-        return Tolerances(
-            target=f"{case.system}/{case.name}",
-            conditions=[c.named for c in self.conditions],
-            imperfections=[imperfection.kind for imperfection in self.imperfections],
-            tolerances=list(rows),
-        )
 
 
 def setting(target: str, chosen: Sequence[str] = (), *, rivals: bool = False) -> Setting:
@@ -399,29 +306,105 @@ def setting(target: str, chosen: Sequence[str] = (), *, rivals: bool = False) ->
         experiment=bare,
         bench=owner.case.loop,
         bench_of=f"{owner.case.system}/{owner.case.name}",
-        laws=chosen_laws(laws_of(bare), chosen, rivals=rivals),
+        laws=chosen_laws(bare, chosen, rivals=rivals),
         imperfections=imperfections(owner.case.loop, bare.nominal.system, timestep, period),
         conditions=conditions_of(bare),
         named=target,
     )
 
 
-# The search
+# The reduction: a search of each answer
 
 
-@dataclass(eq=False)
-class _Question:
+@dataclass(frozen=True)
+class Tolerance:
+    """How much of an imperfection a law stands under a condition; amounts are factors on the bench.
+
+    Attributes:
+        law: Name of the law.
+        imperfection: The imperfection.
+        condition: Name of the condition.
+        kept_ideally: Whether all is kept without any of it.
+        largest_kept: Up to where all that was tried is kept; 0 if only none of it is.
+        smallest_failed: The smallest that fails; None if none that was tried does.
+        kept_again: Where all is kept again beyond that, from where to where.
+        breaks: The requirement that fails there, or how that run ended; empty if none does.
+        physics_agrees: Whether MuJoCo says the same at both ends; None where it was not run.
+        impossible: Why there can be no such loop; empty if there can.
+    """
+
+    law: str
+    imperfection: Imperfection
+    condition: str
+    kept_ideally: bool
+    largest_kept: float
+    smallest_failed: float | None = None
+    kept_again: Sequence[tuple[float, float]] = ()
+    breaks: str = ""
+    physics_agrees: bool | None = None
+    impossible: str = ""
+
+    @property
+    def weakness(self) -> float:
+        """By which tolerances are compared: the factor that fails, infinite if none does."""
+        if not self.kept_ideally or self.impossible:
+            return 0.0
+        return math.inf if self.smallest_failed is None else self.smallest_failed
+
+    @property
+    def none(self) -> bool:
+        """Whether all is kept only without it: with less than half a timestep of it at most."""
+        return self.largest_kept == 0 or self.imperfection.amount(self.largest_kept) == 0
+
+    @property
+    def reason(self) -> str:
+        """The requirement that fails, in words."""
+        return self.breaks.replace("_", " ")
+
+    @property
+    def cell(self) -> str:
+        """The tolerance in a cell of a table, without its unit."""
+        kind = self.imperfection
+        if self.impossible:
+            shown = "-"
+        elif not kind.amounts:
+            shown = "yes" if self.kept_ideally and self.smallest_failed is None else "no"
+        elif not self.kept_ideally:
+            shown = "no"
+        elif self.none:
+            shown = "none"
+        else:
+            endless = ("≤ " if kind.limits else "≥ ") if self.smallest_failed is None else ""
+            shown = endless + kind.text(self.largest_kept)
+        return shown + "*" * bool(self.kept_again) + "!" * (self.physics_agrees is False)
+
+    def kept_text(self, factor: float) -> str:
+        """The amount for a factor with its unit; of all at once the factor."""
+        return f"{self.imperfection.text(factor)} {self.imperfection.unit[0]}"
+
+    def document(self) -> dict[str, Any]:
+        """It as plain values, factors with their amounts."""
+
+        def level(factor: float) -> dict[str, float]:
+            return {"factor": factor, "shown": self.imperfection.amount(factor)}
+
+        failed = self.smallest_failed
+        return {name: value for name, value in vars(self).items() if name != "imperfection"} | {
+            "imperfection": self.imperfection.name,
+            "largest_kept": level(self.largest_kept),
+            "smallest_failed": None if failed is None else level(failed),
+            "kept_again": [[level(low), level(high)] for low, high in self.kept_again],
+        }
+
+
+class _Question(Search):
     """One tolerance that is searched."""
 
-    imperfection: Imperfection
-    condition: Condition
-    search: Search
-    results: dict[float, TrialResult] = field(default_factory=dict)
-    sure: set[float] = field(default_factory=set)
-
-    @classmethod
-    def of(cls, imperfection: Imperfection, condition: Condition) -> _Question:
-        return cls(imperfection, condition, Search(imperfection.most, same=imperfection.at))
+    def __init__(self, imperfection: Imperfection, condition: Condition) -> None:
+        super().__init__(imperfection.most, imperfection.at)
+        self.imperfection, self.condition = imperfection, condition
+        self.results: dict[float, TrialResult] = {}
+        self.sure: set[float] = set()
 
     def trial(self, factor: float) -> Trial:
         return Trial(self.condition, self.imperfection.at(factor))
@@ -429,17 +412,17 @@ class _Question:
     def note(self, factor: float, result: TrialResult) -> None:
         self.results[factor] = result
         if factor > 0:
-            self.search.known[factor] = result.kept
+            self.known[factor] = result.kept
 
     @property
-    def hopeless(self) -> bool:
+    def fails_without(self) -> bool:
         """Whether it fails without the imperfection, so that less of it cannot help."""
         return not self.results[0.0].kept and not self.results[0.0].impossible
 
     @property
     def weakness(self) -> tuple[bool, float]:
         """By which the least is chosen; a condition that is not kept ideally comes last."""
-        return self.hopeless, self.search.largest or 0.0
+        return self.fails_without, self.largest or 0.0
 
     @property
     def impossible(self) -> str:
@@ -450,37 +433,38 @@ class _Question:
     @property
     def ends(self) -> list[float]:
         """The largest factor that is kept, 0 if need be, and the smallest that fails."""
-        failed = None if self.impossible else self.search.failed
-        return [self.search.largest or 0.0, *([] if failed is None else [failed])]
+        failed = None if self.impossible else self.failed
+        return [self.largest or 0.0, *([] if failed is None else [failed])]
 
-    def next_factors(self, *, local: bool = False) -> list[float]:
+    def factors(self, *, local: bool) -> list[float]:
         """Factors to be tried now."""
-        if self.hopeless:
+        if self.fails_without:
             return []
         if not self.imperfection.amounts:
-            return [] if self.search.known else [1.0]
-        return self.search.local_factors() if local else self.search.next_factors()
+            return [] if self.known else [1.0]
+        return self.local_factors() if local else self.next_factors()
 
     def unsure(self) -> list[float]:
         """The largest factor that is kept, if it is known from the first random run alone."""
-        largest = self.search.largest
-        random = largest is not None and self.imperfection.at(largest).random
-        return [largest] if random and largest is not None and largest not in self.sure else []
+        largest = self.largest
+        if largest is None or largest in self.sure:
+            return []
+        return [largest] if self.imperfection.at(largest).random else []
 
     def tolerance(self, law: str, agrees: bool | None) -> Tolerance:
-        search, first, level = self.search, self.results[0.0], self.imperfection.level
-        end = self.results.get(search.failed or 0.0, first)
+        first = self.results[0.0]
+        end = self.results.get(self.failed or 0.0, first)
         return Tolerance(
             law=law,
-            imperfection=self.imperfection.name,
+            imperfection=self.imperfection,
             condition=self.condition.name,
-            kept_ideally=first.kept or (bool(first.impossible) and search.largest is not None),
-            largest_kept=level(search.largest or 0.0),
-            smallest_failed=None if search.failed is None else level(search.failed),
-            kept_again=[(level(low), level(high)) for low, high in search.again],
-            breaks=None if end.kept else end.worst or None,
+            kept_ideally=first.kept or (bool(first.impossible) and self.largest is not None),
+            largest_kept=self.largest or 0.0,
+            smallest_failed=self.failed,
+            kept_again=self.again,
+            breaks="" if end.kept else end.worst,
             physics_agrees=agrees,
-            impossible=self.impossible or None,
+            impossible=self.impossible,
         )
 
 
@@ -501,36 +485,34 @@ def tolerances_of_laws(
         notice: Called if a worker died and was replaced.
         every: As for ``tolerances``.
     """
-    work = partial(_of_law, studied, seeds, executor.threads_per_worker, every)
+    work = partial(
+        tolerances, studied, seeds=seeds, threads=executor.threads_per_worker, every=every
+    )
     with closing(executor.run(work, range(len(studied.laws)), notice)) as answers:
         yield from ((answer.index, answer.report) for answer in answers)
 
 
-def _of_law(studied: Setting, seeds: int, threads: int, every: bool, index: int) -> list[Tolerance]:
-    """The work of a process."""
-    return tolerances(studied, studied.laws[index], seeds, threads, every=every)
-
-
 def tolerances(
-    studied: Setting, law: StudiedLaw, seeds: int, threads: int = 0, *, every: bool = False
+    studied: Setting, index: int, seeds: int, threads: int = 0, *, every: bool = False
 ) -> list[Tolerance]:
     """How much of each imperfection a law stands under each condition.
 
     Args:
         studied: The target.
-        law: One of its laws.
+        index: Number of one of its laws.
         seeds: Runs of a loop in which something is random.
         threads: For its runs; 0 for all cores.
         every: Whether MuJoCo runs at both ends of each answer of the equations, instead of those
             that matter: of the least one over the conditions for each imperfection those next to a
             limit, the least of all, and some at random.
     """
+    law = studied.laws[index]
     limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
     equations, *physics = (
         Trials(law, plant, limits, studied.bench, seeds, threads) for plant in studied.plants
     )
     questions = [
-        _Question.of(imperfection, condition)
+        _Question(imperfection, condition)
         for imperfection in studied.imperfections
         for condition in studied.conditions
     ]
@@ -543,8 +525,8 @@ def tolerances(
             min((q for q in questions if q.imperfection is x), key=lambda q: q.weakness)
             for x in studied.imperfections
         ]
-        hopeless = [question for question in questions if question.hopeless]
-        agreed = _screened(list(dict.fromkeys([*least, *hopeless])), physics[0])
+        failing = [question for question in questions if question.fails_without]
+        agreed = _screened(list(dict.fromkeys([*least, *failing])), physics[0])
     return [question.tolerance(law.name, agreed.get(question)) for question in questions]
 
 
@@ -555,19 +537,19 @@ def _answer(questions: Sequence[_Question], trials: Trials, *, local: bool = Fal
     """
     missing = [question for question in questions if 0.0 not in question.results]
     bases = trials.worst([question.trial(0.0) for question in missing])
-    for question, result in zip(missing, bases, strict=True):
-        question.note(0.0, result)
+    for question, outcome in zip(missing, bases, strict=True):
+        question.note(0.0, outcome)
     while True:
-        wanted = [(q, factor) for q in questions for factor in q.next_factors(local=local)]
-        sure = not wanted
+        tried = [(q, factor) for q in questions for factor in q.factors(local=local)]
+        sure = not tried
         if sure:
-            wanted = [(q, factor) for q in questions for factor in q.unsure()]
-        if not wanted:
+            tried = [(q, factor) for q in questions for factor in q.unsure()]
+        if not tried:
             return
-        chosen = [question.trial(factor) for question, factor in wanted]
+        chosen = [question.trial(factor) for question, factor in tried]
         results = trials.worst(chosen) if sure else trials.results([(x, 0) for x in chosen])
-        for (question, factor), result in zip(wanted, results, strict=True):
-            question.note(factor, result)
+        for (question, factor), outcome in zip(tried, results, strict=True):
+            question.note(factor, outcome)
             if sure:
                 question.sure.add(factor)
 
@@ -586,9 +568,9 @@ def _screened(questions: Sequence[_Question], physics: Trials) -> dict[_Question
     while chosen:
         ours = {(q, end): q.results[end] for q in chosen for end in q.ends}
         agreed |= _confirmed(list(dict.fromkeys(chosen)), physics)
-        for (question, end), result in ours.items():
-            theirs = physics.known[question.trial(end), result.number]
-            difference = abs(result.margin - theirs.margin)
+        for (question, end), outcome in ours.items():
+            theirs = physics.known[question.trial(end), outcome.number]
+            difference = abs(outcome.margin - theirs.margin)
             if math.isfinite(difference):
                 band = max(band, FACTOR * difference)
         left = [question for question in questions if question not in agreed]
@@ -604,13 +586,278 @@ def _confirmed(questions: Sequence[_Question], physics: Trials) -> dict[_Questio
     """
     ends = [(question, end) for question in questions for end in question.ends]
     runs = [(q.trial(end), q.results[end].number) for q, end in ends]
-    theirs = {q: _Question.of(q.imperfection, q.condition) for q in questions}
+    theirs = {q: _Question(q.imperfection, q.condition) for q in questions}
     differing: dict[_Question, _Question] = {}
-    for (question, end), result in zip(ends, physics.results(runs), strict=True):
-        theirs[question].note(end, result)
-        if result.kept != question.results[end].kept:
+    for (question, end), outcome in zip(ends, physics.results(runs), strict=True):
+        theirs[question].note(end, outcome)
+        if outcome.kept != question.results[end].kept:
             differing[question] = theirs[question]
     _answer(list(differing.values()), physics, local=True)
     for question, other in differing.items():
-        question.search, question.results = other.search, other.results
+        question.known, question.results = other.known, other.results
     return {question: question not in differing for question in questions}
+
+
+# The answer: words, tables, charts, document
+
+
+def stands_ideally(rows: Iterable[Tolerance], law: str, condition: str) -> bool:
+    """Whether a law keeps everything without any imperfection under a condition."""
+    own = (x for x in rows if (x.law, x.condition) == (law, condition))
+    return any(row.kept_ideally for row in own if row.imperfection.amounts)
+
+
+def least_of(rows: Sequence[Tolerance]) -> list[Tolerance]:
+    """The least of each law and imperfection, over the conditions that the law stands."""
+    least: dict[tuple[str, str], Tolerance] = {}
+    for row in rows:
+        if stands_ideally(rows, row.law, row.condition):
+            key = row.law, row.imperfection.name
+            pair = (least.get(key, row), row)
+            least[key] = min(pair, key=lambda x: (x.weakness, x.largest_kept))
+    return list(least.values())
+
+
+def verdict(rows: Sequence[Tolerance]) -> str:
+    """Which law breaks first, at how much of what."""
+    broken = [
+        row for row in rows if row.kept_ideally and row.smallest_failed and row.imperfection.single
+    ]
+    if not broken:
+        return "No single imperfection that was tried breaks what a law keeps without it."
+    worst = min(broken, key=lambda row: row.weakness)
+
+    def amount(factor: float) -> str:
+        return f"{worst.kept_text(factor)} ({number(factor)} times the bench's)"
+
+    kept = "only without it" if worst.none else f"up to {amount(worst.largest_kept)}"
+    where = "" if worst.condition == "nominal" else f" under {worst.condition}"
+    return (
+        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
+        f"no longer at {amount(worst.weakness)}: {worst.reason}."
+    )
+
+
+def notes(rows: Sequence[Tolerance]) -> Iterator[str]:
+    """Which laws keep the bench, and which keep nothing."""
+    for condition in dict.fromkeys(row.condition for row in rows):
+        own = [row for row in rows if row.condition == condition]
+        kept = [
+            row.law
+            for row in own
+            if row.imperfection.name == ALL and row.kept_ideally and not row.impossible
+            and row.largest_kept >= 1.0
+        ]  # fmt: skip
+        yield f"The whole bench, {condition}: {'; '.join(kept) or 'no law'}."
+        laws = dict.fromkeys(row.law for row in own)
+        if never := [law for law in laws if not stands_ideally(rows, law, condition)]:
+            yield f"Not kept even ideally, {condition}: {'; '.join(never)}."
+
+
+def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
+    """How many answers MuJoCo confirmed or not, and how many of them differ."""
+    agrees = [x.physics_agrees for x in rows if x.physics_agrees is not None]
+    return len(agrees), agrees.count(False)
+
+
+def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
+    """Laws by imperfections: the least over the conditions that a law keeps ideally.
+
+    The strongest law stands first, and the imperfection of which the least is stood.
+    """
+    least = {(row.law, row.imperfection.name): row for row in least_of(rows)}
+    conditions = dict.fromkeys(row.condition for row in rows)
+    stands = {
+        law: [name for name in conditions if stands_ideally(rows, law, name)] for law, _ in least
+    }
+    kinds = {row.imperfection.name: row.imperfection for row in least.values()}
+
+    def weakest(kind: str) -> float:
+        own = (row for (_, name), row in least.items() if name == kind and row.kept_ideally)
+        return min((row.weakness for row in own), default=0.0)
+
+    ordered = sorted(kinds, key=weakest)
+
+    def strength(law: str) -> tuple[int, float]:
+        row = least.get((law, ALL))
+        return len(stands[law]), row.weakness if row else 0.0
+
+    def cell(law: str, name: str) -> str:
+        row = least.get((law, name))
+        return row.cell if row else ""
+
+    headings = [in_lines(kinds[name].heading, _LETTERS) for name in ordered]
+    cells = [
+        [law, ", ".join(stands[law]), *(cell(law, name) for name in ordered)]
+        for law in sorted(stands, key=strength, reverse=True)
+    ]
+    columns = [*words("law", "keeps ideally"), *numbers(*headings)]
+    return table(title, columns, cells, legend=LEGEND)
+
+
+def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
+    """The first columns of a table that fit into a width, and the headers of the others."""
+    cells = zip([column.header for column in wide.columns], *wide.rows, strict=True)
+    widths = [max(cell_len(x) for text in own for x in text.split("\n")) + 2 for own in cells]
+    room = sum(sum(widths[: i + 1]) <= width for i in range(len(widths)))
+    left = [column.header.replace("\n", " ") for column in wide.columns[room:]]
+    rows = [row[:room] for row in wide.rows]
+    return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), left
+
+
+def every_answer(rows: Sequence[Tolerance]) -> Table:
+    """Every tolerance, the smallest factor first."""
+    columns = [
+        *words("condition"), *names("law"), *text("imperfection"), *numbers("kept up to", "factor"),
+        *words("breaks", "again", "physics"),
+    ]  # fmt: skip
+    cells = [
+        (
+            row.condition,
+            row.law,
+            row.imperfection.name,
+            row.kept_text(row.largest_kept)
+            if row.largest_kept > 0 and row.imperfection.amounts
+            else row.cell,
+            number(row.largest_kept) if row.kept_ideally and row.imperfection.amounts else "",
+            row.reason,
+            "; ".join(f"{number(low)} to {number(high)}" for low, high in row.kept_again),
+            {None: "", True: "agrees", False: "differs"}[row.physics_agrees],
+        )
+        for row in sorted(rows, key=lambda row: row.weakness)
+    ]
+    return table("Every answer", columns, cells)
+
+
+def charts(studied: Setting, rows: Sequence[Tolerance]) -> list[CellChart]:
+    """A map for each condition: octaves below what the bench has, blue for more of it."""
+    maps = []
+    for condition in studied.conditions:
+        cells = {}
+        for row in rows:
+            if row.condition == condition.name and not row.impossible:
+                factor = row.largest_kept if row.kept_ideally and not row.none else 0.0
+                octaves = math.log2(factor) if factor > 0 else -_OCTAVES
+                octaves = _OCTAVES if math.isinf(row.weakness) else octaves
+                why = f"then breaks: {row.reason}" if row.breaks else ""
+                value = -max(-_OCTAVES, min(_OCTAVES, octaves))
+                cells[row.law, row.imperfection.heading] = (value, row.cell, why)
+        if cells:
+            maps.append(CellChart.of(f"{condition.name}: {condition.title}", cells, _OCTAVES))
+    return maps
+
+
+def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Path) -> Path:
+    """Draw the maps of all conditions; the SVG lies beside the PNG.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    note = f"{LEGEND} Blue: more than the bench has; red: less."
+    title = f"{studied.target}: what of the loop each law stands"
+    return write_cells(path, title, charts(studied, rows), note)
+
+
+def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[Standing]:
+    """Of what each law stands the least."""
+    for law in dict.fromkeys(row.law for row in rows):
+        own = [row for row in rows if row.law == law and row.kept_ideally]
+        failed = [row for row in own if row.smallest_failed is not None]
+        at, answer = "", "stands all that was tried"
+        if not own:
+            at, answer = "ideal loop", "not kept even in an ideal loop"
+        elif failed:
+            least = min(failed, key=lambda row: row.largest_kept)
+            at = "all of them" if least.imperfection.name == ALL else least.imperfection.name
+            kept = (
+                "only without it" if least.none else f"up to {least.kept_text(least.largest_kept)}"
+            )
+            answer = f"kept {kept}, then {least.reason} ({least.condition})"
+        yield Standing(case=target, law=law, breaks_at=at, words=answer, complete=complete)
+
+
+def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
+    for row in rows:
+        if not row.impossible:
+            name = f"{target} {row.condition} {row.law}, {row.imperfection.name}"
+            yield Value(name=f"{name}: ideally", value="kept" if row.kept_ideally else "not kept")
+            most = row.largest_kept
+            yield Value(name=f"{name}: largest kept", value=most, better=1, relative=0.1)
+
+
+def tolerance_document(
+    studied: Setting, rows: Sequence[Tolerance], seeds: int, *, complete: bool
+) -> dict[str, Any]:
+    """The content of tolerance_NAME.json.
+
+    Args:
+        studied: The target.
+        rows: Its tolerances.
+        seeds: Runs where something is random.
+        complete: Whether nothing was interrupted.
+    """
+    settings, target = studied.experiment.settings, studied.target
+    laws = dict.fromkeys(row.law for row in rows)
+    weak = {row.law for row in rows if not row.kept_ideally}
+    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
+    checked, differing = confirmed(rows)
+    sheet = Sheet(table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows))
+    return result(
+        "tolerance",
+        {
+            "target": target,
+            "bench": studied.bench_of,
+            "control_period": {"value": settings.control_period, "unit": "s"},
+            "timestep": {"value": settings.timestep, "unit": "s"},
+            "runs_where_random": seeds,
+            "factors": {
+                "least": LEAST, "most": MOST, "grid": 2.0, "beyond_the_last_kept": BEYOND,
+                "resolution": RESOLUTION,
+            },
+        },
+        seed=studied.bench.seed,
+        complete=complete,
+        answers=[
+            Answer(
+                question=f"Tolerance of {target}",
+                verdict=MEASURED if complete else OPEN,
+                words=answer if complete else f"{answer}, so far",
+                more=verdict(rows),
+            )
+        ],
+        standings=_standings(target, rows, complete=complete),
+        sheets=[sheet],
+        values=_values(target, rows),
+        target=target,
+        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
+        imperfections=[
+            {"name": x.name, "bench": x.amount(1.0), "amounts": [a._asdict() for a in x.amounts]}
+            for x in studied.imperfections
+        ],
+        laws=[
+            {
+                "name": law.name,
+                "predicts": law.predict,
+                "sampled": law.sampled,
+                "requirements": {
+                    condition.name: [limit.words for limit in studied.limits(law, condition)]
+                    for condition in studied.conditions
+                },
+            }
+            for law in studied.laws
+        ],
+        physics={"answers_checked": checked, "answers_that_differ": differing},
+        tolerances=[row.document() for row in rows],
+    )  # fmt: skip
+
+
+def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
+    """A heading and the table of each document, for ``docs/as_built.md``."""
+    parts = []
+    for document in documents:
+        least = Table.model_validate(document["sheets"][0]["table"])
+        lines = [line.replace("\n", " ") for line in least.markdown()]
+        checked, differing = document["physics"].values()
+        ending = f"MuJoCo was asked about {checked} of the answers, and differs on {differing}."
+        parts.append("\n".join([f"**{document['target']}**", "", *lines, "", ending]))
+    return "\n\n".join(parts)

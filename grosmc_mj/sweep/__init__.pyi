@@ -1,36 +1,17 @@
-from . import (
-    campaign,
-    document,
-    figures,
-    findings,
-    folder,
-    manifest,
-    radius,
-    replay,
-    specification,
-    statistics,
-    tables,
-    work,
-    worst,
-)
+from . import campaign, findings, map, radius, replay, statistics, store, worst
+from .campaign import Specification
 from .findings import Findings, run_campaign
-from .specification import Specification
 
 __all__ = [
     "Findings",
     "Specification",
     "campaign",
-    "document",
-    "figures",
     "findings",
-    "folder",
-    "manifest",
+    "map",
     "radius",
     "replay",
     "run_campaign",
-    "specification",
     "statistics",
-    "tables",
-    "work",
+    "store",
     "worst",
 ]

@@ -1,12 +1,13 @@
-"""A campaign, ready to run: its family, its controllers and what they must keep."""
+"""A campaign, ready to run: its specification, its family, its laws and their requirements."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, undesigned
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
+from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
+from grosmc_mj.experiments.file.schema import CaseFile, file_name
+from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
 from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
@@ -25,16 +29,169 @@ from grosmc_mj.experiments.requirements import (
     transient,
     windows,
 )
+from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop import relooped
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.sweep.bisection import largest_passing
-from grosmc_mj.sweep.family import Family, Quantity, family_of
+from grosmc_mj.sweep.family import Family, Quantity, family_of, inside, unit_points
 from grosmc_mj.sweep.parameters import Varied, varied
-from grosmc_mj.sweep.sampling import inside, unit_points
-from grosmc_mj.sweep.specification import Specification, specification_of
+
+
+def largest_passing(
+    passes: Callable[[float], bool],
+    low: float,
+    high: float,
+    largest: float,
+    relative: float,
+    absolute: float = 0.0,
+) -> tuple[float, float]:
+    """Double a factor until it fails, then halve the range in which it fails first.
+
+    Args:
+        passes: Whether a factor passes.
+        low: A factor that passes.
+        high: The next one to be tried.
+        largest: None is tried beyond this one.
+        relative: Width of the range to reach, over its lower end.
+        absolute: Width that is narrow in any case.
+
+    Returns:
+        The largest factor that passed, and the smallest one above it that failed: infinite if none
+        did.
+    """
+    while passes(high):
+        if high >= largest:
+            return high, math.inf
+        low, high = high, min(2 * high, largest)
+    while high - low > max(relative * low, absolute):
+        middle = (low + high) / 2
+        low, high = (middle, high) if passes(middle) else (low, middle)
+    return low, high
+
+
+# Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
+SHARD = 512
+_MOST_PARTS = 10**7
+# Of one run [s]: eleven days.
+_Time = Annotated[float, Range(0, 1e6, unit="s", above=True)] | None
+
+
+@checked()
+class Specification:
+    """A family of plants and how much of it is run.
+
+    Attributes:
+        name: Of the campaign.
+        text: The case file, with all that it extends.
+        folder: Where it lies, and what it names.
+        runs: Plants; each meets every controller.
+        seed: Of the sampler.
+        sampler: ``random``, which alone gives intervals, ``sobol``, ``lhs`` or ``corners``.
+        controllers: Names of those to run; empty for all of the file.
+        control_period: Instead of the file's [s].
+        duration: Instead of the file's [s].
+        integrator: Instead of the file's: ``implicitfast`` is several times as fast as ``RK4``.
+        shard: Plants of one part.
+        screen: ``auto``, ``equations`` or ``none``: whether runs are made on the equations, and in
+            MuJoCo only those that need it.
+    """
+
+    name: str
+    text: str
+    folder: str
+    runs: Annotated[int, Range(1, 10**12, whole=True)] = 1024
+    seed: Annotated[int, Range(0, 2**63, whole=True, below=True)] = 0
+    sampler: Literal["random", "sobol", "lhs", "corners"] = "random"
+    controllers: tuple[str, ...] = ()
+    control_period: _Time = None
+    duration: _Time = None
+    integrator: Integrator | None = None
+    shard: Annotated[int, Range(1, 10**6, whole=True)] = SHARD
+    screen: Literal["auto", "equations", "none"] = "auto"
+
+    def __post_init__(self) -> None:
+        if self.shards > _MOST_PARTS:
+            raise ArgumentError(
+                f"{self.runs} runs in parts of {self.shard} are {self.shards} parts: at most "
+                f"{_MOST_PARTS} are kept; take a larger shard"
+            )
+        try:
+            file_name(self.name)
+        except ValueError as error:
+            raise ArgumentError(f"name: {error}") from None
+
+    @property
+    def path(self) -> Path:
+        """Where the file lay."""
+        return Path(self.folder) / f"{self.name}.toml"
+
+    @property
+    def file(self) -> CaseFile:
+        """The case file with the specification's own numbers."""
+        file = parse_case_file(self.text, self.path)
+        options = ("control_period", "duration", "integrator")
+        own = {name: value for name in options if (value := getattr(self, name)) is not None}
+        # Campaigns run in MuJoCo, where there is a model: no laws are designed for other plants.
+        modelled = file.plant.system is not None or file.plant.model is not None
+        compared = {"compare": ["physics"]} if modelled else {}
+        return file.model_copy(
+            update={
+                "run": file.run.model_copy(update=own),
+                "plant": file.plant.model_copy(update=compared),
+            }
+        )
+
+    @property
+    def shards(self) -> int:
+        """Number of parts."""
+        return -(-self.runs // self.shard)
+
+    def ids(self, index: int) -> range:
+        """Numbers of the runs in one part."""
+        return range(index * self.shard, min((index + 1) * self.shard, self.runs))
+
+    def document(self) -> dict[str, Any]:
+        """As plain values."""
+        return {**asdict(self), "controllers": list(self.controllers)}
+
+    @classmethod
+    def of_document(cls, content: dict[str, Any]) -> Specification:
+        """From plain values.
+
+        Raises:
+            ArgumentError: If they are not those of a specification.
+        """
+        return cls(**{**content, "controllers": tuple(content.get("controllers", ()))})
+
+
+def specification_of(target: str, **options: Any) -> Specification:
+    """The specification of a campaign on a system of the package or a file.
+
+    Args:
+        target: Name of a system, of a case of the package, or path of a case file.
+        options: What else ``Specification`` has; None for its default.
+
+    Raises:
+        ArgumentError: If there is no such thing, or a number does not fit.
+    """
+    path = _path_of(target)
+    text = resolved_text(path)
+    options = {name: value for name, value in options.items() if value is not None}
+    folder, name = str(path.parent.resolve()), parse_case_file(text, path).name
+    return Specification(name=name, text=text, folder=folder, **options)
+
+
+def _path_of(target: str) -> Path:
+    known = {**shipped_files(), **campaign_files()}
+    if target in known:
+        return known[target]
+    if Path(target).exists() or Path(target).suffix == ".toml":
+        return find_file(target)
+    valid = [*campaign_files(), "or a path that ends in .toml"]
+    raise ArgumentError(unknown_name("system", target, valid))
+
 
 # How far a family is scaled at most, by searches and promises, and to which share that is known.
 LARGEST_SCALE, _FINE = 8.0, 1e-3
@@ -93,10 +250,8 @@ class Campaign:
     @classmethod
     def _designed(cls, specification: Specification, experiment: Experiment) -> Campaign:
         mistakes, case = Mistakes(), experiment.case
-        chosen = specification.controllers or tuple(experiment.controllers)
-        for name in chosen:
-            if name not in experiment.controllers:
-                mistakes.note(unknown_name("controller", name, experiment.controllers))
+        with mistakes.gathered():
+            experiment = experiment.with_laws(specification.controllers)
         plant: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
         with mistakes.gathered():
             experiment.checked()
@@ -109,9 +264,7 @@ class Campaign:
                     "number needs two ends, and none may be correlated"
                 )
         mistakes.refuse()
-        laws = {
-            name: experiment.laws[plant, name] for name in experiment.controllers if name in chosen
-        }
+        laws = {name: experiment.laws[plant, name] for name in experiment.controllers}
         onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         return cls(specification, experiment, family, laws, required(limits, laws), tuple(notes))
@@ -123,10 +276,10 @@ class Campaign:
         for limit in self.requirements:
             if limit.of_initial_error:
                 require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
-        for owners, build in ((_OF_MACHINES, self._build_machine), (LOOP_PARTS, self._build_loops)):
+        for owners in (_OF_MACHINES, LOOP_PARTS):
             for values in _extremes(self.family, owners):
                 try:
-                    build(values)
+                    self._build(values, owners)
                 except GrosmcError as error:
                     pairs = zip(self.family.quantities, values.tolist(), strict=True)
                     words = [of.words(value) for of, value in pairs if of.owner in owners]
@@ -142,7 +295,7 @@ class Campaign:
                 law,
                 self.experiment.case.x0,
                 duration=self.duration,
-                control_period=self.control_period,
+                control_period=settings.control_period,
                 timestep=settings.timestep,
                 disturbances=self.experiment.case.disturbances,
                 record=False,
@@ -155,18 +308,15 @@ class Campaign:
                         f"{last:g} s"
                     )
 
-    def _build_machine(self, values: Array) -> None:
-        """Compile a machine, which shows whether it can be simulated."""
-        if isinstance(self.plant, MujocoPlant) and self.plant.parts:
-            plant: Any = self.plant_sample(values).plant(self.plant)
+    def _build(self, values: Array, owners: Collection[str]) -> None:
+        """Compile a machine and put every law into its loop: shows whether there is such a run."""
+        sample = self.plant_sample(values)
+        if owners is LOOP_PARTS and sample.case.loop is not None:
+            for law in self.laws.values():
+                relooped(law, sample.case.loop)
+        if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
+            plant: Any = sample.plant(self.plant)
             _ = plant.undrawn_model
-
-    def _build_loops(self, values: Array) -> None:
-        """Put every law into a loop with these values."""
-        loop = self.plant_sample(values).case.loop
-        for law in self.laws.values():
-            if loop is not None:
-                relooped(law, loop)
 
     @property
     def judged(self) -> list[str]:
@@ -191,17 +341,12 @@ class Campaign:
         def can_be(scale: float) -> bool:
             try:
                 for values in _extremes(self.family, _OF_MACHINES):
-                    self._build_machine(self.family.scaled(values, scale))
+                    self._build(self.family.scaled(values, scale), _OF_MACHINES)
             except GrosmcError:
                 return False
             return True
 
         return largest_passing(can_be, min(1.0, most), most, most, _FINE)[0]
-
-    @property
-    def control_period(self) -> float:
-        """Time between two samples of the laws [s]."""
-        return self.experiment.settings.control_period
 
     @property
     def duration(self) -> float:
@@ -232,6 +377,23 @@ class Campaign:
         settings = self.experiment.settings
         periods = (settings.timestep, settings.control_period)
         return np.array([quantity.as_run(value, *periods) for value in values.tolist()])
+
+    def pairs_as_run(self, values: Array) -> list[tuple[Quantity, float, float]]:
+        """The uncertain numbers with their values in a plant (d,) and nominal ones, as run."""
+        nominal, quantities = self.family.nominal, self.family.quantities
+        pairs = zip(quantities, values, nominal, strict=True)
+        return [(of, *self.as_run(of, np.array(pair)).tolist()) for of, *pair in pairs]
+
+    def words(self, values: Array) -> str:
+        """The uncertain numbers of a plant (d,) that are not nominal, as they are run."""
+        pairs = self.pairs_as_run(values)
+        parts = [of.words(value) for of, value, nominal in pairs if value != nominal]
+        return ", ".join(parts) or "the nominal one"
+
+    def named(self, values: Array | None) -> dict[str, float] | None:
+        """The uncertain numbers of a plant (d,) by name."""
+        names = self.family.names
+        return None if values is None else dict(zip(names, values.tolist(), strict=True))
 
     def plant_sample(self, values: Sequence[float] | Array) -> Varied:
         """The case, with its plant, that these values make."""

@@ -1,31 +1,181 @@
-"""The uncertain numbers of a campaign: from points of the unit cube to their values."""
+"""The uncertain numbers of a campaign: distributions, points of the unit cube, their values."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import stats
+from scipy.stats import qmc
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, in_model
-from grosmc_mj.experiments.file.schema import CaseFile, CorrelationTable, UncertainTable
+from grosmc_mj.experiments.file.schema import (
+    CaseFile,
+    CorrelationTable,
+    DistributionTable,
+    UncertainTable,
+)
 from grosmc_mj.experiments.file.units import numbers_of
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.machine.part import MOST
 from grosmc_mj.plants import Plant
 from grosmc_mj.results.tables import shown_unit
-from grosmc_mj.sweep.distributions import Distribution, distribution
 from grosmc_mj.sweep.parameters import Parameter
 from grosmc_mj.sweep.runs import MARGIN
+
+_ENDS = ("least", "most")
+# By name: the numbers that each needs, those that it may have, and scipy's distribution of them.
+_KINDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Any]]] = {
+    "uniform": (_ENDS, (), lambda least, most: stats.uniform(least, most - least)),
+    "loguniform": (_ENDS, (), lambda least, most: stats.loguniform(least, most)),
+    "triangular": (
+        (*_ENDS, "mode"),
+        (),
+        lambda least, most, mode: stats.triang(
+            (mode - least) / (most - least), least, most - least
+        ),
+    ),
+    "normal": (
+        ("mean", "deviation"),
+        _ENDS,
+        lambda mean, deviation, **_: stats.norm(mean, deviation),
+    ),
+    "lognormal": (
+        ("median", "spread"),
+        _ENDS,
+        lambda median, spread, **_: stats.lognorm(spread, scale=median),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution of scipy, cut off at both ends of its support.
+
+    Attributes:
+        frozen: scipy's frozen distribution, not cut off.
+        support: Smallest and largest value; infinite where it has none.
+        words: For people.
+    """
+
+    frozen: Any
+    support: tuple[float, float]
+    words: str
+
+    def quantiles(self, u: Array) -> Array:
+        """The values of which a share u (n,) lies below; (n,)."""
+        low, high = self.frozen.cdf(self.support)
+        values = self.frozen.ppf(low + (high - low) * u)
+        return np.clip(values, *self.support)
+
+
+def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distribution:
+    """The distribution that a file's range or table describes.
+
+    Args:
+        spread: ``[least, most]``, or a table of numbers.
+        unit: Of the quantity.
+
+    Raises:
+        ArgumentError: If a number is missing, or the numbers make no distribution.
+    """
+    if not isinstance(spread, DistributionTable):
+        least, most = spread
+        spread = DistributionTable(distribution="uniform", least=least, most=most)
+    kind = spread.distribution
+    needed, allowed, frozen_of = _KINDS[kind]
+    names = [name for name in DistributionTable.model_fields if name != "distribution"]
+    numbers = numbers_of(spread, names, lambda name: "" if name == "spread" else unit)
+    if not set(needed) <= numbers.keys() <= {*needed, *allowed}:
+        more = f" and may have {' and '.join(allowed)}" if allowed else ""
+        raise ArgumentError(
+            f"{kind} needs {' and '.join(needed)}{more}, not {', '.join(numbers) or 'nothing'}"
+        )
+    words = f"{kind}: {', '.join(f'{name} {value:.4g}' for name, value in numbers.items())}"
+    least, most = numbers.get("least", -np.inf), numbers.get("most", np.inf)
+    if least < most:
+        frozen = frozen_of(**numbers)
+        # The ends of the table: far out, a quantile function does not find them again.
+        support = max(least, float(frozen.support()[0])), min(most, float(frozen.support()[1]))
+        low, high = frozen.cdf(support)
+        if low < high:
+            return Distribution(frozen, support, words)
+    raise ArgumentError(
+        f"{words} is no distribution: least must be below most with some values between them, mode "
+        "from least to most; deviation, median, spread and least of loguniform must be positive"
+    )
+
+
+# Points stay off the faces of the cube, where quantiles may be infinite.
+_EDGE = 2.0**-53
+# Points of one block by sampler; each block of a sequence is randomised anew.
+SEQUENCE, HYPERCUBE = 2**16, 128
+SAMPLERS: Mapping[str, int] = {
+    "random": 1,
+    "sobol": SEQUENCE,
+    "lhs": HYPERCUBE,
+    "corners": 2**62,
+}
+
+
+def unit_points(sampler: str, dimensions: int, seed: int, first: int, count: int) -> Array:
+    """Points number first, first + 1 ... of a sampler, each by the seed and its own number alone.
+
+    Args:
+        sampler: One of ``SAMPLERS``.
+        dimensions: Of the cube, d.
+        seed: Of all the points.
+        first: Number of the first one.
+        count: How many.
+
+    Returns:
+        Points, (count, d); only those of ``corners`` lie on the faces.
+    """
+    size, blocks = SAMPLERS[sampler], list[Array]([np.zeros((0, dimensions))])
+    while count > 0:
+        block, start = divmod(first, size)
+        points = min(count, size - start)
+        blocks.append(_block(sampler, dimensions, seed, block, start, points))
+        first, count = first + points, count - points
+    points = np.concatenate(blocks)
+    return points if sampler == "corners" else inside(points)
+
+
+def _block(sampler: str, d: int, seed: int, block: int, start: int, count: int) -> Array:
+    """Points (count, d) of one block, from number ``start`` of it on."""
+    if sampler == "random":
+        key = np.random.Philox(key=seed, counter=[0, 0, 0, block])
+        return np.random.Generator(key).random((count, d))
+    if sampler == "corners":
+        # Bit j of a corner's number is its coordinate j.
+        return (np.arange(start, start + count)[:, None] >> np.arange(d) & 1).astype(float)
+    rng = np.random.default_rng([seed, block])
+    if sampler == "lhs":
+        return qmc.LatinHypercube(d, rng=rng).random(HYPERCUBE)[start : start + count]
+    engine = qmc.Sobol(d, rng=rng)
+    if start:
+        engine.fast_forward(start)
+    with warnings.catch_warnings():
+        # A shard is part of a sequence, whose balance is not the shard's.
+        warnings.filterwarnings("ignore", "The balance properties", UserWarning)
+        return engine.random(count)
+
+
+def inside(points: Array) -> Array:
+    """Points of the cube, moved off its faces."""
+    return np.clip(points, _EDGE, 1 - _EDGE)
+
 
 # Columns of rows that may have been screened by equations, with their units.
 SCREENING = {"judged_by": "", "screened": "1", "overturned": "1", "drawn": "1", "band": "1"}

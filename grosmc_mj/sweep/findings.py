@@ -1,31 +1,26 @@
-"""What the runs of a campaign say: rates, margins, differences and what drives them."""
+"""Statements of a campaign's runs: rates, margins, differences and drivers; tables and document."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
+from grosmc_mj.results.palette import label_of
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import (
-    COMPLETES,
-    DRAWN,
-    DRAWN_OVERTURNED,
-    EVERYTHING,
-    OVERTURNED,
-    SCREENED,
-    Counts,
-    Folder,
-)
-from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.sweep.runs import COMPLETED, MARGIN
+from grosmc_mj.sweep.screening import EQUATIONS
 from grosmc_mj.sweep.statistics import (
+    TAIL,
     MarginSummary,
     PairedDifference,
     PassRate,
@@ -33,20 +28,20 @@ from grosmc_mj.sweep.statistics import (
     margin_summary,
     paired,
     pass_rate,
+    rate_shown,
+    runs_needed,
     sensitivities,
 )
-from grosmc_mj.sweep.work import run_missing
+from grosmc_mj.sweep.store import NO_PROOF, Folder, result_of, run_missing
 
-NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
+RESULTS = "results.json"
 # The ranges are somebody's declaration, their distributions a choice.
 DESIGN = "Shares are of the declared design, not probabilities."
-# Runs that distributions, differences and drivers are computed from; counts are of all.
-MOST = 2**20
-# Name of the least margin of all requirements.
-ALL = "all requirements"
+# Names of what every run is rated by, beside the file's requirements.
+ALL, COMPLETES = "all requirements", "completes"
 # How many of the worst runs, and of those that MuJoCo overturned, are named; with which confidence
-# the share of wrong verdicts is bounded.
-WORST, CONFIDENCE = 16, 0.95
+# the share of wrong verdicts is bounded; a pass rate that one may want to state.
+WORST, CONFIDENCE, _AIM = 16, 0.95, 0.99
 
 
 class Basis(NamedTuple):
@@ -117,38 +112,24 @@ class Judges(NamedTuple):
 
         One-sided bound of Clopper and Pearson at 95 %, from the runs confirmed by chance.
         """
-        if not self.drawn:
-            return 1.0
-        test = stats.binomtest(self.drawn_overturned, self.drawn, alternative="less")
-        return float(test.proportion_ci(CONFIDENCE, method="exact").high)
+        kept = self.drawn - self.drawn_overturned
+        return 1 - rate_shown(kept, self.drawn, CONFIDENCE) if self.drawn else 1.0
 
-
-def judges_of(counts: Counts, columns: Mapping[str, Mapping[str, Array]]) -> dict[str, Judges]:
-    """Who judged, by controller; none where runs were not to be screened.
-
-    Args:
-        counts: Of all runs.
-        columns: ``id``, ``relative``, ``screened``, ``overturned`` and ``band`` of the first runs,
-            by controller.
-    """
-    judges: dict[str, Judges] = {}
-    for law, count in counts.items():
-        if SCREENED not in count:
-            continue
-        own = columns[law]
-        both = np.isfinite(own["screened"]) & np.isfinite(own["relative"])
-        difference = np.abs(own["screened"][both] - own["relative"][both])
-        judges[law] = Judges(
-            runs=count["runs"],
-            by_equations=count[SCREENED],
-            overturned=count[OVERTURNED],
-            overturned_runs=own["id"][own["overturned"] > 0][:WORST].astype(int).tolist(),
-            band=float(own["band"].max(initial=0.0)),
-            difference=float(difference.max(initial=0.0)),
-            drawn=count[DRAWN],
-            drawn_overturned=count[DRAWN_OVERTURNED],
+    @classmethod
+    def of(cls, rows: Mapping[str, Array]) -> Judges:
+        """The judges of one controller's rows."""
+        difference = np.abs(rows["screened"] - rows["relative"])
+        overturned, drawn = rows["overturned"] > 0, rows["drawn"] > 0
+        return cls(
+            len(overturned),
+            int((rows["judged_by"] == EQUATIONS).sum()),
+            int(overturned.sum()),
+            rows["id"][overturned][:WORST].astype(int).tolist(),
+            float(rows["band"].max()),
+            float(difference[np.isfinite(difference)].max(initial=0.0)),
+            int(drawn.sum()),
+            int((drawn & overturned).sum()),
         )
-    return judges
 
 
 def judged_words(judges: Mapping[str, Judges]) -> str:
@@ -183,8 +164,7 @@ class Findings:
     """The statements of a campaign.
 
     Attributes:
-        sampled: The runs that rates rest on.
-        looked_at: The runs that all else rests on.
+        sampled: The runs that they rest on.
         rates: By requirement, in words, and law.
         cut_short: Runs that ended early, by law.
         margins: By requirement, in words, and law, (n,) each.
@@ -199,7 +179,6 @@ class Findings:
     """
 
     sampled: Basis
-    looked_at: Basis
     rates: Mapping[tuple[str, str], PassRate]
     cut_short: Mapping[str, int]
     margins: Mapping[tuple[str, str], Array]
@@ -222,32 +201,35 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     Raises:
         SetupError: If there are no runs, or a part is damaged.
     """
-    specification, judged, names = campaign.specification, campaign.judged, campaign.family.names
-    counts = folder.counts(campaign, range(specification.shards))
-    if not counts:
+    specification, judged, numbers = campaign.specification, campaign.judged, campaign.family.names
+    screened = specification.screen != "none"
+    columns = folder.columns(
+        campaign,
+        [
+            *("id", "relative", "order", "status", *numbers),
+            *(MARGIN + limit.key for limit in campaign.requirements),
+            *(("judged_by", "screened", "overturned", "drawn", "band") if screened else ()),
+        ],
+        range(specification.shards),
+    )
+    if not columns:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
-    runs, last = next(iter(counts.values()))["runs"], (judged or list(campaign.laws))[-1]
-    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
+    last = (judged or list(campaign.laws))[-1]
+    runs, sampler = len(columns[last]["id"]), specification.sampler
+    sampled = Basis(runs, specification.runs, sampler, specification.seed)
     how = {"confidence": confidence, "independent": sampled.independent}
-    first = range(min(specification.shards, -(-MOST // specification.shard)))
-    screening = () if specification.screen == "none" else ("screened", "overturned", "band")
-    margin_names = [MARGIN + limit.key for limit in campaign.requirements]
-    column_names = ["id", "relative", "order", *names, *screening, *margin_names]
-    columns = folder.columns(campaign, column_names, first)
     margins = {(ALL, law): columns[law]["relative"] for law in judged}
-    rated = {(COMPLETES, law): COMPLETES for law in campaign.laws}
     for limit in campaign.requirements:
         margins |= {(limit.words, law): columns[law][MARGIN + limit.key] for law in limit.of}
-        rated |= {(limit.words, law): limit.key for law in limit.of}
-    rated |= {(ALL, law): EVERYTHING for law in judged}
+    completed = {law: int((own["status"] == COMPLETED).sum()) for law, own in columns.items()}
+    kept = {(COMPLETES, law): count for law, count in completed.items()}
+    # The requirements in the order of the file, then all of them together.
+    for key in sorted(margins, key=lambda key: key[0] == ALL):
+        kept[key] = int((margins[key] >= 0).sum())
     return Findings(
         sampled=sampled,
-        looked_at=sampled._replace(runs=len(columns[last]["id"])),
-        rates={
-            (words, law): pass_rate(counts[law][key], counts[law]["runs"], **how)
-            for (words, law), key in rated.items()
-        },
-        cut_short={law: count["runs"] - count[COMPLETES] for law, count in counts.items()},
+        rates={key: pass_rate(count, runs, **how) for key, count in kept.items()},
+        cut_short={law: runs - count for law, count in completed.items()},
         margins=margins,
         summaries={key: margin_summary(values, **how) for key, values in margins.items()},
         differences={
@@ -257,7 +239,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         },
         sensitivities={
             law: sensitivities(
-                {name: columns[law][name] for name in names}, columns[law]["relative"], **how
+                {name: columns[law][name] for name in numbers}, columns[law]["relative"], **how
             )
             for law in judged
         },
@@ -266,7 +248,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
             for law, own in columns.items()
         },
         units={ALL: "of the limit", **{limit.words: limit.unit for limit in campaign.requirements}},
-        judges=judges_of(counts, columns),
+        judges={law: Judges.of(own) for law, own in columns.items()} if screened else {},
     )
 
 
@@ -291,3 +273,185 @@ def run_campaign(
         executor = make_executor("batch")
         run_missing(campaign, kept, executor, lambda line: None, lambda runs, rates: None)
     return findings(campaign, kept, confidence)
+
+
+# ---- tables
+
+
+def findings_tables(campaign: Campaign, found: Findings) -> list[Table]:
+    """Pass rates, margins, differences between laws, and what drives each law's margin."""
+    tables = [pass_rates_table(found)]
+    tables += [margins_table(found)] if found.summaries else []
+    tables += [paired_table(found)] if found.differences else []
+    return [*tables, *(sensitivity_table(found, law) for law in campaign.judged)]
+
+
+def _sampled(found: Findings) -> str:
+    """The last lines of every legend."""
+    return f"\n{found.sampled.words}. {found.sampled.footnote}"
+
+
+def pass_rates_table(found: Findings) -> Table:
+    """How many runs keep each requirement."""
+    confidence = next(iter(found.rates.values())).confidence
+    rows = []
+    for (requirement, law), rate in found.rates.items():
+        # Only all of the runs are 100 %, and only none 0 %.
+        inner = 0 < rate.kept < rate.runs
+        share = f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}" if inner else f"{100 * rate.rate:g}"
+        counts = (str(rate.kept), str(rate.runs), share, rate_interval(rate, "..") or "-")
+        rows.append((requirement, label_of(law), *counts, str(found.cut_short.get(law, 0))))
+    level = f"{100 * confidence:.6g} %"
+    columns = numbers("kept", "of runs", "rate %", f"{level} interval", "not completed")
+    return table(
+        "Runs of the declared design that keep each requirement",
+        [*text("requirement"), *names("law"), *columns],
+        rows,
+        grouped=True,
+        legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
+        f'state "at least {100 * _AIM:g} % of the declared design passes" with {level} confidence '
+        f"takes {runs_needed(_AIM, confidence)} independent runs without a failure."
+        f"{_sampled(found)}",
+    )
+
+
+def margins_table(found: Findings) -> Table:
+    """The distribution of each requirement's margin."""
+    rows = []
+    for (requirement, law), of in found.summaries.items():
+        values = map(number, (of.least, of.cvar, of.q01, of.q05, of.median, of.q95))
+        mean = number(of.mean)
+        if of.mean_low is not None:
+            mean += f"\n({number(of.mean_low)} ..\n{number(of.mean_high)})"
+        rows.append((requirement, label_of(law), *values, mean, found.units[requirement]))
+    headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")
+    return table(
+        "Margins: limit less measured",
+        [*text("requirement"), *names("law"), *numbers(*headers)],
+        rows,
+        grouped=True,
+        legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
+        "the margins (CVaR); then quantiles, and the mean with its interval (Student's t). -inf: a "
+        f"run that did not complete.{_sampled(found)}",
+    )
+
+
+def paired_table(found: Findings) -> Table:
+    """Laws against each other on the same plants."""
+    rows = []
+    for (requirement, first, second), of in found.differences.items():
+        ends = (None if end is None else 100 * end for end in (of.low, of.high))
+        points = _between("", 100 * of.difference, *ends)
+        median = _between(found.units[requirement], of.median, of.median_low, of.median_high)
+        laws = f"{label_of(first)},\n{label_of(second)}"
+        counts = (str(of.only_first), str(of.only_second))
+        rows.append((requirement, laws, *counts, points, _p_value(of.p_value), median))
+    headers = ("only\nfirst", "only\nsecond", "pass rate\n[% points]", "p", "median of\nmargins")
+    return table(
+        "Two laws on the same plants: second less first",
+        [*text("requirement"), *names("laws"), *numbers(*headers)],
+        rows,
+        grouped=True,
+        legend="Only: plants on which one law alone keeps the requirement. In brackets: intervals, "
+        "of the rates two of Clopper and Pearson together, of the median by order statistics; p: "
+        f"McNemar's, exact. All requirements: of each law its own.{_sampled(found)}",
+    )
+
+
+def sensitivity_table(found: Findings, law: str) -> Table:
+    """What drives the least margin under one law."""
+    rows, styles = [], []
+    for of in found.sensitivities[law]:
+        styles.append("dim" if of.note else "")
+        if of.share is None or of.correlation is None:
+            rows.append((of.parameter, "-", "", "-", of.note))
+            continue
+        correlation = f"{of.correlation:+.2f}"
+        if of.low is not None:
+            correlation += f" ({of.low:+.2f} .. {of.high:+.2f})"
+        rows.append((of.parameter, f"{100 * of.share:.0f}", _p_value(of.p_value), correlation, ""))
+    return table(
+        f"What drives the margin of {ALL!r} under {label_of(law)}",
+        [*text("parameter"), *numbers("share %", "p", "rank correlation"), *words("")],
+        rows,
+        styles=styles,
+        legend="Share of the variance of the margins' ranks that the parameter explains alone, "
+        "less what chance gives; p: of a share at least as large if it explained nothing. "
+        "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
+        f"correlated parameters overlap.{_sampled(found)}",
+    )
+
+
+def _p_value(p: float | None) -> str:
+    """A p-value; a dash where there is none."""
+    return "-" if p is None else "< 1e-4" if p < 1e-4 else f"{p:.2g}"
+
+
+def _between(unit: str, *values: float | None) -> str:
+    """A signed number over its interval, if it has one; an end may be open."""
+    signed = [("+" if value and value > 0 else "") + number(value) for value in values]
+    interval = "" if values[1] is None else f"\n({signed[1]} .. {signed[2]})"
+    return f"{signed[0]} {unit}".rstrip() + interval
+
+
+def rate_interval(rate: PassRate, between: str) -> str:
+    """The interval of a pass rate [%]; empty if there is none."""
+    if rate.low is None or rate.high is None:
+        return ""
+    # Rounded outwards, so that the interval shown covers the exact one.
+    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+    return f"{low:.2f} {between} {high:.2f}"
+
+
+# ---- the document
+
+
+def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
+    """results.json; a margin without bound is that of a run that did not complete."""
+    sampled, complete = found.sampled, found.sampled.runs == found.sampled.planned
+    # Where nothing is required, the rates are those of the runs that complete.
+    shown = ALL if campaign.judged else COMPLETES
+    rates = {law: rate for (of, law), rate in found.rates.items() if of == shown}
+    kept = all(rate.kept == rate.runs for rate in rates.values())
+    sentences = []
+    for law, rate in rates.items():
+        interval = rate_interval(rate, "to")
+        sentences.append(f"{law}: {rate.kept} of {rate.runs}" + (interval and f" [{interval} %]"))
+    answer = Answer(
+        question=f"Campaign {campaign.specification.name}",
+        verdict=NOT_KEPT if not kept else KEPT if complete else OPEN,
+        words="; ".join(sentences),
+        more=judged_words(found.judges),
+    )
+    return result_of(
+        campaign,
+        "campaign",
+        complete=complete,
+        answers=[answer],
+        sheets=[Sheet(table=table) for table in findings_tables(campaign, found)],
+        sampled={**sampled._asdict(), "words": sampled.words},
+        says=sampled.footnote,
+        pass_rates=[
+            {"requirement": requirement, "controller": law, **rate._asdict()}
+            for (requirement, law), rate in found.rates.items()
+        ],
+        ended_early=dict(found.cut_short),
+        judged={
+            law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
+            for law, judge in found.judges.items()
+        },
+        margins=[
+            {"requirement": of, "controller": law, "unit": found.units[of], **summary._asdict()}
+            for (of, law), summary in found.summaries.items()
+        ],
+        differences=[
+            {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
+            for (requirement, first, second), pair in found.differences.items()
+        ],
+        drivers={
+            law: [driver._asdict() for driver in drivers]
+            for law, drivers in found.sensitivities.items()
+        },
+        worst_runs=dict(found.worst),
+        units={number.name: number.unit for number in campaign.family.quantities},
+    )

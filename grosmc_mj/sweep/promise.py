@@ -26,8 +26,7 @@ from grosmc_mj.assumptions.audit import largest_rate, least_margin
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
-from grosmc_mj.sweep.bisection import largest_passing
-from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.campaign import Campaign, largest_passing
 from grosmc_mj.sweep.family import Quantity
 
 # Scales are known to this part of themselves, up to the largest.
@@ -135,7 +134,7 @@ class PromisedFamily:
         rate = largest_rate(law, plant.analytic(), self.bound)
         switching = getattr(law.parameters, "switching", None)
         width = max(_SAMPLE, getattr(switching, "width", 0.0))
-        return width * campaign.control_period * rate
+        return width * campaign.experiment.settings.control_period * rate
 
     def corners(self, scale: float, *, of_starts: bool = False) -> list[Array]:
         """Extreme values of the family, scaled, (d,) each: of its plants, or of its starts.
@@ -221,13 +220,15 @@ def premise_grid(
     places = [family.quantities.index(axis) for axis in axes]
     rest = [k for k in range(len(family.quantities)) if k not in places]
     corners = {tuple(corner[rest]) for corner in premises.corners(1.0)}
-    grid = np.full((points, points), np.inf)
-    for (row, y), (column, x) in itertools.product(enumerate(up), enumerate(across)):
-        pairs = zip(axes, (x, y), strict=True)
+
+    def worst(place: tuple[float, float]) -> float:
+        pairs = zip(axes, place, strict=True)
         known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
-        amplitude = premises.amplitude(1.0, known)
+        amplitude, margins = premises.amplitude(1.0, known), []
         for corner in corners:
             values = family.nominal
-            values[places], values[rest] = (x, y), corner
-            grid[row, column] = min(grid[row, column], premises.margin(values, amplitude))
-    return across, up, grid
+            values[places], values[rest] = place, corner
+            margins.append(premises.margin(values, amplitude))
+        return min(margins)
+
+    return across, up, np.array([[worst((x, y)) for x in across] for y in up])

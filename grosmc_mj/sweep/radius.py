@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.sweep.bisection import largest_passing
-from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.results.figure import board, in_lines
+from grosmc_mj.results.palette import FAILED_SHADE, OPTIMUM, label_of, law_styles
+from grosmc_mj.results.result import (
+    MEASURED,
+    Answer,
+    LineChart,
+    Series,
+    Sheet,
+    Value,
+    finite,
+)
+from grosmc_mj.results.tables import Table, names, numbers, table, text
+from grosmc_mj.sweep.campaign import Campaign, largest_passing
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.store import NO_PROOF, result_of
 
+RADIUS = "radius.json"
 # The radius is known to this part of itself; below the least scale it counts as none.
 _TOLERANCE, _LEAST = 0.01, 0.01
 # At each scale: plants at most, and corners of the family among them.
@@ -151,3 +166,135 @@ def _points(campaign: Campaign) -> Array:
         return corners
     samples = min(specification.runs, PLANTS - len(corners))
     return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])
+
+
+def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
+    """How far the uncertainty may grow under each controller, beside what is promised."""
+    rows, notes = [], []
+    for search in found:
+        law, outside, promised = label_of(search.controller), search.outside, search.promised
+        fails_at, leaves_at = (look and look.scale for look in (outside, search.left))
+        scales = (search.found, fails_at, promised.scale, search.stayed, leaves_at)
+        plant = campaign.words(outside.values) if outside else "none was found"
+        rows.append((law, *("-" if at is None else f"{at:.3g}" for at in scales), plant))
+        bound = f"; there |s| - |s(0)| is at most {promised.band:.3g}" if promised.band else ""
+        notes.append(f"{law}: {promised.note}{bound}.")
+    headers = (
+        "no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat",
+    )  # fmt: skip
+    return table(
+        "How far the uncertainty may grow: 1 is as declared",
+        [*names("law"), *numbers(*headers), *text("the failing plant just outside")],
+        rows,
+        legend=f"{found[0].plants} plants at each scale, up to "
+        f"{max(search.largest for search in found):.3g}. Promised: scale up to which the premises "
+        "hold for every extreme plant, so that |s| does not grow but for what one sample does. "
+        "Compare it with where |s| leaves that bound: of the requirements, which may be looser or "
+        f"stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
+    )
+
+
+def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, Any]:
+    """How far each controller keeps what is required."""
+    reached = {f"{search.controller}: no failure up to": search.found for search in found}
+    return result_of(
+        campaign,
+        "radius",
+        answers=[
+            Answer(
+                question=f"How far the uncertainty of {campaign.specification.name} may grow",
+                verdict=MEASURED,
+                words="; ".join(f"{name} {scale:.3g}" for name, scale in reached.items()),
+            )
+        ],
+        sheets=[Sheet(table=radius_table(campaign, found), charts=list(map(_chart, found)))],
+        values=[Value(name=name, value=scale, better=1) for name, scale in reached.items()],
+        says=NO_PROOF,
+        controllers={
+            search.controller: {
+                "found": search.found,
+                "largest_looked_at": search.largest,
+                "plants_at_each_scale": search.plants,
+                "outside": search.outside and campaign.named(search.outside.values),
+                "outside_scale": search.outside and search.outside.scale,
+                "promised": search.promised.scale,
+                "promised_note": search.promised.note,
+                "surface_band": search.promised.band,
+                "surface_kept": search.stayed,
+                "surface_left_scale": search.left and search.left.scale,
+                "surface_left": search.left and campaign.named(search.left.leaver),
+                "looks": [
+                    {
+                        "scale": look.scale,
+                        "least": look.least,
+                        "failures": look.failures,
+                        "surface": look.surface,
+                        "leaving": look.leaving,
+                    }
+                    for look in search.looks
+                ],
+            }
+            for search in found
+        },
+    )
+
+
+def _chart(search: Radius) -> LineChart:
+    """Least margin over the scale of the uncertainty."""
+    looks = search.looks
+    series = Series(
+        name="least margin",
+        x=[look.scale for look in looks],
+        y=[finite(look.least) for look in looks],
+        good=[look.failures == 0 for look in looks],
+    )
+    return LineChart(
+        name=search.controller,
+        titles=("scale of the uncertainty (1 as declared)", "least margin over its limit"),
+        lines=[series],
+        limit=0.0,
+        marks=[at for at in (search.found, search.promised.scale) if at],
+    )
+
+
+def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
+    """A panel a law: the least margin at each scale that was tried, and the radii."""
+    styles = law_styles(search.controller for search in searches)
+    with board(len(searches), (5.2, 4.9), title, NO_PROOF) as drawn:
+        for axes, search in zip(drawn.panels, searches, strict=True):
+            style, chart = styles[search.controller], _chart(search)
+            scales, least = np.array([(look.scale, look.least) for look in search.looks]).T
+            # A run that did not complete has no least margin: its mark lies on the lower edge.
+            low = 1.2 * least[least > -np.inf].min(initial=-0.1)
+            shown = np.maximum(least, low)
+            axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
+            axes.plot(scales, shown, color=style.colour, lw=1.2)
+            for mask, face, label in (
+                (least >= 0, style.colour, "no failure found"),
+                (least < 0, "white", "failure found"),
+            ):
+                axes.plot(scales[mask], shown[mask], "o", mfc=face, mec=style.colour, label=label)
+            for at, label, line in _radii(search, style.colour):
+                if at:
+                    axes.axvline(at, lw=1.8, ls=line[0], color=line[1], label=in_lines(label, 52))
+                else:
+                    axes.plot([], [], ls="", label=in_lines(label, 52))
+            axes.set_title(in_lines(style.label), pad=18)
+            axes.set(xlabel=chart.titles[0], ylabel=chart.titles[1], xlim=(0, None))
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
+    return drawn.figure
+
+
+def _radii(search: Radius, colour: str) -> list[tuple[float | None, str, tuple[str, str]]]:
+    """Scale, words and line of each radius."""
+    promised, left = search.promised, search.left
+    promises = "premises promise no radius"
+    if promised.scale is not None:
+        promises = f"promised: {promised.scale:.3g}"
+    kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
+    kept += f", leaves it at {left.scale:.3g}" if left else ""
+    return [
+        (search.found, f"no failure found up to {search.found:.3g}", ("-", colour)),
+        (promised.scale, f"{promises}: {promised.note}", ("--", OPTIMUM)),
+        *([(search.stayed, kept, (":", OPTIMUM))] if search.stayed else []),
+    ]

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +16,15 @@ from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import Plant
+from grosmc_mj.results.result import KEPT, MEASURED, NOT_KEPT, Answer
 from grosmc_mj.simulation.simulate import Engine, simulate
-from grosmc_mj.sweep.batch import EQUATIONS, Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.radius import RADIUS
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, columns_of, meters_for, ready
+from grosmc_mj.sweep.screening import EQUATIONS, Batch
+from grosmc_mj.sweep.store import Folder, result_of
+from grosmc_mj.sweep.worst import WORST
 
-WORST, RADIUS = "worst.json", "radius.json"
 # Plants that are no runs: where they stand, and the option that searches for them.
 SEARCHED = {
     "worst": (WORST, "--worst"),
@@ -65,22 +68,28 @@ def replay(
     Raises:
         GrosmcError: If there is no such run or controller.
     """
-    name = list(campaign.laws)[-1] if controller is None else controller
-    require_known("controller", name, campaign.laws)
+    law = list(campaign.laws)[-1] if controller is None else controller
+    require_known("controller", law, campaign.laws)
     runs, stored = campaign.specification.runs, None
     if which in SEARCHED:
-        batch = Batch(campaign, searched_values(campaign, folder.path, which, name)[None], [0])
+        batch = Batch(campaign, searched_values(campaign, folder.path, which, law)[None], [0])
     elif which.isdecimal() and len(which) <= 18 and int(which) < runs:
         number = int(which)
         batch = Batch(campaign, campaign.values(range(number, number + 1)), [number])
-        stored = _stored(campaign, folder, number, name)
+        stored = _stored(campaign, folder, number, law)
     else:
         raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(SEARCHED)}")
-    result, outcome = _run(batch, name, batch.physics[0], which, engine)
+    result, outcome = _run(batch, law, batch.physics[0], which, engine)
+    if stored is None:
+        return ReplayedRun(result, result, outcome, None)
     judged = result
-    if stored is not None and stored.columns.get("judged_by", [""])[0] == EQUATIONS:
-        judged, outcome = _run(batch, name, batch.equations[0], which, engine)
-    lines = None if stored is None else _differences(stored, outcome)
+    if stored.get("judged_by") == EQUATIONS:
+        judged, outcome = _run(batch, law, batch.equations[0], which, engine)
+    lines = [
+        f"{name}: {value} was stored, {outcome[name][0]} is found"
+        for name, value in stored.items()
+        if np.asarray(value).tobytes() != np.asarray(outcome[name][0]).tobytes()
+    ]
     return ReplayedRun(result, judged, outcome, lines)
 
 
@@ -114,22 +123,19 @@ def _run(
     batch: Batch, controller: str, plant: Plant, which: str, engine: Engine
 ) -> tuple[RunResult, Outcomes]:
     """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
-    campaign, (sample,) = batch.campaign, batch.samples
+    campaign, (sample,), limits = batch.campaign, batch.samples, batch.campaign.requirements
     law, settings, ended = campaign.laws[controller], campaign.experiment.settings, ""
-    limits, ready_run = (
-        campaign.requirements,
-        ready(campaign.experiment, batch.row(controller, 0, plant)),
-    )
+    row = ready(campaign.experiment, batch.row(controller, 0, plant))
     try:
         run = simulate(
             plant,
-            ready_run.law,
+            row.law,
             sample.case.x0,
             duration=campaign.duration,
-            control_period=campaign.control_period,
+            control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=sample.case.disturbances,
-            meters=meters_for(campaign.experiment, [ready_run], limits)[0],
+            meters=meters_for(campaign.experiment, [row], limits)[0],
             engine=engine,
         )
     except DivergenceError as error:
@@ -139,11 +145,12 @@ def _run(
     case = replace(sample.case, name=which, title=f"{sample.case.title}: run {which}")
     experiment = replace(campaign.experiment, case=case)
     ends = (np.atleast_1d(run.meters), run.state[-1:], [run.status], [run.valid_until])
-    columns = columns_of(campaign.experiment, [ready_run], limits, *ends)
+    columns = columns_of(campaign.experiment, [row], limits, *ends)
     rows = batch.completed(Outcomes(limits, columns), controller, [0], plant)
     if not ended:
-        for name in metrics.keys() & METRICS.keys():
-            metrics = {**metrics, name: _metric(metrics[name], float(rows[name][0]))}
+        common = metrics.keys() & METRICS.keys()
+        stored = {name: _metric(metrics[name], float(rows[name][0])) for name in common}
+        metrics = {name: stored.get(name, metric) for name, metric in metrics.items()}
     return RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant), rows
 
 
@@ -154,22 +161,39 @@ def _metric(recorded: Metric, stored: float) -> Metric:
     return settling(stored) if math.isinf(stored) else Metric(stored, recorded.unit)
 
 
-def _stored(campaign: Campaign, folder: Folder, number: int, controller: str) -> Outcomes | None:
-    """The row of a run; None if its part is not there."""
+def _stored(
+    campaign: Campaign, folder: Folder, number: int, controller: str
+) -> dict[str, Any] | None:
+    """The row of a run by column; None if its part is not there."""
     names = [*METRICS, *(MARGIN + limit.key for limit in campaign.requirements)]
     names += ["relative", "order", "ended", "status"]
-    if campaign.specification.screen != "none":
-        names.append("judged_by")
-    index = number // campaign.specification.shard
-    part = Outcomes(campaign.requirements, folder.columns(campaign, names, [index])[controller])
-    place = np.array([number - campaign.specification.ids(index).start])
-    return part.rows(place) if folder.done(index) else None
+    names += ["judged_by"] if campaign.specification.screen != "none" else []
+    part, place = divmod(number, campaign.specification.shard)
+    columns = folder.columns(campaign, names, [part])
+    return {name: columns[controller][name][place] for name in names} if columns else None
 
 
-def _differences(stored: Outcomes, again: Outcomes) -> list[str]:
-    """What of a stored row a replay has not to the last bit."""
-    return [
-        f"{name}: {value[0]} was stored, {again[name][0]} is found"
-        for name, value in stored.columns.items()
-        if np.asarray(value[0]).tobytes() != np.asarray(again[name][0]).tobytes()
-    ]
+def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict[str, Any]:
+    """One run that was repeated, as a result."""
+    outcome, differences = found.outcome, found.differences
+    law = outcome["controller"][0]
+    question = f"Run {outcome['id'][0]} of {campaign.specification.name} under {law} again"
+    words = "not compared" if differences is None else "as stored, bit by bit"
+    verdict = MEASURED if differences is None else NOT_KEPT if differences else KEPT
+    if differences:
+        words = f"not as stored: {'; '.join(differences)}"
+    return result_of(
+        campaign,
+        "replay",
+        answers=[Answer(question=question, verdict=verdict, words=words)],
+        engine=engine,
+        controller=law,
+        judged_by=outcome["judged_by"][0],
+        uncertain={name: outcome[name][0] for name in campaign.family.names},
+        status=outcome["status"][0],
+        ended=outcome["ended"][0],
+        metrics={name: outcome[name][0] for name in METRICS},
+        margins={limit.words: outcome[MARGIN + limit.key][0] for limit in campaign.limits_of(law)},
+        as_stored=None if differences is None else not differences,
+        differences=differences or [],
+    )

@@ -1,11 +1,12 @@
-"""Screening: runs on the equations, with those confirmed in MuJoCo that need it."""
+"""Runs of a campaign's plants: on the equations, with those that need it confirmed in MuJoCo."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,15 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
-from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.runs import Outcomes
-from grosmc_mj.sweep.sampling import unit_points
+from grosmc_mj.sweep.family import unit_points
+from grosmc_mj.sweep.parameters import Varied
+from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
+# What judges a run.
+EQUATIONS, PHYSICS = "equations", "physics"
 # Runs of the sample, and on how many of its plants accelerations are compared.
 SAMPLE, _PLANTS = 32, 8
 # Beyond it equations would judge little: ``auto`` leaves all to MuJoCo.
@@ -30,6 +34,91 @@ FEWEST = 512
 RANDOM, _DRAW = 0.02, 0x5C4EE7
 # Of the plants that a search tries together the worst are confirmed: one of them decides.
 _WORST_OF_SEARCH = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Plants that each controller meets; compiled once for all of them.
+
+    The outcomes of their runs have more columns: ``controller``, ``id``, the uncertain numbers and,
+    of screening, ``judged_by``, ``EQUATIONS`` or ``PHYSICS``; ``screened``, ``relative`` by the
+    equations of those that were screened, NaN of others; ``overturned``, how many verdicts MuJoCo
+    overturned; ``drawn``, 1 for a run that was confirmed in MuJoCo by chance alone; ``band``, how
+    near to its limit a screened margin is confirmed, in parts of the limit.
+
+    Attributes:
+        campaign: The campaign.
+        values: The uncertain numbers, (n, d).
+        ids: Numbers of the runs, (n,), for what their loops draw; 0 for plants that are no runs.
+        threads: 0 for all cores.
+    """
+
+    campaign: Campaign
+    values: Array
+    ids: Sequence[int]
+    threads: int = 0
+
+    @cached_property
+    def samples(self) -> list[Varied]:
+        """The case with each of the values, n of them."""
+        return [self.campaign.plant_sample(values) for values in self.values]
+
+    @cached_property
+    def physics(self) -> list[Plant]:
+        """The plants; those with the same edits are one."""
+        plants: dict[Any, Plant] = {}
+        keys = [(sample.case.edits, sample.scales) for sample in self.samples]
+        for key, sample in zip(keys, self.samples, strict=True):
+            plants[key] = plants.get(key) or sample.plant(self.campaign.plant)
+        return [plants[key] for key in keys]
+
+    @cached_property
+    def equations(self) -> list[AnalyticPlant]:
+        """The equations with the numbers of the plants' models; none if they lack something."""
+        try:
+            equations = {plant: plant.analytic() for plant in dict.fromkeys(self.physics)}
+        except ModelError:
+            return []
+        return [equations[plant] for plant in self.physics]
+
+    def row(self, controller: str, index: int, plant: Plant) -> Row:
+        """A row of the design, on its plant or its equations."""
+        law, case = self.campaign.laws[controller], self.samples[index].case
+        return Row(law, case=case, number=self.ids[index], plant=plant)
+
+    def run(
+        self,
+        controller: str,
+        rows: NDArray[np.intp] | None = None,
+        plants: Sequence[Plant] | None = None,
+    ) -> Outcomes:
+        """Run the plants, or some of them, in MuJoCo where there is a model, or other plants."""
+        campaign, plants = self.campaign, plants or self.physics
+        numbers = list(range(len(self.values))) if rows is None else rows.tolist()
+        design = [self.row(controller, index, plants[index]) for index in numbers]
+        limits = campaign.requirements
+        runs = run_rows(campaign.experiment, design, limits, threads=self.threads)
+        return self.completed(runs, controller, numbers, plants[0])
+
+    def completed(self, runs: Outcomes, controller: str, rows: Any, plant: Plant) -> Outcomes:
+        """Runs of some rows with the columns of a part."""
+        count, names = len(rows), self.campaign.family.names
+        judge = PHYSICS if plant.kind == "physics" else EQUATIONS
+        return runs.changed(
+            controller=np.array([controller] * count, object),
+            id=np.asarray(self.ids, np.int64)[rows],
+            **dict(zip(names, self.values[rows].T, strict=True)),
+            judged_by=np.array([judge] * count, object),
+            screened=np.full(count, np.nan),
+            overturned=np.zeros(count, np.int64),
+            drawn=np.zeros(count, np.int64),
+            band=np.zeros(count),
+        )
+
+
+def evaluate(campaign: Campaign, controller: str, values: Array) -> Outcomes:
+    """Run plants (n, d) that are no runs of the campaign, in MuJoCo where there is a model."""
+    return Batch(campaign, values, [0] * len(values)).run(controller)
 
 
 @dataclass(frozen=True)
@@ -54,23 +143,22 @@ UNSCREENED = Screening()
 @lru_cache(maxsize=4)
 def screening_of(campaign: Campaign) -> Screening:
     """Measure how far equations and MuJoCo agree on a family, once."""
-    screen, runs = campaign.specification.screen, campaign.specification.runs
-    if screen == "none" or campaign.plant.kind != "physics":
-        return UNSCREENED
-    if screen == "auto" and runs < FEWEST:
+    screen, few = campaign.specification.screen, campaign.specification.runs < FEWEST
+    if screen == "none" or campaign.plant.kind != "physics" or (screen == "auto" and few):
         return UNSCREENED
     if why_not := _campaign_mismatch(campaign):
         return Screening(why_not=why_not)
     # Of another seed: the campaign's own first runs would be judged twice.
     points = campaign.points("random", 0, SAMPLE, more=1)
     batch = Batch(campaign, campaign.family.values(points), range(SAMPLE))
-    why_not = next(filter(None, map(model_mismatch, batch.physics[:_PLANTS])), "")
-    if why_not or (why_not := _no_equations(batch)):
-        return Screening(why_not=why_not)
+    # The plants whose accelerations are compared; of the others, whether there are equations.
+    for plant in batch.physics[: _PLANTS if batch.equations else None]:
+        if why_not := model_mismatch(plant):
+            return Screening(why_not=why_not)
     bands: dict[str, float] = {}
     worst: dict[str, float] = {}
     for controller in campaign.laws:
-        ours, theirs = batch.run_equations(controller), batch.run(controller)
+        ours, theirs = batch.run(controller, plants=batch.equations), batch.run(controller)
         overturned = int((verdicts_overturned(ours, theirs) > 0).sum())
         bands[controller] = band_for(ours, theirs)
         worst[controller] = float(theirs["order"].min())
@@ -94,15 +182,6 @@ def _campaign_mismatch(campaign: Campaign) -> str:
     return ""
 
 
-def _no_equations(batch: Batch) -> str:
-    """What the equations of one of the plants lack; empty if there are all."""
-    try:
-        _ = batch.equations
-    except ModelError as error:
-        return str(error)
-    return ""
-
-
 def band_for(ours: Outcomes, theirs: Outcomes, band: float = LEAST_BAND) -> float:
     """How near to a limit the equations cannot be believed, in parts of the limit.
 
@@ -116,9 +195,9 @@ def band_for(ours: Outcomes, theirs: Outcomes, band: float = LEAST_BAND) -> floa
     """
     for one, other in zip(ours.shares, theirs.shares, strict=True):
         both = np.isfinite(one) & np.isfinite(other)
-        band = max(band, FACTOR * float(np.abs(one[both] - other[both]).max(initial=0.0)))
         apart = np.isfinite(one) & ((one >= 0) != (other >= 0))
-        band = max(band, FACTOR * float(np.abs(one)[apart].max(initial=0.0)))
+        largest = np.concatenate([np.abs(one[both] - other[both]), np.abs(one[apart])])
+        band = max(band, FACTOR * float(largest.max(initial=0.0)))
     return band
 
 
@@ -149,10 +228,10 @@ def screened_search(
         also: Other quantities that are compared with a limit, as margins in parts of it, (n,) each.
     """
     screening, batch = screening_of(campaign), Batch(campaign, values, [0] * len(values))
-    if not screening.bands or _no_equations(batch):
+    if not screening.bands or not batch.equations:
         return batch.run(controller)
     band = screening.bands[controller]
-    ours = theirs = batch.run_equations(controller)
+    ours = theirs = batch.run(controller, plants=batch.equations)
     needed = ~ours.completed
     needed[ours["order"].argsort(kind="stable")[:_WORST_OF_SEARCH]] = True
     confirmed, margins = np.zeros(len(values), bool), [*ours.shares, *also(ours)]
@@ -185,11 +264,12 @@ def screened_all(
         threads: 0 for all cores.
     """
     batch = Batch(campaign, campaign.values(ids), ids, threads)
-    if not screening.bands or _no_equations(batch):
+    if not screening.bands or not batch.equations:
         return [batch.run(controller) for controller in controllers]
     by_chance, all_runs = drawn_by_chance(campaign.specification.seed, ids), []
     for controller in controllers:
-        ours, band = batch.run_equations(controller), screening.bands[controller]
+        ours = batch.run(controller, plants=batch.equations)
+        band = screening.bands[controller]
         needed = ~ours.completed | _within(ours.shares, band)
         needed |= ours["order"] < screening.worst.get(controller, -math.inf)
         rows = np.flatnonzero(needed | by_chance)

@@ -11,11 +11,22 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.sweep.batch import evaluate
+from grosmc_mj.results.palette import label_of
+from grosmc_mj.results.result import (
+    MEASURED,
+    NOT_KEPT,
+    Answer,
+    Sheet,
+    Value,
+    finite,
+)
+from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.sampling import inside
-from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.family import inside
+from grosmc_mj.sweep.screening import evaluate, screened_search
+from grosmc_mj.sweep.store import NO_PROOF, result_of
 
+WORST = "worst.json"
 # Plants of one generation, and how many of the first one are the worst samples and corners: what
 # leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
 _POPULATION, _SAMPLES, _CORNERS = 64, 16, 16
@@ -167,3 +178,68 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
         first = int(failing.argmax())
         low, high = float(shares[first]), float(shares[first + 1])
     return plant if high == 1.0 else nominal + high * (plant - nominal)
+
+
+def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
+    """The worst plant under each controller, and who came how far."""
+    rows = []
+    for plant in found:
+        nearest = "none was found"
+        if plant.shrunk is not None:
+            margin = number(plant.shrunk_relative)
+            nearest = f"{campaign.words(plant.shrunk)}: margin {margin}"
+        margins = map(number, (plant.samples, plant.search, plant.random))
+        values = f"{campaign.words(plant.values)}: margin {number(plant.relative)}"
+        rows.append((label_of(plant.controller), *margins, plant.winner, values, nearest))
+    runs = found[0].evaluations
+    return table(
+        "The worst plant: least margin in parts of its limit",
+        [
+            *names("law"), *numbers("samples", "search", "random"), *words("worst by"),
+            *text("the worst plant"), *text("nearest to the nominal plant that fails"),
+        ],
+        rows,
+        legend="Samples: the worst run of the campaign. Search: differential evolution that begins "
+        f"with the worst samples and the corners of the ranges, {runs} runs; random: {runs} random "
+        "plants. All three were judged in MuJoCo; of equally bad ones the first is named. Of "
+        "plants that never settle the one with the largest error left is the worst, of runs that "
+        "end early the earliest. Below zero something is not kept; numbers not named are nominal. "
+        f"{NO_PROOF}",
+    )  # fmt: skip
+
+
+def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]:
+    """The worst plants, by controller."""
+    failing = [plant.controller for plant in found if plant.fails]
+    answer = Answer(
+        question=f"Worst plants of {campaign.specification.name}",
+        verdict=NOT_KEPT if failing else MEASURED,
+        words=f"a failing plant was found for {', '.join(failing)}" if failing else "none fails",
+    )
+    return result_of(
+        campaign,
+        "worst",
+        answers=[answer],
+        sheets=[Sheet(table=worst_table(campaign, found))],
+        values=[
+            Value(name=f"{plant.controller}: least margin", value=finite(plant.relative), better=1)
+            for plant in found
+        ],
+        says=NO_PROOF,
+        controllers={
+            plant.controller: {
+                "fails": plant.fails,
+                "relative": plant.relative,
+                "worst": campaign.named(plant.values),
+                "worst_by": plant.winner,
+                "worst_of_the_samples": plant.samples,
+                "worst_of_the_search": plant.search,
+                "worst_of_as_many_random_plants": plant.random,
+                "evaluations": plant.evaluations,
+                "shrunk": campaign.named(plant.shrunk),
+                "shrunk_relative": plant.shrunk_relative,
+                "not_nominal": list(plant.changed),
+            }
+            for plant in found
+        },
+    )

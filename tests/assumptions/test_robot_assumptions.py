@@ -27,6 +27,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments import catalogue
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.machine import Stop, Transmission
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
@@ -299,8 +300,10 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
         nominal=SimpleNamespace(robot=None, at=None, system=None),
         runs=lambda: iter(results),
         document=dict,
-        file=SimpleNamespace(uncertain=[], claim=[]),
+        file=SimpleNamespace(uncertain=[], claim=[], **dict.fromkeys(MACHINE_PARTS, ())),
         path=Path("robot.toml"),
+        plant_names=["physics"],
+        controllers=["lqr", "grosmc"],
     )
     monkeypatch.setattr(catalogue, "find_experiments", lambda _target: [prepared])
     with pytest.raises(SystemExit) as stop:

@@ -19,8 +19,7 @@ from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim
 from grosmc_mj.chapter.claims.self_test import self_test
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import nominal
-from grosmc_mj.executors import make_executor
-from grosmc_mj.executors.batch import Batch
+from grosmc_mj.executors import Batch, make_executor
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import Settings

@@ -51,7 +51,7 @@ def run(*arguments: Any) -> int:
 
 def started(*arguments: Any, **options: Any) -> subprocess.CompletedProcess[str]:
     """A command in a process of its own."""
-    command = [sys.executable, "-m", "grosmc_mj.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "grosmc_mj", *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
     return subprocess.run(command, text=True, check=False, timeout=120, **pipes)
 

@@ -30,6 +30,19 @@ def test_a_folder_becomes_a_page_in_it(tmp_path: Path, capsys: pytest.CaptureFix
     assert f"grosmc-mj report {tmp_path}" in text
 
 
+def test_unreadable_files_alone_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "torn.json").write_text("{", encoding="utf-8")
+    (tmp_path / "old.json").write_text(
+        '{"schema_version": 1, "answers": 3, "kind": "run"}', encoding="utf-8"
+    )
+    assert run("report", tmp_path) == cli.WRONG
+    said = capsys.readouterr().err
+    assert f"unreadable: {tmp_path / 'torn.json'}: is no whole JSON" in said
+    assert f"unreadable: {tmp_path / 'old.json'}: schema_version: Input should be 2" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "wrong"),
     [

@@ -156,7 +156,7 @@ def test_what_cannot_be_read_is_one_clear_line(
         assert run("diff", *map(str, sides), "--out", str(tmp_path)) == cli.WRONG
         said = capsys.readouterr().err
         assert said.count("\n") == 1
-        assert f"no results in {odd}: " in said
+        assert f"no results: {odd}: " in said
 
 
 def test_what_was_made_from_other_things_is_told(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj.control.design import linear_lqr, realized, state_grosmc
-from grosmc_mj.control.switching import Implicit
-from grosmc_mj.control.task import Realization, StateTask
+from grosmc_mj.control.switching import find_switching
+from grosmc_mj.control.task import Realization, Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError, ModelError
 from grosmc_mj.experiments.metrics import compare_with_optimum
@@ -39,9 +39,9 @@ def two_carts() -> gm.AnalyticPlant:
     )  # fmt: skip
 
 
-def task(angle: float = 0.8) -> StateTask:
+def task(angle: float = 0.8) -> Task:
     plant = hanging()
-    return StateTask(plant, np.diag([10.0, 1.0]), 1.0, equilibrium(plant, {0: angle}))
+    return state_task(plant, np.diag([10.0, 1.0]), 1.0, equilibrium(plant, {0: angle}))
 
 
 @pytest.mark.parametrize("make", [linear_lqr, state_grosmc])
@@ -49,21 +49,21 @@ def test_it_stays_where_it_rests(make: Any) -> None:
     """The input that holds it is in the law, and costs nothing."""
     made = task()
     law = make(made)
-    run = gm.simulate(made.plant, law, made.point.x, duration=1.0)
-    np.testing.assert_allclose(run.state - made.point.x, 0, atol=1e-12)
-    np.testing.assert_allclose(run.input, made.point.u[0], rtol=1e-12)
+    run = gm.simulate(made.plant, law, made.reference.x, duration=1.0)
+    np.testing.assert_allclose(run.state - made.reference.x, 0, atol=1e-12)
+    np.testing.assert_allclose(run.input, made.reference.u[0], rtol=1e-12)
     assert np.abs(run.memory["v"]).max() < 1e-12
-    assert made.point.u[0] == pytest.approx(9.81 * 2 * np.sin(0.8))
+    assert made.reference.u[0] == pytest.approx(9.81 * 2 * np.sin(0.8))
 
 
 def test_its_optimum_starts_where_the_run_does() -> None:
     """In the states' own coordinates, about the operating point."""
     made = task()
     law = linear_lqr(made)
-    run = gm.simulate(made.plant, law, made.point.x + np.array([0.05, 0.1]), duration=0.02)
+    run = gm.simulate(made.plant, law, made.reference.x + np.array([0.05, 0.1]), duration=0.02)
     found = compare_with_optimum(run, law)
     np.testing.assert_allclose(found.optimum[0], run.state[0, [0]], rtol=1e-12)
-    np.testing.assert_allclose(found.reference[0], made.point.x[[0]], rtol=1e-12)
+    np.testing.assert_allclose(found.reference[0], made.reference.x[[0]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", [hanging, two_carts])
@@ -71,7 +71,7 @@ def test_the_engines_agree_bit_for_bit(plant: Any) -> None:
     made = plant()
     n = len(made.system.states)
     for law in (linear_lqr, state_grosmc):
-        controller = law(StateTask(made, np.eye(n), 1.0))
+        controller = law(state_task(made, np.eye(n), 1.0))
         runs = [gm.simulate(made, controller, np.full(n, 0.2), duration=0.5, engine=engine)
                 for engine in ("native", "python")]  # fmt: skip
         np.testing.assert_array_equal(runs[0].state, runs[1].state)
@@ -83,7 +83,7 @@ def test_matched_uncertainty_leaves_the_nominal_optimum() -> None:
     made = task(0.0)
     declared = StateUncertainty(scales={"c": (1.0, 6.0)}, force=0.1, reaching_rate=0.5)
     laws = [linear_lqr(made), state_grosmc(made, declared)]
-    laws[1] = realized(laws[1], Realization(Implicit(), 1e-3))
+    laws[1] = realized(laws[1], Realization(find_switching("implicit"), 1e-3))
     true, away = made.plant.changed(scales={"c": 6.0}), []
     pushed = []
     for law in laws:
@@ -122,7 +122,7 @@ def test_a_member_that_does_not_rest_there_costs_a_constant() -> None:
 def test_a_push_where_the_input_acts_is_a_disturbance_of_the_input() -> None:
     """A force on the cart, in N, and the input's own 0.7 N."""
     cart = gm.MujocoPlant.load("cart_pendulum").analytic()
-    made = StateTask(cart, np.eye(4), 1.0)
+    made = state_task(cart, np.eye(4), 1.0)
     asked = StateUncertainty(body="cart", push=0.7), StateUncertainty(force=0.7)
     for each in asked:
         assert state_grosmc(made, each).parameters.gamma0 == pytest.approx(0.7)
@@ -138,11 +138,11 @@ def test_s_has_the_unit_of_the_input_times_time(unit: str, G: Any, wanted: str) 
         "free", states={"a": "m", "w": "m/s"}, inputs={"u": unit}, f=[w, -a], g=[0, 1], h=[a],
         parameters={},
     )  # fmt: skip
-    assert state_grosmc(StateTask(plant, np.eye(2), 1.0), G=G).designed.sliding_unit == wanted
+    assert state_grosmc(state_task(plant, np.eye(2), 1.0), G=G).designed.sliding_unit == wanted
 
 
 def test_two_inputs_take_the_least_of_the_symmetric_part() -> None:
-    made = StateTask(two_carts(), np.eye(4), 1.0)
+    made = state_task(two_carts(), np.eye(4), 1.0)
     law = state_grosmc(made, StateUncertainty(scales={"k": (0.5, 2.0)}))
     A, B = made.plant.linearization()
     others = [made.plant.changed(scales={"k": s}).linearization()[0] for s in (0.5, 2.0)]
@@ -178,6 +178,6 @@ def test_what_the_plant_has_not_is_told() -> None:
         state_grosmc(task(), limit=0.0)
     moving = OperatingPoint(np.array([0.8, 0.0]), np.zeros(1))
     with pytest.raises(ArgumentError, match="is no equilibrium"):
-        linear_lqr(StateTask(hanging(), np.eye(2), 1.0, moving))
+        linear_lqr(state_task(hanging(), np.eye(2), 1.0, moving))
     with pytest.raises(ArgumentError, match="must be a plant"):
-        StateTask("hanging", np.eye(2), 1.0)  # pyright: ignore[reportArgumentType]
+        state_task("hanging", np.eye(2), 1.0)

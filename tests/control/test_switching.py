@@ -22,15 +22,7 @@ from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import (
     SWITCHINGS,
-    Adaptive,
-    BoundaryLayer,
-    Implicit,
-    ImplicitEstimate,
-    ImplicitUnitVector,
-    Sign,
-    SuperTwisting,
     Switching,
-    UnitVector,
     find_switching,
 )
 from grosmc_mj.control.task import Realization
@@ -91,7 +83,7 @@ def asked(law: Switching, s: tuple[float, ...], k: float, rho: float, h: float) 
     """phi of a run's second sample, h after its first."""
     memory = law.new_memory(len(s), 2)()
     memory.elapsed = h
-    law.reach(np.array(s), k, rho, memory, law, memory.phi)
+    law.reach(np.array(s), k, rho, memory, law.numbers, memory.phi)
     return memory.phi
 
 
@@ -211,7 +203,7 @@ def test_order_of_a_power_is_its_exponent():
 )
 def test_implicit_law_solves_its_implicit_inclusion(s, k, rho, h):
     """s+ = s + h (-k s+ - rho S) with S in Sgn(s+), the set-valued sign."""
-    (phi,) = asked(Implicit(), (s,), k, rho, h).tolist()
+    (phi,) = asked(find_switching("implicit"), (s,), k, rho, h).tolist()
     after = s + h * phi
     selected = (s - (1 + h * k) * after) / (h * rho)
     # What s and h rho lose to rounding, in the unit of S.
@@ -222,12 +214,12 @@ def test_implicit_law_solves_its_implicit_inclusion(s, k, rho, h):
 
 
 @pytest.mark.parametrize(
-    ("vector", "scalar"), [(UnitVector(), Sign()), (ImplicitUnitVector(), Implicit())]
+    ("vector", "scalar"), [("unit-vector", "sign"), ("implicit-unit-vector", "implicit")]
 )
 @given(s=st.floats(-10, 10), k=st.floats(0, 100), rho=st.floats(1e-3, 100))
 def test_unit_vector_form_of_one_input_is_the_scalar_law(vector, scalar, s, k, rho):
-    expected = asked(scalar, (s,), k, rho, H)
-    found = asked(vector, (s,), k, rho, H)
+    expected = asked(find_switching(scalar), (s,), k, rho, H)
+    found = asked(find_switching(vector), (s,), k, rho, H)
     # s/|s| of numbers whose square underflows is zero.
     if abs(s) > 1e-150 or s == 0:
         np.testing.assert_allclose(
@@ -240,10 +232,12 @@ def test_unit_vector_points_at_zero_with_the_strength_rho(s, rho):
     size = float(np.linalg.norm(s))
     if size > 1e-100:
         expected = -rho * np.array(s) / size
-        np.testing.assert_allclose(asked(UnitVector(), s, 0.0, rho, H), expected, atol=1e-13 * rho)
+        np.testing.assert_allclose(
+            asked(find_switching("unit-vector"), s, 0.0, rho, H), expected, atol=1e-13 * rho
+        )
         # By implicit Euler the same, but never past zero.
         reached = expected * min(1.0, size / (H * rho))
-        found = asked(ImplicitUnitVector(), s, 0.0, rho, H)
+        found = asked(find_switching("implicit-unit-vector"), s, 0.0, rho, H)
         np.testing.assert_allclose(found, reached, atol=ROUNDING * (rho + size / H))
 
 
@@ -263,7 +257,7 @@ def test_first_sample_asks_nothing(name):
         law = find_switching(name)
         memory = law.new_memory(m, 2)()
         memory.phi[:] = math.nan
-        law.reach(np.zeros(m), 2.0, 5.0, memory, law, memory.phi)
+        law.reach(np.zeros(m), 2.0, 5.0, memory, law.numbers, memory.phi)
         assert memory.phi.tolist() == [0.0] * m
 
 
@@ -274,12 +268,11 @@ def test_first_sample_asks_nothing(name):
 def test_adaptive_gain_finds_what_is_needed_and_holds_s_in_its_band(push):
     """Against a constant w the gain hunts about |w|, where s is on the edge of the band."""
     law = law_for("adaptive")
-    assert isinstance(law, Adaptive)
     gains, s = [], []
     for row in scalar_samples(law, H, push=lambda start, end: push * (end - start)):
         gains.append(float(row.memory.adapted[0]))
         s.append(row.s)
-    assert min(gains) >= law.least
+    assert min(gains) >= law.numbers.least
     # From `least` it must grow by far more than it hunts by, 20 %, and overshoots once.
     assert 1.2 * push < max(gains) < 2 * push
     assert np.mean(gains[2000:]) == pytest.approx(push, rel=0.01)
@@ -287,21 +280,21 @@ def test_adaptive_gain_finds_what_is_needed_and_holds_s_in_its_band(push):
 
 
 def test_adaptive_gain_falls_to_its_least_and_no_further_when_nothing_pushes():
-    law = Adaptive(share=0.02, least=0.05)
+    law = find_switching("adaptive", share=0.02, least=0.05)
     memory = law.new_memory(1, 1)()
     memory.adapted[:], memory.elapsed = 0.5, H
     s, gains = 5e-4, []
     for _ in range(4000):
-        law.reach(np.array([s]), 0.0, 1.0, memory, law, memory.phi)
+        law.reach(np.array([s]), 0.0, 1.0, memory, law.numbers, memory.phi)
         s += H * float(memory.phi[0])
         gains.append(float(memory.adapted[0]))
-    assert min(gains) == gains[-1] == law.least
+    assert min(gains) == gains[-1] == law.numbers.least
     assert np.all(np.diff(gains) <= 0)
 
 
 def test_the_estimating_law_is_bounded_by_rho_times_its_gain():
     """Far away, but for the estimate, which at first takes all of s for the work of w."""
-    (phi,) = asked(ImplicitEstimate(gain=2.0), (10.0,), 0.0, 5.0, H).tolist()
+    (phi,) = asked(find_switching("implicit-estimate", gain=2.0), (10.0,), 0.0, 5.0, H).tolist()
     assert phi + 10.0 / H == pytest.approx(-2.0 * 5.0, rel=1e-9)
 
 
@@ -369,13 +362,19 @@ def test_estimate_needs_no_authority_of_rho():
 
 def test_super_twisting_needs_its_slope():
     """L is its gain: with a third of |w'| it follows w by far more than h^2."""
-    found = benchmark(SuperTwisting(slope=SLOPE / 3), H)
+    found = benchmark(find_switching("super-twisting", slope=SLOPE / 3), H)
     assert found.max_sliding > 1000 * with_gain("super-twisting", 1.0).max_sliding
 
 
 def test_boundary_layer_thinner_than_half_a_step_chatters():
-    assert benchmark(BoundaryLayer(width=0.55), H).total_variation < 1.01 * OWN_VARIATION
-    assert benchmark(BoundaryLayer(width=0.45), H).total_variation > 100 * OWN_VARIATION
+    assert (
+        benchmark(find_switching("boundary-layer", width=0.55), H).total_variation
+        < 1.01 * OWN_VARIATION
+    )
+    assert (
+        benchmark(find_switching("boundary-layer", width=0.45), H).total_variation
+        > 100 * OWN_VARIATION
+    )
 
 
 # The surface of a sampled law
@@ -385,7 +384,8 @@ def free_sliding(plant: PlantName, surface: Surface, period: float) -> float:
     """Largest |s| on the nominal servo when nothing switches: what the surface itself errs by."""
     settings = Settings("python", period, period, surface=surface)
     realization = Realization(
-        Sign(gain=0.0), of_case(find_case("servo", "nominal"), settings).realization.control_period
+        find_switching("sign", gain=0.0),
+        of_case(find_case("servo", "nominal"), settings).realization.control_period,
     )
     law = nominal_controller("servo", "grosmc", "corrected", realization)
     case = replace(find_case("servo", "nominal"), duration=2.0)
@@ -407,7 +407,9 @@ def test_discrete_surface_is_zero_at_every_sample_of_the_nominal_plant(plant):
 
 
 def test_discrete_surface_is_for_one_control_period():
-    law = nominal_controller("servo", "grosmc", "corrected", Realization(Implicit(), 2e-3))
+    law = nominal_controller(
+        "servo", "grosmc", "corrected", Realization(find_switching("implicit"), 2e-3)
+    )
     plant = MujocoPlant.load("servo").analytic()
     with pytest.raises(
         ArgumentError, match=r"designed for a control period of 0\.002 s, not 0\.001"
@@ -422,16 +424,16 @@ def test_discrete_surface_is_for_one_control_period():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: Sign(gain=-1.0),
-        lambda: Sign(gain=math.nan),
-        lambda: BoundaryLayer(width=0.0),
-        lambda: BoundaryLayer(width=-2.0),
-        lambda: SuperTwisting(slope=0.0),
-        lambda: SuperTwisting(slope=math.inf),
-        lambda: Adaptive(share=-1.0),
-        lambda: Adaptive(least=0.0),
-        lambda: Implicit(gain=math.inf),
-        lambda: ImplicitEstimate(gain=-math.inf),
+        lambda: find_switching("sign", gain=-1.0),
+        lambda: find_switching("sign", gain=math.nan),
+        lambda: find_switching("boundary-layer", width=0.0),
+        lambda: find_switching("boundary-layer", width=-2.0),
+        lambda: find_switching("super-twisting", slope=0.0),
+        lambda: find_switching("super-twisting", slope=math.inf),
+        lambda: find_switching("adaptive", share=-1.0),
+        lambda: find_switching("adaptive", least=0.0),
+        lambda: find_switching("implicit", gain=math.inf),
+        lambda: find_switching("implicit-estimate", gain=-math.inf),
         lambda: find_switching("signum"),
     ],
 )
@@ -450,7 +452,7 @@ def test_settings_name_the_nearest_switching_law():
 @pytest.mark.parametrize("period", [0.0, -1e-3, math.nan, math.inf])
 def test_realization_refuses_a_control_period_that_is_none(period):
     with pytest.raises(ArgumentError, match="finite and positive"):
-        Realization(Sign(), period)
+        Realization(find_switching("sign"), period)
 
 
 def test_cases_are_the_chapter_s_or_the_user_s(tmp_path):
@@ -613,7 +615,7 @@ def test_plain_implicit_law_stays_inside_its_own_bound_where_rho_suffices(system
     leaves, and only the estimate, which needs no rho, holds it.
     """
     twin = MujocoPlant.load(system).analytic()
-    law = chapter_controller("grosmc", twin, Realization(Implicit(), H))
+    law = chapter_controller("grosmc", twin, Realization(find_switching("implicit"), H))
     required, margin, s = needed(law, system, case, "implicit")
     if system == "arm":
         assert margin < -2

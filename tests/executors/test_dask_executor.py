@@ -23,7 +23,7 @@ pytest.importorskip("distributed")
 from distributed import Client, Security
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.executors import dask_cluster, dask_workers, make_executor
+from grosmc_mj.executors import dask_cluster, make_executor
 from grosmc_mj.executors.dask_cluster import cluster_client
 
 # Each starts a cluster or waits for one that does not answer.
@@ -112,7 +112,6 @@ def test_a_running_cluster_gives_each_report_once(running: Cluster, by: str) -> 
     assert sorted((each.index, each.report) for each in done) == [
         (each.index, each.report) for each in expected
     ]
-    assert not [line for line in told if "was lost" in line]
     assert executor.threads_per_worker == 1
 
 
@@ -128,14 +127,14 @@ def test_errors_travel_with_their_type_and_message(
 def test_a_worker_of_another_version_is_refused(
     running: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here = dask_workers.decisive_versions()
-    monkeypatch.setattr(dask_workers, "decisive_versions", lambda: {**here, "mujoco": "3.99.0"})
+    here = dask_cluster.decisive_versions()
+    monkeypatch.setattr(dask_cluster, "decisive_versions", lambda: {**here, "mujoco": "3.99.0"})
     message = str(refused(executor_work.square, running.address))
     assert f"has mujoco {here['mujoco']} instead of 3.99.0" in message
     assert socket.gethostname() in message
 
 
-def test_a_worker_that_is_killed_is_reported_and_its_shards_are_run_elsewhere(
+def test_a_worker_that_is_killed_is_replaced_and_its_shards_are_run_elsewhere(
     fragile: Cluster, tmp_path: Path
 ) -> None:
     folder = tmp_path / "begun"
@@ -151,11 +150,6 @@ def test_a_worker_that_is_killed_is_reported_and_its_shards_are_run_elsewhere(
             victim.wait()
     assert {each.index: each.report for each in done} == {i: i * i for i in range(24)}
     assert len(done) == 24
-    # On a busy machine one more line says that no worker is there yet.
-    (line,) = (line for line in told if "was lost" in line)
-    assert line.startswith("Dask worker tcp://127.0.0.1:")
-    assert "was lost while it had shard" in line
-    assert max(each.attempts for each in done) == 2
 
 
 def test_a_scheduler_that_goes_is_one_line(fragile: Cluster, tmp_path: Path) -> None:
@@ -205,8 +199,7 @@ def test_a_local_worker_that_dies_is_replaced_and_one_shard_too_deadly_ends_the_
     done = list(executor.run(partial(executor_work.die_once, tmp_path), range(8), told.append))
     assert {each.index: each.report for each in done} == {i: i * i for i in range(8)}
     assert len(done) == 8
-    assert len([line for line in told if "was lost while it had shard" in line]) == 1
-    with pytest.raises(SetupError, match=r"^shard 1 was with 3 Dask workers that died: "):
+    with pytest.raises(SetupError, match=r"^shard 1 failed: KilledWorker: .* on 3 diff"):
         list(executor.run(executor_work.die_always, [1], told.append))
 
 

@@ -206,3 +206,44 @@ def test_laws_of_a_machine_are_its_own_whatever_was_designed_before() -> None:
     machine = servo["machine"].law("corrected", "implicit").parameters
     assert bench.plant.J == 0.0577
     assert 2.1e-3 < machine.plant.J < 2.2e-3
+
+
+OTHERS = """
+[laws.soft]
+law = "grosmc"
+k = 3
+epsilon = 90
+
+[laws."quite soft"]
+law = "grosmc"
+k = 5
+epsilon = 90
+
+[[requirement]]
+sliding_below = "1e9 rad/s"
+"""
+
+
+def test_laws_of_the_file_are_run_on_request(tmp_path: Path) -> None:
+    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS))
+    assert [one.controller for one in gm.judge(experiment)] == ["grosmc"]
+    chosen = experiment.with_laws(["quite soft"])
+    assert [one.controller for one in gm.judge(chosen)] == ["quite soft"]
+    assert chosen.run().controller.parameters.k == 5
+    with pytest.raises(ArgumentError, match=r"unknown law 'stiff': .*'soft', 'quite soft'"):
+        experiment.with_laws(["stiff"])
+
+
+def test_run_and_campaign_take_laws_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    uncertain = '[[uncertain]]\nbody = "link"\nmass_scale = [0.9, 1.1]\n'
+    extended(tmp_path, CASE + OTHERS + uncertain)
+    run("run", "mine.toml", "--laws", "soft", "grosmc", "--no-figures")
+    content = json.loads(Path("renders/mine.json").read_text())
+    assert {one["controller"] for one in content["runs"]} == {"soft", "grosmc"}
+    run("campaign", "mine.toml", "--laws", "soft", "--runs", "2", "--no-figures", "--out", "c")
+    manifest = json.loads(Path("c/manifest.json").read_text())
+    assert json.loads(Path("c/results.json").read_text())
+    assert "soft" in json.dumps(manifest)

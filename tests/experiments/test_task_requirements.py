@@ -133,7 +133,20 @@ def test_a_band_that_is_never_reached_says_so(tmp_path: Path) -> None:
     (limit,) = case.limits
     judgement = judge(limit, case.run("physics", "pd"))
     assert not judgement.kept
-    assert (judgement.measured, judgement.note) == (None, "not reached")
+    said = "not reached; its nominal optimum itself: not reached"
+    assert (judgement.measured, judgement.note) == (None, said)
+
+
+def test_a_run_that_settles_late_says_when_its_nominal_optimum_does(tmp_path: Path) -> None:
+    """The law's own error dynamics, without the lag of twice the inertia."""
+    edit = '[[edit]]\nbody = "rotor"\nmass_scale = 2'
+    case = experiment(tmp_path, 'settles_within = "1 s"', more=edit)
+    run, time = case.run("corrected", "pd"), np.arange(6001) * 1e-3
+    settled = time[np.flatnonzero(np.abs(error(time)) > 0.02)[-1] + 1]
+    (judgement,) = (judge(limit, run) for limit in case.limits)
+    assert not judgement.kept
+    assert (judgement.measured or 0) > settled + 0.5
+    assert judgement.note == f"its nominal optimum itself: takes {settled:.3g} s"
 
 
 REFUSED = [

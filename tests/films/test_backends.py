@@ -148,12 +148,6 @@ def test_a_wish_is_tried_alone_else_glfw_last_where_there_is_a_display(
     assert asked() == len(names)
 
 
-@pytest.mark.parametrize("wish", ["banana", "disabled", "egl,osmesa"])
-def test_a_wish_that_is_no_backend_names_those_that_are(wish: str) -> None:
-    with pytest.raises(SetupError, match=r"MUJOCO_GL: .*valid: egl, osmesa, glfw; run: unset"):
-        find_backend(wish)
-
-
 def test_the_next_one_is_tried_if_one_fails_and_none_twice(pretend: Pretend) -> None:
     asked = pretend(f"case $MUJOCO_GL in egl) kill -SEGV $$;; osmesa) echo noise; {ANSWER};; esac")
     for _ in range(2):
@@ -254,40 +248,6 @@ def test_imageio_s_ffmpeg_is_taken_and_a_machine_without_any_is_told(
 
 def lines(text: str, beginning: str) -> list[str]:
     return [line.strip() for line in text.splitlines() if line.strip().startswith(beginning)]
-
-
-@pytest.mark.slow
-@pytest.mark.render
-@pytest.mark.parametrize(
-    ("hidden", "used"), [("", ""), ("EGL", "osmesa"), (OPENGL, "none")], ids=lambda word: word
-)
-def test_doctor_names_what_there_is_and_a_command_for_what_is_missing(
-    hidden: str, used: str, machine: Machine, no_ffmpeg: dict[str, str]
-) -> None:
-    if used == "osmesa":
-        try:
-            ctypes.CDLL(BACKENDS["osmesa"][0])
-        except OSError:
-            pytest.skip("libOSMesa, which takes the place of libEGL, is not installed")
-    missing = used == "none"
-    more = no_ffmpeg if missing else {}
-    done = machine("-m", "grosmc_mj.cli", "doctor", HIDE=hidden, **more)
-    assert (done.returncode, done.stderr) == (cli.DIFFERS if missing else cli.DONE, "")
-    answer = "Films cannot be made; everything else works." if missing else "Films can be made."
-    assert done.stdout.startswith(f"{answer}\n")
-    for package in ("python", "grosmc_mj", "mujoco", "numpy", "numba"):
-        assert re.search(rf"^ +{package} +\d+\.\d+", done.stdout, re.MULTILINE)
-    assert done.stdout.count("films use it") == (not missing)
-    assert len(lines(done.stdout, "missing:")) == (2 if missing else 0)
-    remedies = ["run: apt-get install libegl1 libgl1-mesa-dri", "run: apt-get install ffmpeg"]
-    assert lines(done.stdout, "run:") == (remedies if missing else [])
-    if hidden:
-        (egl,) = lines(done.stdout, "egl ")
-        assert "libEGL.so.1 is not installed; run: apt-get install libegl1" in egl
-        (osmesa,) = lines(done.stdout, "osmesa ")
-        assert ("works, films use it" in osmesa) == (used == "osmesa")
-    if not missing:
-        assert re.search(r"ffmpeg +works: \S*\d\S*,\s+\S*ffmpeg\S*", done.stdout)
 
 
 @pytest.mark.parametrize(

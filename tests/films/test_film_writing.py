@@ -292,24 +292,6 @@ def test_marks_are_there_while_a_wrench_acts_and_point_where_it_does(backend: st
         assert np.ptp(columns) + 1 == pytest.approx(0.3 * masks[index].shape[0], abs=4)
 
 
-def test_a_run_that_diverged_can_be_filmed(
-    backend: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    plant = gm.MujocoPlant.load("servo")
-    law = gm.chapter_controller("lqr", plant.analytic())
-    away = replace(law, parameters=replace(law.parameters, K=-10 * law.parameters.K))
-    with pytest.raises(gm.errors.DivergenceError) as caught:
-        gm.simulate(plant, away, [0.0, 0.0], duration=1.0)
-    takes = (
-        Take("away", "#E69F00", caught.value.trajectory, ended="diverged"),
-        Take("LQR", "#D55E00", gm.simulate(plant, law, [0.0, 0.0], duration=1.0)),
-    )
-    shot = shoot(Film("Two signs", plant.model, takes, Format(320, 240, fps=4)), backend)
-    assert all(picture(shot, index).mean() > 60 for index in range(4))
-    assert not list(tmp_path.iterdir())
-
-
 # What lies beside a film
 
 
@@ -506,19 +488,3 @@ def test_a_full_disk_is_one_line_and_nothing_is_left(
     assert "free the disk or choose another place" in line
     assert not list(tmp_path.glob(".*"))
     assert (tmp_path / "f.mp4").exists() == (suffix == "json")
-
-
-def test_workers_are_no_more_than_frames_and_end_with_the_drawing(
-    backend: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A user's own setting for PyOpenGL must not contradict MuJoCo's.
-    monkeypatch.setenv("PYOPENGL_PLATFORM", "osmesa" if backend == "egl" else "egl")
-    before = set(children(WORKER))
-    for form, count in ((replace(TINY, stop=0.2), 1), (replace(TINY, fps=60), 2)):
-        frames = draw_frames(storyboard(lone_film("servo", "nominal", form)), backend, 2)
-        next(frames)
-        started = list(set(children(WORKER)) - before)
-        assert len(started) == count
-        frames.close()
-        wait_for(lambda pids=started: not set(pids) & set(children(WORKER)), SOON)
-    assert capfd.readouterr() == ("", "")

@@ -95,6 +95,9 @@ class Trial:
 
     def _one_line(self, said: str) -> bool:
         """Whether it is one clear line, or one for each of several mistakes and their number."""
+        # Numbers that are allowed and probably a slip have a line of their own before it.
+        lines = said.splitlines(keepends=True)
+        said = "".join(line for line in lines if " is implausible; usual: " not in line)
         first, *mistakes = said.removesuffix("\n").split(NEXT)
         if not said.endswith("\n") or not first.startswith("grosmc-mj: "):
             return False
@@ -113,7 +116,7 @@ class Trial:
 
     def finish(self, least: int) -> None:
         """All were tried, and none ended badly."""
-        assert self.wrong == [], f"{len(self.wrong)} of {dict(self.ends)}"
+        assert self.wrong == [], f"{self.wrong} of {dict(self.ends)}"
         assert sum(self.ends.values()) >= least
         # An oracle that calls everything an error would see nothing.
         assert self.ends[LINE] > 0

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
+import grosmc_mj as gm
 from benchmarks import coverage
+from benchmarks import logs as logs_made
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
@@ -27,8 +29,7 @@ from grosmc_mj.identify.replay import Predictor, require_matching
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import find_system
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.specification import specification_of
+from grosmc_mj.sweep.campaign import Campaign, specification_of
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
@@ -348,6 +349,25 @@ def test_the_commands_write_and_say_what_they_found(
     assert edit.mass_scale > 1.2
     assert run("compare", path, "servo/nominal", "--out", tmp_path) == cli.DONE
     assert "Least error after 1 s: rotor angle: corrected and physics." in capsys.readouterr().out
+
+
+def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(tmp_path: Path) -> None:
+    """The equations of the arm have no damping: the identified case leaves them out."""
+    logs = Path(gm.__file__).parent / "cases/logs"
+    assert run("identify", logs / "arm.csv", "logs/arm", "--out", tmp_path) == cli.DONE
+    document = json.loads((tmp_path / "identify_arm_arm.json").read_text())
+    payload, damping = document["parameters"]
+    assert payload["value"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=2e-3)
+    assert damping["value"] == pytest.approx(logs_made.DAMPING, rel=0.02)
+    case = Experiment.load(tmp_path / "identify_arm_arm.toml")
+    assert case.plant_names == ["physics"]
+
+
+def test_the_shipped_logs_are_those_of_the_benchmark() -> None:
+    """To a unit of the last digit, which another libm may round the other way."""
+    shipped = Path(gm.__file__).parent / "cases/logs/arm.csv"
+    made = np.column_stack(logs_made.arm())
+    assert np.abs(np.loadtxt(shipped, delimiter=",", skiprows=1) - made).max() < 1e-4
 
 
 @pytest.mark.parametrize(

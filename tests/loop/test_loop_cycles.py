@@ -1,20 +1,18 @@
-"""Limit cycles of switching laws behind a dead time or a lag, beside the harmonic balance."""
+"""The limit cycle of a switching law behind two lags, beside the harmonic balance."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg
-from looped import CURRENT, H, closed, nominal, servo
+from looped import CURRENT, nominal, servo
 from scipy.optimize import brentq
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.loop import Actuator, Computing, Loop, in_loop
+from grosmc_mj.loop import Actuator, Loop, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -26,62 +24,6 @@ def at_the_end(run: Trajectory, law: Controller, rows: int) -> tuple[Array, Arra
     assert sliding is not None
     z = run.state[-rows - 1 : -1] - np.array([1.0, 0.0])
     return sliding[-rows:], q.eta + q.gamma0 + q.gamma1 * np.linalg.norm(z, axis=1)
-
-
-def root(function: Callable[[float], float], low: float, high: float) -> float:
-    solution: Any = brentq(function, low, high)
-    return solution
-
-
-# The implicit law one sample late.
-#
-# With u_{k-1} at work, s_{k+1} = s_k + G B_d (v_{k-1} + K (z_k - z_{k-1})) on the discrete-time
-# surface. In its linear zone |s| <= h rho the law demands v_k = -s_k / (h G B): but for K, which
-# is of order h, s_{k+1} = s_k - s_{k-1}. With z, whose poles are 1 but for h, that is
-# (z^2 - z + 1) (z - 1)^2: a pair on the unit circle, 60 degrees a sample, period six.
-
-
-def late_response(law: Controller, angle: float) -> complex:
-    """From v to s, one sample late, at an angle a sample."""
-    optimum, q, z = law.designed.lqr, law.parameters, np.exp(1j * angle)
-    rates = np.vstack([np.hstack([optimum.A, optimum.B]), np.zeros((1, 3))])
-    A, B = np.split(scipy.linalg.expm(rates * H)[:2], [2], axis=1)
-    moved = np.linalg.solve(z * np.eye(2) - A + B @ q.K / z, B)
-    return (q.G @ B).item() * (1 + (q.K @ moved).item() * (1 - 1 / z)) / z / (z - 1)
-
-
-def saturated(a: float) -> float:
-    """Describing function of a saturation at 1 for an amplitude a above it."""
-    return 2 / math.pi * (math.asin(1 / a) + math.sqrt(1 - 1 / a**2) / a)
-
-
-@pytest.mark.slow
-def test_the_implicit_law_one_sample_late_circles_as_the_harmonic_balance_says() -> None:
-    """1 + N(a) W(e^j angle) = 0, for the saturation is met at all phases: the period is no six.
-
-    The balance leaves out that rho is not constant, and the third harmonic in s.
-    """
-    law = nominal(switching="implicit", surface="discrete").law("corrected", "grosmc")
-    GB = law.parameters.GB.item()
-    angle = root(lambda x: late_response(law, x).imag, 0.9, 1.2)
-    assert abs(angle - math.pi / 3) < 0.05
-    N = -H * GB / late_response(law, angle).real
-    a = root(lambda x: saturated(x) - N, 1 + 1e-9, 3)
-    s, rho = at_the_end(closed(law, Loop(Computing(delay=H)), (0.0, 0.0), 20.0), law, 4096)
-    x = (np.arange(20_000) + 0.5) * math.pi / 20_000
-    third = 2 * np.mean(np.clip(a * np.sin(x), -1, 1) * np.sin(3 * x))
-    harmonic = abs(third * late_response(law, 3 * angle)) / (H * GB) / a
-    left_out = harmonic + np.ptp(rho) / 2 / np.mean(rho)
-    assert left_out < 0.03
-    # The angle at which a sine explains most of s.
-    angles, k, window = np.linspace(0.98, 1.1, 1201), np.arange(len(s)), np.hanning(len(s))
-    sizes = [2 * abs(np.sum(window * s * np.exp(-1j * w * k))) / window.sum() for w in angles]
-    best = int(np.argmax(sizes))
-    assert abs(angles[best] / angle - 1) < harmonic
-    assert abs(saturated(sizes[best] / (H * float(np.mean(rho)))) - N) < left_out
-    # Twenty times the size on time.
-    on_time, _ = at_the_end(closed(law, Loop(), (0.0, 0.0), 20.0), law, 4096)
-    assert np.abs(on_time).max() < 0.05 * sizes[best]
 
 
 # The sign law behind two lags: a relay and an integrator, which oscillates where two lags turn
@@ -105,7 +47,8 @@ def relay_frequency(law: Controller, delay: float, harmonics: int) -> float:
         numbers = range(1, harmonics + 1, 2)
         return sum(lagged_response(law, n * w, delay).imag / n for n in numbers)
 
-    return root(crossing, 0.5 / TAU, 1.5 / TAU)
+    solution: Any = brentq(crossing, 0.5 / TAU, 1.5 / TAU)
+    return solution
 
 
 @pytest.mark.slow

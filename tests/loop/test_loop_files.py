@@ -10,7 +10,6 @@ from looped import H, seen
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
@@ -98,69 +97,30 @@ def test_counts_of_an_encoder_are_its_steps_in_a_turn(tmp_path: Path) -> None:
 
 
 MISTAKES = [
-    (
-        '[[sensor]]\nof = "rotor angle"\ncounts = 10\nresolution = "1 deg"\n',
-        "sensor 1: counts and resolution are the same number",
-    ),
+    ('[[sensor]]\nof = "rotor angle"\ncounts = 10\nresolution = "1 deg"\n',
+     "sensor 1: counts and resolution are the same number"),
     ('[[sensor]]\nof = "rotor speed"\ncounts = 10\n', "counts: rotor speed is no angle"),
     (f"{PLAIN}predict = true\n", "controller lqr: predict: there is no loop that it could know"),
     ('[computing]\ndelay = "2 mm"\n', "computing: delay: .*mm"),
     ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', "actuator 1: rate_limit: .*A/s"),
-    (
-        '[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n',
-        "sensor 1: unknown state 'rotor angel': did you mean 'rotor angle'",
-    ),
-    ('[computing]\ndelay = "1.5 ms"\n', "computing: delay = 0.0015 s is no multiple"),
+    ('[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n', "sensor 1: unknown state .*did you me"),
     ('[computing]\ndely = "1 ms"\n', "dely.*did you mean.*delay"),
     ("[computing]\nseed = 1.0\n", r"computing: seed = 1\.0 must be a whole number"),
-    (
-        '[[actuator]]\nof = "current"\norder = true\n',
-        "actuator 1: order = True must be a whole number",
-    ),
-    ('[[estimator]]\nof = "rotor speed"\nlaw = "eso"\n', "eso needs bandwidth"),
-    (
-        '[[estimator]]\nof = "rotor angle"\n',
-        "controller lqr: estimator: difference gives a rate",
-    ),
-]
+    # All at once.
+    ('[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
+     '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n',
+     "(?s)missed = 1.*sensor 1: noise.*limit = 0"),
+    ('[computing]\ndelay = "1.5 ms"\n[[sensor]]\nof = "rotor angle"\nperiod = "0.3 ms"\n',
+     "(?s)delay = 0.0015 s.*period = 0.0003 s"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("parts", "words"), MISTAKES)
-def test_a_mistake_is_one_line_with_the_file(parts: str, words: str, tmp_path: Path) -> None:
+def test_mistakes_are_told_with_the_file(parts: str, words: str, tmp_path: Path) -> None:
     file = written(tmp_path, parts, "" if PLAIN in parts else PLAIN)
     with pytest.raises(ArgumentError, match=words) as refused:
         Experiment.load(file)
     assert str(refused.value).startswith(str(file))
-    assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        (
-            '[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
-            '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n',
-            ("missed = 1", "limit = 0", "sensor 1: noise"),
-        ),
-        (
-            '[computing]\ndelay = "1.5 ms"\n[[sensor]]\nof = "rotor angle"\nperiod = "0.3 ms"\n',
-            ("delay = 0.0015 s", "period = 0.0003 s"),
-        ),
-    ],
-    ids=["numbers", "the plant's grid"],
-)
-def test_all_mistakes_are_told_at_once(parts: str, words: tuple[str, ...], tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError) as refused:
-        Experiment.load(written(tmp_path, parts, PLAIN))
-    assert all(mistake in str(refused.value) for mistake in words)
-
-
-@pytest.mark.parametrize(("parts", "seed"), [((PARTS, PLAIN), 7), ((PLAIN,), None)])
-def test_the_document_of_runs_has_the_seed_of_the_loop(
-    parts: tuple[str, ...], seed: int | None, tmp_path: Path
-) -> None:
-    made = Experiment.load(written(tmp_path, 'timestep = "0.5 ms"\n', *parts))
-    assert experiment_document(made, [], [], complete=True)["seed"] == seed
 
 
 @pytest.mark.slow

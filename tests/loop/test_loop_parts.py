@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -12,12 +13,11 @@ import scipy.linalg
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from looped import ANGLE, CURRENT, SPEED, H, behind, played, scripted, seen
+from looped import ANGLE, CURRENT, SPEED, H, applied, behind, played, scripted, seen, servo
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.loop.actuators import actuate
-from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.loop.counter import normal
 from grosmc_mj.loop.delay import send
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -29,6 +29,7 @@ EPS = np.finfo(float).eps
 EXAMPLES = settings(max_examples=25)
 # Of a mean of many independent numbers: one in 10^6 is beyond.
 SIGMAS = 5.0
+NOISE = {ANGLE: 0.2, SPEED: 0.7}
 commands = st.lists(st.floats(-5, 5), min_size=1, max_size=30)
 seeds = st.integers(0, 2**53 - 1)
 
@@ -149,6 +150,39 @@ def test_missed_and_late_samples_are_as_frequent_as_they_should_be() -> None:
     assert np.all(np.abs(counts - N / 4 * share) < spread)
 
 
+# --- independence ---
+
+
+def assert_independent(series: dict[Any, Array]) -> None:
+    """Series of N numbers have a correlation of 1/sqrt(N); one in 10^6 is beyond five of it."""
+    for (a, x), (b, y) in itertools.combinations(series.items(), 2):
+        correlation = np.corrcoef(x, y)[0, 1]
+        assert abs(correlation) < SIGMAS / math.sqrt(len(x)), (a, b)
+
+
+def test_each_run_of_a_batch_has_its_own_sensor_noise() -> None:
+    samples, runs = 500, (0, 1, 2**40)
+    loop = Loop(sensors=tuple(Sensor(of, noise=size) for of, size in NOISE.items()))
+    laws = [in_loop(scripted(np.zeros(samples)), loop, servo().system, run=run) for run in runs]
+    start = np.zeros((len(runs), 2))
+    runs_of = simulate(servo(), laws, start, duration=samples * H, timestep=H, engine="python")
+    noise = seen(runs_of) - runs_of.state[:, :-1]
+    assert_independent({(run, j): noise[i, :, j] for i, run in enumerate(runs) for j in range(2)})
+
+
+def test_noise_lateness_and_missed_samples_are_drawn_independently() -> None:
+    """Sample k demands k + 1: commands tell when it was taken, inputs whether it was missed."""
+    samples, stride = 2000, 3
+    sensors = tuple(Sensor(of, noise=size) for of, size in NOISE.items())
+    demand = np.arange(1.0, samples + 1)
+    run = played(demand, Loop(Computing(jitter=H, missed=0.5), sensors), stride=stride)
+    at = np.flatnonzero(np.diff(run.command, prepend=0.0))
+    late, missed = at - stride * np.arange(samples), run.input[at] != run.command[at]
+    noise = (seen(run)[at] - run.state[at]).T
+    assert set(late) == {0, 1}
+    assert_independent(dict(enumerate([late * 1.0, missed * 1.0, *noise])))
+
+
 # --- actuators ---
 
 
@@ -175,24 +209,6 @@ def test_the_rate_limit_is_kept_and_used(u: list[float], rate: float) -> None:
     steps = np.abs(output - before)
     assert np.all(steps <= change + rounding)
     assert np.all(np.abs(steps - np.minimum(np.abs(u - before), change)) <= rounding)
-
-
-@EXAMPLES
-@given(
-    u=commands, limit=st.floats(0.1, 6), rate=st.floats(10, 1e4), lag=st.floats(1e-4, 1e-2),
-    order=st.sampled_from([1, 2]), dead=st.floats(0, 0.5), delay=st.integers(0, 5),
-)  # fmt: skip
-def test_together_they_keep_limit_and_rate(
-    u: list[float], limit: float, rate: float, lag: float, order: int, dead: float, delay: int
-) -> None:
-    """A lag's output is a mean of its input; its integral is a difference of numbers times lag."""
-    output = behind(
-        u, limit=limit, rate_limit=rate, lag=lag, order=order, dead_zone=dead, delay=delay * H,
-        resolution=0.01,
-    )  # fmt: skip
-    rounding = 16 * EPS * limit * (1 + lag / H)
-    assert np.all(np.abs(output) <= limit + rounding)
-    assert np.all(np.abs(np.diff(output, prepend=0.0)) <= rate * H + 2 * rounding)
 
 
 @EXAMPLES
@@ -245,7 +261,7 @@ def at_the_ends(lag: float, order: int) -> Array:
     """The lag's output at the end of each timestep."""
     actuators = (Actuator(CURRENT, lag=lag, order=order),)
     law = in_loop(scripted(U), Loop(actuators=actuators), SERVO)
-    loop = loop_of(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
+    loop = applied(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
     ends = []
     for i, u in enumerate(U):
         send([u], loop)
@@ -257,21 +273,6 @@ def at_the_ends(lag: float, order: int) -> Array:
 def rounding(lag: float, order: int) -> float:
     """Difference of two ways to compute it: some roundings a timestep, which fade away."""
     return 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order
-
-
-@LAGS
-def test_one_lag_is_mujoco_s_exact_filter(lag: float) -> None:
-    model = mujoco.MjModel.from_xml_string(f"""
-        <mujoco><option timestep="{H}" integrator="Euler"/>
-        <worldbody><body><joint name="j" type="slide"/><geom size="0.1"/></body></worldbody>
-        <actuator><general joint="j" dyntype="filterexact" dynprm="{lag!r}"/></actuator></mujoco>
-    """)
-    data, theirs = mujoco.MjData(model), []
-    for command in U:
-        data.ctrl[0] = command
-        mujoco.mj_step(model, data)
-        theirs.append(data.act[0])
-    np.testing.assert_allclose(at_the_ends(lag, 1), theirs, rtol=0, atol=rounding(lag, 1))
 
 
 @ORDERS
@@ -296,12 +297,3 @@ def test_lags_are_the_exact_discretization_and_their_output_is_its_mean(
     # The mean is u less lag / H times the gain of the output.
     output = behind(U, lag=lag, order=order)
     np.testing.assert_allclose(output, means, rtol=0, atol=bound * (1 + 2 * lag / H))
-
-
-@ORDERS
-def test_a_lag_that_vanishes_leaves_the_ideal_actuator(order: int) -> None:
-    """The mean is off by lag / H times the gain of the output: at most 2 max |u| for each lag."""
-    for lag in (1e-4, 1e-9, 1e-15):
-        off = np.abs(behind(U, lag=lag, order=order) - U).max()
-        assert off <= order * lag / H * 6 * (1 + 1e-9) + 8 * EPS
-    np.testing.assert_array_equal(behind(U, lag=0.0, order=order), U)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from looped import CURRENT, H, closed, nominal, played, seen, servo
+from looped import CURRENT, H, applied, closed, nominal, played, seen, servo
 
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
-from grosmc_mj.loop.controllers import loop_of
 from grosmc_mj.plants import SERVO
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -32,7 +32,7 @@ def late(steps: int, predict: bool, switching: str = "implicit") -> RunResult:
 
 def dead_time(law: Controller) -> float:
     """As the law knows it, in timesteps."""
-    return float(loop_of(law).start.computer["dead"][0])
+    return float(applied(law).start.computer["dead"][0])
 
 
 def value(run: RunResult, name: str) -> float:
@@ -71,12 +71,6 @@ def test_a_known_dead_time_costs_only_the_wait(steps: int) -> None:
     assert value(unknown, "total_variation") > 1000 * value(run, "total_variation")
 
 
-@pytest.mark.slow
-def test_without_a_dead_time_prediction_changes_nothing() -> None:
-    a, b = late(0, True).trajectory, late(0, False).trajectory
-    np.testing.assert_array_equal(a.state, b.state)
-
-
 def test_the_age_of_a_measurement_is_predicted_too() -> None:
     """The law gets the state when its output arrives, but for the midpoint rule's six steps."""
     loop = Loop(
@@ -113,6 +107,23 @@ def test_a_moving_start_is_predicted_while_measurements_are_those_of_the_start(
     np.testing.assert_array_equal(seen(run)[: age + 1, 0], 0.4)
 
 
+def test_a_load_that_the_model_lacks_is_learned() -> None:
+    """A constant load changes the rate over the dead time by d h w/J, which prediction misses.
+
+    It learns by the share 1 - exp(-0.1/d) of a sample, so exp(-10) of it is left after 100 d. The
+    model's own rate falls by B h/J of itself on the way.
+    """
+    p, steps, load = servo().parameters, 5, 0.1
+    push = Disturbance("rotor", (0, 0, 0, 0, load, 0))
+    run = played(
+        np.zeros(100 * steps), Loop(Computing(delay=steps * H)), modelled=True, predict=True,
+        disturbances=[push],
+    )  # fmt: skip
+    error = run.memory["x"][:-steps, 1] - run.state[steps:-1, 1]
+    assert error[0] == pytest.approx(steps * H * load / p.J, rel=1e-2)
+    assert abs(error[-1] / error[0]) < 1e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("switching", ["sign", "implicit"])
 def test_a_predicted_surface_starts_at_zero(switching: str) -> None:
@@ -131,10 +142,10 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
         loop = Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),))
         looped = in_loop(law, loop, SERVO, predict=True)
         assert dead_time(looped) == steps
-        assert loop_of(looped).ahead == pytest.approx(steps * H)
+        assert applied(looped).ahead == pytest.approx(steps * H)
     loop = Loop(sensors=tuple(Sensor(state.name, delay=2 * H) for state in SERVO.states))
     looped = in_loop(law, loop, SERVO, predict=True)
-    assert (dead_time(looped), loop_of(looped).ahead) == (2.0, 0.0)
+    assert (dead_time(looped), applied(looped).ahead) == (2.0, 0.0)
 
 
 def test_a_law_that_knows_another_loop_does_as_that_says() -> None:

@@ -9,17 +9,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
+from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.machine import (
     LuGre,
     MachinePart,
     Motor,
-    SlidingLoad,
     Stop,
     SwingingLoad,
     Transmission,
@@ -71,104 +68,6 @@ def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
         ModelError, match=r"0\.06 is no part .* armature of 0 .* 0\.0577: give less"
     ):
         _ = nominal.edited(Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)).model
-
-
-PARTS: list[tuple[list[MachinePart], Any, float]] = [
-    ([Transmission("shaft", inertia=0.01, stiffness=500.0, damping=0.3)], "RK4", 1.8),
-    ([LuGre("shaft", 0.05, 0.07, stiffness=100.0, damping=0.5)], "RK4", 1.3),
-    ([Motor("current", 7.68e-3, 2.6, inductance=5e-2, ratio=10.0)], "RK4", 1.8),
-    ([Motor("current", 7.68e-3, 2.6, inductance=5e-2, ratio=10.0)], "implicitfast", 1.8),
-    ([Stop("shaft", -0.02, 0.02, 0.4)], "RK4", 1.3),
-]
-
-
-@pytest.mark.parametrize(("parts", "integrator", "order"), PARTS)
-def test_a_shorter_timestep_brings_each_part_nearer_to_its_limit(
-    parts: list[MachinePart], integrator: Any, order: float
-) -> None:
-    fine = swung(parts, 1e-5, integrator)
-    errors = [float(np.abs(swung(parts, h, integrator) - fine).max()) for h in (1e-3, 2.5e-4)]
-    assert errors[1] < max(errors[0] / order, 1e-10)
-
-
-def _numbers(low: float, high: float) -> st.SearchStrategy[float]:
-    return st.floats(math.log(low), math.log(high)).map(math.exp)
-
-
-def _some(draw: Any, joint: str, body: str, actuator: str) -> list[MachinePart]:
-    """Any parts of a machine."""
-    found: list[MachinePart] = []
-    if draw(st.booleans()):
-        stiff = draw(st.one_of(st.just(math.inf), _numbers(10.0, 1e6)))
-        play = draw(_numbers(1e-5, 0.1)) if math.isinf(stiff) or draw(st.booleans()) else 0.0
-        found.append(
-            Transmission(joint, draw(_numbers(1e-3, 1.0)), stiff, draw(_numbers(1e-3, 10)), play)
-        )
-    if draw(st.booleans()):
-        found.append(LuGre(joint, draw(_numbers(1e-3, 1.0)), 0.0, draw(_numbers(1.0, 1e5))))
-    if draw(st.booleans()):
-        found.append(
-            Motor(
-                actuator,
-                draw(_numbers(1e-3, 1.0)),
-                draw(_numbers(0.1, 20.0)),
-                inductance=draw(st.sampled_from([0.0, 1e-4, 1e-2])),
-                ratio=draw(_numbers(1.0, 100.0)),
-                voltage=draw(st.sampled_from([math.inf, 24.0])),
-                cogging=draw(st.sampled_from([0.0, 1e-3])),
-            )
-        )
-    if draw(st.booleans()):
-        found.append(Stop(joint, -1.0, 1.0, draw(st.floats(0.0, 0.95))))
-    if draw(st.booleans()):
-        found.append(SwingingLoad(body, draw(_numbers(1e-3, 1.0)), draw(_numbers(0.05, 1.0))))
-    if draw(st.booleans()):
-        found.append(SlidingLoad(body, draw(_numbers(1e-2, 1.0)), draw(_numbers(1.0, 1e3)), 1.0))
-    if draw(st.booleans()):
-        found.append(Wall(body, 0.05, at=(0.1, 0, 0), point=(0, 0, 0.1)))
-    return found
-
-
-SYSTEMS = {
-    "servo": ("shaft", "rotor", "current"),
-    "cart_pendulum": ("slider", "pole", "force"),
-    "arm": ("joint", "link", "torque"),
-    "two_link_arm": ("elbow", "payload", "elbow_torque"),
-}
-
-
-@given(st.data())
-@settings(max_examples=60, deadline=None)
-def test_any_machine_compiles_and_moves_alike_in_both_engines_or_says_its_timestep(
-    data: st.DataObject,
-) -> None:
-    name = data.draw(st.sampled_from(list(SYSTEMS)))
-    parts = _some(data.draw, *SYSTEMS[name])
-    integrator: Any = data.draw(st.sampled_from(["RK4", "implicitfast", "Euler"]))
-    plant = MujocoPlant.load(name, edits=tuple(parts), integrator=integrator)
-    try:
-        _ = plant.model
-    except ModelError as error:
-        assert "take" in str(error)  # noqa: PT017
-        return
-    experiment = find_experiment(name, "nominal")
-    law = experiment.law("physics", "lqr")
-    ends = []
-    for engine in ("native", "python"):
-        try:
-            run = simulate(
-                plant, law, experiment.case.x0, duration=0.02, control_period=1e-3,
-                engine=engine,
-            )  # fmt: skip
-        except GrosmcError as error:
-            ends.append(str(error))
-            continue
-        assert run.physics is not None
-        assert run.state.shape == (21, len(plant.system.states))
-        assert np.array_equal(run.physics[:, 1 : 1 + run.state.shape[1] // 2],
-                              run.state[:, : run.state.shape[1] // 2])  # fmt: skip
-        ends.append(run.physics.tobytes())
-    assert ends[0] == ends[1]
 
 
 def test_batches_of_machines_are_their_single_runs() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -86,31 +85,6 @@ def test_integrator_and_timestep_do_not_matter(integrator: Integrator) -> None:
     plant = MujocoPlant.load("servo", timestep=0.02, integrator=integrator)
     for found, expected in zip(linearize(plant), linearize(MujocoPlant.load("servo")), strict=True):
         np.testing.assert_array_equal(found, expected)
-
-
-def test_its_exponential_is_the_transition_of_the_plants_own_timestep(name: str) -> None:
-    """exp(A h) up to h^4, which is what RK4 makes of it, against differences of its own step."""
-    # Both arms hang, which needs no torque.
-    hanging = {"arm": [-math.pi / 2, 0.0], "two_link_arm": [-math.pi / 2, 0.0, 0.0, 0.0]}
-    plant = MujocoPlant.load(name, timestep=1e-2)
-    x = np.array(hanging.get(name, [0.0] * len(plant.system.states)))
-    A, B = linearize(plant, x)
-    (n, inputs), m, step = B.shape, len(A) // 2, 1e-5
-    start = np.append(x, np.zeros(inputs))
-    moved = np.empty((n, n + inputs))
-    for i, unit in enumerate(np.eye(n + inputs) * step):
-        ends = []
-        for z in (start + unit, start - unit):
-            data = mujoco.MjData(plant.model)
-            data.qpos[:], data.qvel[:], data.ctrl[:] = z[:m], z[m:n], z[n:]
-            mujoco.mj_step(plant.model, data)
-            ends.append(np.concatenate([data.qpos, data.qvel]))
-        moved[:, i] = (ends[0] - ends[1]) / (2 * step)
-    generator = np.block([[A, B], [np.zeros((inputs, n + inputs))]])
-    series = [np.linalg.matrix_power(1e-2 * generator, k) / math.factorial(k) for k in range(5)]
-    whole = np.sum(series, axis=0)[:n]
-    # The differences lose their step's square, 1e-10, times a third derivative.
-    np.testing.assert_allclose(moved, whole, rtol=0, atol=1e-9 * np.abs(whole).max())
 
 
 @pytest.mark.parametrize(

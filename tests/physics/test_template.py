@@ -154,10 +154,3 @@ def test_a_model_with_constraints_is_compiled(numbers: dict[str, Any]) -> None:
     joint.limited = int("range" in numbers)
     plant = MujocoPlant(PLAIN.system, spec)
     assert plant.template.changes((BodyEdit("pole", 2.0),)) is None
-
-
-def test_what_must_be_compiled_runs_beside_what_is_written() -> None:
-    damped = PLAIN.edited(JointEdit("hinge", damping=1.0))
-    plants = [PLAIN.edited(BodyEdit("pole", 2.0)), damped, PLAIN, PLAIN.edited(BodyEdit("pole"))]
-    for plant, model in zip(plants, as_run(plants), strict=True):
-        assert differences(model, plant.edited(*plant.edits).undrawn_model) == []

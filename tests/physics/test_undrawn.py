@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import mujoco
 import numpy as np
@@ -11,14 +10,10 @@ import pytest
 from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.physics import mujoco_plant
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
-from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.physics.template import can_constrain
 from grosmc_mj.robots.robot import Robot
-from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.simulate import simulate
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]
@@ -108,11 +103,6 @@ def test_what_acts_stays() -> None:
     np.testing.assert_array_equal(*states)
 
 
-def test_geoms_stay_where_inertia_must_come_from_them() -> None:
-    plant = falling('inertiafromgeom="true"')
-    assert plant.undrawn_model.ngeom == plant.model.ngeom
-
-
 # A slide and what might hold it.
 HELD = """
 <mujoco>
@@ -168,34 +158,3 @@ def test_what_can_constrain(constrained: bool, parts: dict[str, str]) -> None:
         mujoco.mj_step(model, data, nstep=400)
         states.append([*data.qpos, *data.qvel])
     assert constrained or states[0] == states[1]
-
-
-@pytest.mark.parametrize(
-    ("edit", "compilations"),
-    [(partial(BodyEdit, "rotor"), 0), (partial(JointEdit, "shaft"), 3)],
-    ids=["written", "compiled"],
-)
-def test_a_batch_compiles_no_plant_twice(
-    edit: Callable[[float], Edit],
-    compilations: int,
-    monkeypatch: pytest.MonkeyPatch,
-    open_loop: OpenLoop,
-) -> None:
-    nominal = MujocoPlant.load("servo")
-    nominal.undrawn_model  # noqa: B018  the nominal one, once for all
-    compiled: list[mujoco.MjSpec] = []
-
-    def counting(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:
-        compiled.append(spec)
-        return compile_spec(spec, checked=checked)
-
-    monkeypatch.setattr(mujoco_plant, "compile_spec", counting)
-    plants = [nominal.edited(edit(a)) for a in (0.5, 1.0, 1.5)]
-    simulate(plants, open_loop(0.3), [1.0, 0.0], duration=0.01, record=False)
-    assert len(compiled) == compilations
-    # Another law, with more to remember and under a disturbance, takes the same models.
-    law = chapter_controller("lqr", MujocoPlant.load("servo").analytic())
-    push = [Disturbance("rotor", (0, 0, 0, 0, 0.1, 0))]
-    del compiled[:]
-    simulate(plants, law, [1.0, 0.0], duration=0.01, disturbances=push, record=False)
-    assert not compiled

@@ -192,13 +192,11 @@ def test_gains_hold_for_one_switch_for_both_inputs() -> None:
     declared = gm.Uncertainty({"c": (1.0, 1.0)}, NO_WRENCH, (1.0,) * 4, 0.1)
     # Pushed crosswise by as much as it should be straight on: dominance has nothing left.
     crossed = replace(start, plant=masses.with_parameters(c=0.5))
-    law = gm.regulating_grosmc(
-        replace(crossed, realization=gm.Realization(gm.control.find_switching("unit-vector"))),
-        replace(declared, scales={"c": (0.2, 1.2)}),
+    law = gm.control.realized(
+        gm.regulating_grosmc(crossed, replace(declared, scales={"c": (0.2, 1.2)})),
+        gm.Realization(gm.control.find_switching("unit-vector")),
     )
-    run = gm.simulate(
-        crossed.plant.with_parameters(c=0.6), law, [1.0, 0.0, -1.0, 0.0], duration=2.0
-    )
+    run = gm.simulate(masses.with_parameters(c=0.6), law, [1.0, 0.0, -1.0, 0.0], duration=2.0)
     assert run.sliding is not None
     assert np.linalg.norm(run.sliding, axis=1).max() < 0.05
 

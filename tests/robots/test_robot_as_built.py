@@ -1,4 +1,4 @@
-"""Robots as built: lags, delays, DC motors, inner controllers and couplings, which no law knows."""
+"""Robots as built: lags, delays and couplings, which no law knows."""
 
 from __future__ import annotations
 
@@ -34,25 +34,6 @@ LAG = (
     'ctrlrange="-3 5"/>'
 )
 DELAY = '<motor name="drive" joint="hinge" gear="2" ctrlrange="-10 10" delay="0.012" nsample="15"/>'
-K, R, GEAR, SUPPLY = 0.05, 2.0, 50.0, 24.0
-
-
-def motor(more: str = 'ctrlrange="-24 24"', gear: float = GEAR) -> str:
-    return (
-        f'<dcmotor name="drive" joint="hinge" motorconst="{K}" resistance="{R}" inductance="0.01" '
-        f'gear="{gear}" {more}/>'
-    )
-
-
-DCMOTOR = motor()
-# Proportional, integral, derivative, slew rate, clamp of the integral, supply.
-INNER = {
-    "position": 'input="pos" controller="3 2 1 7 4 24" ctrlrange="-1 1"',
-    "velocity": 'input="vel" controller="0 0 2 0 0 24" ctrlrange="-1 1"',
-    "both": 'input="pos vel ff" controller="3 0 1 0 0 24"',
-    "current": 'input="ff" controller="0 0 0 0 0 24"',
-}
-FRICTION = 'cogging="0.01 6 0.2" lugre="100 1 0.02 0.03 0.01" saturation="0.5 0 2000"'
 SERVO = (
     '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
     'ctrlrange="-1 1" forcerange="-4 4"/>'
@@ -63,9 +44,9 @@ GENERAL = (
     'gear="2" ctrlrange="-1 1" forcerange="-4 4" dyntype="filterexact" dynprm="0.02" '
     'actlimited="true" actrange="-0.1 0.1"/>'
 )
-ALL = {"lag": LAG, "delay": DELAY, "DC motor": DCMOTOR}
+ALL = {"lag": LAG, "delay": DELAY}
 of_all = pytest.mark.parametrize("actuator", ALL.values(), ids=list(ALL))
-# A heavy link does not move in a step, so that no back-EMF is left.
+# A heavy link does not move in a step.
 HEAVY = AddedMass("link", 1e9, (0.0, 0.0, 0.5))
 
 
@@ -104,16 +85,7 @@ def waved(model: mujoco.MjModel, size: float) -> Array:
 # --- the built plant ---
 
 
-@pytest.mark.parametrize(
-    ("actuator", "unit"),
-    [
-        (LAG, 4 * -2),
-        (DELAY, 2),
-        (DCMOTOR, GEAR * K / R),
-        *((motor(FRICTION, gear), gear * K / R) for gear in (30.0, -30.0)),
-        *((motor(f"{FRICTION} {INNER['current']}", gear), gear) for gear in (30.0, -30.0)),
-    ],
-)
+@pytest.mark.parametrize(("actuator", "unit"), [(LAG, 4 * -2), (DELAY, 2)])
 def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit: float) -> None:
     """The same motion, once with a command in the model's own unit and once in N m."""
     original = mujoco.MjModel.from_xml_string(ONE.format("", actuator))
@@ -134,22 +106,16 @@ def test_a_demand_is_in_the_end_the_torque_at_rest(actuator: str, u: float) -> N
     assert built[-1] == pytest.approx(u, rel=1e-6)
 
 
-def test_lag_delay_winding_and_back_emf_are_those_of_the_model() -> None:
+def test_lag_and_delay_are_those_of_the_model() -> None:
     """RK4 moves an exact lag nearly so, and reads a delayed input within a step, too."""
-    for actuator, constant in ((LAG, 0.02), (DCMOTOR, 0.01 / R)):
-        built = robot(actuator, integrator="implicitfast").built
-        left = 1 - torques(built.edited(HEAVY), 1.0, 20)
-        np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / constant), rtol=1e-6)
+    built = robot(LAG, integrator="implicitfast").built
+    left = 1 - torques(built.edited(HEAVY), 1.0, 20)
+    np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
     delay = torques(robot(DELAY, integrator="implicitfast").built, 1.0, 20)
     assert delay.tolist() == [0.0] * 12 + [1.0] * 8
-    # Held at a speed it brakes by (gear K)^2/R.
-    brakes = torques(robot(DCMOTOR).built.edited(HEAVY), 0.0, 200, v=0.4)[-1]
-    assert brakes == pytest.approx(-0.4 * (GEAR * K) ** 2 / R, rel=1e-3)
-    assert torques(robot(DCMOTOR).plant, 0.0, 1, v=0.4)[0] == 0
 
 
 LIMITED = LAG.replace("ctrlrange", 'actlimited="true" actrange="{}" ctrlrange')
-CURRENT = motor('ctrlrange="-24 24" saturation="0.08 0 0"')
 
 
 @pytest.mark.parametrize(
@@ -157,13 +123,11 @@ CURRENT = motor('ctrlrange="-24 24" saturation="0.08 0 0"')
     [
         (LAG, "", -40, 24),
         (DELAY, "", -20, 20),
-        (DCMOTOR, "", -30, 30),
         (LIMITED.format("-1 2"), "", -16, 8),
         (LIMITED.format("-9 9"), "", -40, 24),
         (SERVO, "", -8, 8),
         (GENERAL, "", -8, 8),
         (DELAY, " actuatorfrcrange='-2 3'", -2, 3),
-        (CURRENT, "", -4, 4),
     ],
 )
 def test_limits_are_torques_whatever_they_were_limits_of(
@@ -176,39 +140,6 @@ def test_limits_are_torques_whatever_they_were_limits_of(
         np.testing.assert_array_equal(made.built.input_limits, made.plant.input_limits)
     for u, end in ((1e3, high), (-1e3, low)):
         assert torques(made.built.edited(HEAVY), u, 600)[-1] == pytest.approx(end, rel=1e-6)
-
-
-def test_a_motor_within_a_current_may_be_given_the_demand_that_its_speed_takes() -> None:
-    """At 8 rad/s 24 V give the 4 N m that its current allows, and 8 V are what it brakes with."""
-    built = robot(CURRENT.replace(' inductance="0.01"', "")).built.edited(HEAVY)
-    for volts, torque in ((24, 4.0), (22, 2.5), (20, 0.0), (0, -4.0)):
-        assert torques(built, volts * GEAR * K / R, 2, v=8.0)[-1] == pytest.approx(torque, abs=1e-3)
-
-
-@pytest.mark.parametrize("gear", [GEAR, -GEAR])
-@pytest.mark.parametrize("inner", INNER.values(), ids=list(INNER))
-def test_the_inner_controller_goes_and_motor_and_driver_stay(inner: str, gear: float) -> None:
-    """The torque that is demanded, wherever the joint is, as far as the supply holds it."""
-    made = robot(motor(inner, gear), integrator="implicitfast")
-    built = made.built.edited(HEAVY)
-    assert (made.plant.model.na, built.model.na) == (0, 1)
-    for q, v in ((0.0, 0.0), (0.7, 4.0), (-0.2, -4.0)):
-        assert torques(built, 2.0, 400, q, v)[-1] == pytest.approx(2.0, rel=1e-6)
-    v = 8.0
-    holds = GEAR * K * (SUPPLY - K * GEAR * v) / R
-    assert torques(built, 20.0, 400, v=v)[-1] == pytest.approx(holds, rel=1e-6)
-    # The winding is the model's: L/R.
-    left = 1 - torques(built, 1.0, 20)
-    np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 * R / 0.01), rtol=1e-6)
-    # A motor that turns the other way has the same torque to the bit.
-    turned = robot(motor(inner, -gear), integrator="implicitfast").built.model
-    np.testing.assert_array_equal(waved(turned, 5.0), waved(made.built.model, 5.0))
-
-
-def test_a_supply_beside_an_input_in_volts_limits_nothing_as_in_mujoco() -> None:
-    made = robot(motor('controller="0 0 0 0 0 24"'))
-    np.testing.assert_array_equal(made.plant.input_limits.T, [[-np.inf, np.inf]])
-    assert torques(made.built.edited(HEAVY), 100.0, 400)[-1] == pytest.approx(100.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -244,7 +175,7 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else(actuator: str) ->
     model, inputs = made.plant.model, []
     assert (model.na, model.actuator_dyntype[0], model.actuator_gear[0, 0]) == (0, 0, 1)
     assert made.plant.hidden_states == ()
-    names = {LAG: ["drive lag"], DELAY: [], DCMOTOR: ["drive current"]}[actuator]
+    names = {LAG: ["drive lag"], DELAY: []}[actuator]
     assert [state.name for state in made.built.hidden_states] == names
     for one in (made, ideal):
         law = law_of(one)
@@ -259,11 +190,7 @@ def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else(actuator: str) ->
     [
         (LAG, "the plant has a lag of 0.02 s, which no law knows; torque control within [-40, 24]"),
         (DELAY, "the plant has a delay of 0.012 s, which no law knows"),
-        (DCMOTOR, "the plant has a DC motor with its back-EMF, which no law knows"),
         (LAG.replace("/>", ' delay="0.01" nsample="12"/>'), "a lag of 0.02 s and a delay of 0.01"),
-        (motor(INNER["position"]), "instead of the inner position controller (kp 3, ki 2, kd 1)"),
-        (motor(INNER["velocity"]), "a driver of its current within 24 V, which no law"),
-        (motor(INNER["current"]), "torque control within [-30, 30] N m"),
         (SERVO, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
     ],
 )
@@ -280,8 +207,14 @@ def test_notes_say_what_the_plant_has(actuator: str, words: str) -> None:
             '<general name="d" joint="hinge" dyntype="filter" dynprm="0"/>',
             "has a lag of 0 s, which nothing can simulate",
         ),
-        (motor('damping="0.1"'), "damping of its own, which belongs to its jo"),
-        (motor('input="none"'), "is a DC motor without an input"),
+        (
+            '<general name="d" joint="hinge" damping="0.1"/>',
+            "damping of its own, which belongs to its jo",
+        ),
+        (
+            '<dcmotor name="d" joint="hinge" motorconst="0.05" resistance="2"/>',
+            r"is a DC motor: make it a motor here, and give its winding in a \[\[motor\]\] table",
+        ),
         (LAG.replace('gainprm="4"', 'gaintype="affine" gainprm="4 1 0"'), "gain that depends on"),
     ],
 )
@@ -327,7 +260,7 @@ epsilon = 5
 """
 
 
-@pytest.mark.parametrize("actuator", [DELAY, motor(INNER["position"], -50), SERVO])
+@pytest.mark.parametrize("actuator", [DELAY, SERVO])
 def test_a_file_runs_on_the_built_plant_and_says_what_no_law_knows(
     actuator: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -30,7 +30,7 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.reaching import gain_margin
-from grosmc_mj.errors import ArgumentError, GainError, ModelError, UndefinedLawError
+from grosmc_mj.errors import GainError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.physics.edits import BodyEdit
@@ -39,9 +39,8 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM, AnalyticPlant
 from grosmc_mj.plants.two_link_arm import TwoLinkParameters
 from grosmc_mj.simulation.disturbances import Disturbance, SineFrom
-from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.sweep.agreement import AGREEMENT_BOUND, acceleration_difference
 
 SYSTEM, REGULATION = "two_link_arm", "two_link_arm regulation"
 START = find_case(SYSTEM, "nominal").x0
@@ -72,26 +71,11 @@ def own(plant: AnalyticPlant) -> oracle.TwoLinkParameters:
     return oracle.TwoLinkParameters(**asdict(plant.parameters))
 
 
-def random_edits(rng: np.random.Generator) -> tuple[BodyEdit, ...]:
-    """All three bodies: mass x0.25 to x4, length x0.5 to x2."""
-    return tuple(
-        BodyEdit(body, 4 ** rng.uniform(-1, 1), 2 ** rng.uniform(-1, 1)) for body in oracle.BODIES
-    )
-
-
 def random_state(rng: np.random.Generator) -> Array:
     return np.concatenate([rng.uniform(-math.pi, math.pi, 2), rng.normal(0, 3, 2)])
 
 
 # The equations
-
-
-def test_symbolic_twin_has_mujocos_accelerations_under_edits_of_every_body() -> None:
-    rng = np.random.default_rng(0)
-    for edits in ((), *(random_edits(rng) for _ in range(6))):
-        plant = MujocoPlant.load(SYSTEM, edits=edits)
-        found = acceleration_difference(plant, plant.analytic(), rng, 200)
-        assert found <= AGREEMENT_BOUND == 1e-10, edits
 
 
 def test_numbers_are_read_from_the_model() -> None:
@@ -125,12 +109,6 @@ def test_model_that_the_equations_do_not_describe_is_refused(
     setattr(part(spec), field, value)
     with pytest.raises(ModelError, match=message):
         AnalyticPlant.from_model(TWO_LINK_ARM, spec.compile())
-
-
-@pytest.mark.parametrize(("field", "wrong"), [("m1", -1.0), ("I2", math.nan), ("g", math.inf)])
-def test_wrong_numbers_are_refused(field: str, wrong: float) -> None:
-    with pytest.raises(ModelError, match=rf"two_link_arm: {field} = {wrong:g}"):
-        replace(nominal().parameters, **{field: wrong})
 
 
 # Feedback linearization
@@ -172,20 +150,6 @@ def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> Non
         expected = tip_jacobian(x, p) @ np.linalg.inv(oracle.inertia(x[:2], p))
         # The extrapolated differences lose h^4/480 = 2e-11 and rounding over h, 2e-14.
         np.testing.assert_allclose(E, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
-def test_decoupling_matrix_of_the_tip_is_singular_where_the_arm_is_straight_or_folded() -> None:
-    """det E = l1 l2 sin q2 / det M, and M is never singular."""
-    matrix = TWO_LINK_TIP.linearization.decoupling_matrix
-    rng, p = np.random.default_rng(3), own(nominal())
-    for _ in range(50):
-        x = random_state(rng)
-        E = np.reshape(matrix(x, nominal().parameters), (2, 2))
-        expected = p.l1 * p.l2 * math.sin(x[1]) / np.linalg.det(oracle.inertia(x[:2], p))
-        assert np.linalg.det(E) == pytest.approx(expected, rel=1e-10, abs=1e-12)
-    for straight in (0.0, math.pi, -math.pi):
-        E = np.reshape(matrix(np.array([0.7, straight, 1.0, -2.0]), nominal().parameters), (2, 2))
-        assert abs(np.linalg.det(E)) < 1e-14
 
 
 def test_place_is_inverse_kinematics() -> None:
@@ -239,17 +203,7 @@ def test_nominal_loop_is_the_nominal_optimum_up_to_the_control_period(name: str,
     assert order == pytest.approx(1, abs=0.05 if name == "lqr" else 0.35)
 
 
-@pytest.mark.parametrize("case", ["case1", "case2", "regulation1"])
-def test_uncertain_arm_keeps_its_optimum_under_grosmc_only(case: str) -> None:
-    """Within 1 % of the start on physics at 1 kHz, where the linear laws leave it by half."""
-    assert deviation(run("grosmc", case)) < 0.01
-    for name in ("lqr", "pd"):
-        assert deviation(run(name, case)) > 0.5
-
-
-@pytest.mark.parametrize(
-    ("name", "case"), [("lqr", "case1"), ("pd", "case2"), ("lqr", "regulation1")]
-)
+@pytest.mark.parametrize(("name", "case"), [("lqr", "case1"), ("pd", "case2")])
 def test_physics_is_the_equations_to_rounding(name: str, case: str) -> None:
     """Both take the same fourth-order steps, so that only accelerations can differ."""
     runs = [run(name, case, on_physics=each, duration=2.0)[0] for each in (True, False)]
@@ -268,9 +222,10 @@ def assert_same(a: Trajectory, b: Trajectory) -> None:
             np.testing.assert_array_equal(x, y, field)
 
 
-@pytest.mark.parametrize("on_physics", [True, False], ids=["physics", "equations"])
-@pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("design", [SYSTEM, REGULATION])
+@pytest.mark.parametrize(
+    ("name", "design", "on_physics"),
+    [("lqr", SYSTEM, True), ("grosmc", REGULATION, True), ("pd", REGULATION, False)],
+)
 def test_engines_agree_bit_for_bit(name: str, design: str, *, on_physics: bool) -> None:
     plant: Any = physics(BodyEdit("payload", 2.0))
     options: dict[str, Any] = {"duration": 0.15, "control_period": 2e-3, "disturbances": PUSHES}
@@ -402,20 +357,7 @@ def test_family_without_dominance_is_refused() -> None:
         heavier.gains(ctl.designed, ctl.parameters)
 
 
-def test_gains_for_a_moving_reference_are_refused() -> None:
-    ctl = law("grosmc")
-    with pytest.raises(GainError, match="the reference moves"):
-        TWO_LINK_UNCERTAINTY.gains(ctl.designed, ctl.parameters)
-
-
 # Computed torque
-
-
-@pytest.mark.parametrize(("frequency", "damping"), [(0.0, 1.0), (5.0, -1.0), (math.nan, 1.0)])
-def test_pd_with_numbers_that_are_not_positive_is_refused(frequency: float, damping: float) -> None:
-    task = task_of(SYSTEM, nominal())
-    with pytest.raises(ArgumentError, match=r"(frequency|damping) = .* must be above 0"):
-        computed_torque_pd(task, frequency, damping)
 
 
 @pytest.mark.parametrize("design", [SYSTEM, REGULATION])
@@ -443,11 +385,3 @@ def test_price_of_a_law_is_what_its_nominal_loop_costs(name: str) -> None:
         costs.append(0.5 * (of_state + of_input))
         price = ctl.designed.lqr.optimal_cost(z[0])
     assert 2 * costs[1] - costs[0] == pytest.approx(price, rel=2e-5)
-
-
-@pytest.mark.parametrize("engine", ["native", "python"])
-def test_a_straight_arm_is_told_as_singular(engine: Engine) -> None:
-    """No torque moves a straight arm's tip along the arm."""
-    ctl = chapter_controller("grosmc", nominal())
-    with pytest.raises(UndefinedLawError, match=r"E\(x\) of eq\. \(21\) is singular there"):
-        simulate(nominal(), ctl, [0.3, 0.0, 0.0, 0.0], duration=0.1, engine=engine)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import mujoco
-import numba
 import numpy as np
 import pytest
 import sympy as sp
@@ -37,7 +36,7 @@ from grosmc_mj.simulation.disturbances import (
     push,
 )
 from grosmc_mj.simulation.simulate import Engine, simulate
-from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.simulation.trajectory import Trajectory
 
 OpenLoop = Callable[[float | tuple[float, float]], Controller]
 
@@ -76,35 +75,14 @@ def test_pulse_has_exactly_its_number_of_instants(start: int, length: int, per_s
     assert values == [0.0] * start + [1.0] * length + [0.0] * 2
 
 
-def test_adjacent_pulses_neither_overlap_nor_leave_a_gap() -> None:
-    first, second = Pulse(0.0, 0.3), Pulse(0.3, 0.9)  # 3 * 0.1 > 0.3 in floating point
-    assert [first(t) + second(t) for t in instants(9, 0.1)] == [1.0] * 9
-
-
 def test_sine_from_an_onset_keeps_the_phase_of_the_run() -> None:
     """d(t) = 0.01 sin 2t from 9 s begins with sin 18, not with sin 0."""
     sine = SineFrom(2.0, onset=9.0)
     assert sine(8.999) == 0.0
     assert sine(9000 * 1e-3) == math.sin(18.0)
     assert SineFrom(2.0, phase=math.pi / 2)(0.0) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("profile", "window"),
-    [
-        (Pulse(10.0, 13.0), (10.0, 13.0)),
-        (SineFrom(2.0, onset=9.0), (9.0, math.inf)),
-        (Constant(), (0.0, math.inf)),
-        (lambda t: math.exp(-t), (0.0, math.inf)),
-    ],
-)
-def test_window_holds_every_instant_at_which_it_acts(
-    profile: Callable[[float], float], window: tuple[float, float]
-) -> None:
-    disturbance = Disturbance("rotor", PUSH, profile)
-    assert disturbance.window == window
-    outside = [t for t in instants(1500, 0.01) if not window[0] <= t < window[1]]
-    assert all(profile(t) == 0 for t in outside)
+    windows = [Disturbance("rotor", PUSH, one).window for one in (sine, Pulse(1, 3), Constant())]
+    assert windows == [(9.0, math.inf), (1.0, 3.0), (0.0, math.inf)]
 
 
 # How much
@@ -119,6 +97,13 @@ def wrenches(items: Sequence[Disturbance], bodies: tuple[str, ...], time: Array)
     return table
 
 
+class Louder(SineFrom):
+    """A profile that is a known one by its class, but not by its values."""
+
+    def __call__(self, t: float) -> float:
+        return 2.0 * super().__call__(t)
+
+
 # Edges on instants, between them, and at k h that differs from the number by rounding.
 PROFILES: tuple[Profile, ...] = (
     Constant(),
@@ -129,11 +114,11 @@ PROFILES: tuple[Profile, ...] = (
     SineFrom(-313.7, 0.0705, phase=2.0),
     SineFrom(1e15),
     math.cos,
+    Louder(40.0),
 )
 
 
-def test_wrenches_add_up_in_the_columns_of_their_bodies_in_python_as_compiled() -> None:
-    """Profile by profile; Python's sin and numba's are the same libm's."""
+def test_wrenches_add_up_in_the_columns_of_their_bodies() -> None:
     bodies, time = ("hub", "link"), instants(1000, 1e-3)
     items = [Disturbance(bodies[i % 2], PUSH, each) for i, each in enumerate(PROFILES)]
     expected = np.zeros((1000, 2, 6))
@@ -142,17 +127,8 @@ def test_wrenches_add_up_in_the_columns_of_their_bodies_in_python_as_compiled() 
         expected[:, i % 2] += values[:, None] * PUSH
     table = wrenches(items, bodies, time)
     np.testing.assert_array_equal(table, expected.reshape(1000, 12))
-    pushes, values = packed(items, bodies, range(1000), 1e-3)
-    assert values.shape == (1, 1000)
-
-    @numba.njit
-    def compiled(pushes: Any, values: Any, time: Any, table: Any) -> None:
-        for i in range(len(time)):
-            push(pushes, values, i, time[i], table[i])
-
-    other = np.ones((1000, 12))
-    compiled(pushes, values, time, other)
-    np.testing.assert_array_equal(table, other)
+    values = packed(items, bodies, range(1000), 1e-3)[1]
+    assert values.shape == (2, 1000)
     assert not wrenches([], bodies, time).any()
 
 
@@ -190,24 +166,6 @@ def test_runs_of_a_batch_have_their_own_disturbances_and_as_many_as_they_like() 
         np.testing.assert_array_equal(run, alone.state)
 
 
-@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
-def test_a_run_that_diverges_under_its_disturbance_has_its_step_and_cause(integrator: str) -> None:
-    """At rest on the target it stays for ever; the pulse starts what then grows."""
-    lists = [
-        [Disturbance("rotor", (0, 0, 0, 0, 0.1, 0), Pulse(start, 0.06))] for start in (0.0501, 0.04)
-    ]
-    law = Controller("pushing away", lambda t, x, memory, p: p.k * x[0], Gain(1000.0))
-    options: dict[str, Any] = {"duration": 0.5, "record": False, "x0": np.zeros((3, 2))}
-    options |= {"plant": physics("servo", integrator), "controller": law}
-    native, python = (
-        simulate(**options, disturbances=[lists[0], [], lists[1]], engine=engine)
-        for engine in ("native", "python")
-    )
-    assert list(native.status) == [Status.DIVERGED, Status.COMPLETED, Status.DIVERGED]
-    assert 0.1 < native.valid_until[2] < native.valid_until[0] < 0.4
-    assert_equal(native, python)
-
-
 @dataclass(frozen=True)
 class Gain:
     k: float
@@ -232,20 +190,6 @@ def test_a_profile_of_the_users_own_is_called_once_for_each_timestep(record: boo
     np.testing.assert_array_equal(run.wrench[-1], 20.0 * np.array(PUSH))
 
 
-class Louder(SineFrom):
-    """A profile that is a known one by its class, but not by its values."""
-
-    def __call__(self, t: float) -> float:
-        return 2.0 * super().__call__(t)
-
-
-def test_a_subclass_keeps_its_own_values() -> None:
-    time = instants(20, 1e-3)
-    table = wrenches([Disturbance("rotor", PUSH, Louder(40.0))], ("rotor",), time)
-    expected = [2.0 * math.sin(40.0 * t) for t in time.tolist()]
-    np.testing.assert_array_equal(table, np.array(expected)[:, None] * PUSH)
-
-
 # What is refused
 
 
@@ -265,12 +209,11 @@ NUMBERS, RETURNS = (
     [
         *(
             (lambda wrong=wrong: Disturbance("rotor", cast(Any, wrong)), NUMBERS)
-            for wrong in ((1.0, 2.0, 3.0), (0.0,) * 7, ((0.0,) * 6,) * 2, 1.0, None,
-                          (0, 0, math.nan, 0, 0, 0), (0, 0, 0, math.inf, 0, 0))
+            for wrong in ((0.0,) * 7, 1.0, (0, 0, math.nan, 0, 0, 0))
         ),
         *(
             (lambda wrong=wrong: servo_under(Disturbance("rotor", PUSH, cast(Any, wrong))), RETURNS)
-            for wrong in (1.0, lambda: 1.0, lambda t: None, lambda t: (1.0, 2.0),
+            for wrong in (1.0, lambda t: None,
                           # The phase overflows from t = 0.1 s on.
                           SineFrom(1.7e308, phase=1.7e308))
         ),
@@ -320,19 +263,6 @@ def test_wrench_acts_at_the_centre_of_mass_in_world_axes(
     matrix = [[M + m, -m * L * c], [-m * L * c, m * (2 * L) ** 2 / 3]]
     expected = np.linalg.solve(matrix, forces)
     np.testing.assert_allclose(run.state[-1, 2:] / H, expected, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("across", [(0, 1, 0, 0, 0, 0), (0, 0, 0, 1, 0, 0), (0, 0, 0, 0, 0, 1)])
-def test_wrench_across_the_plane_does_nothing(
-    plant: MujocoPlant, across: tuple[float, ...]
-) -> None:
-    data = mujoco.MjData(plant.model)
-    data.qpos[-1] = 0.4
-    mujoco.mj_forward(plant.model, data)
-    before = data.qacc.copy()
-    data.xfrc_applied[1:] = 10 * np.array(across)
-    mujoco.mj_forward(plant.model, data)
-    np.testing.assert_allclose(data.qacc, before, rtol=0, atol=1e-13)
 
 
 # Gone after its window
@@ -386,19 +316,6 @@ def test_the_next_run_of_a_batch_begins_without_wrench(kind: str, engine: Engine
     assert not run.state[1].any()
 
 
-@every_engine
-def test_speed_of_the_free_rotor_is_the_impulse(open_loop: OpenLoop, engine: Engine) -> None:
-    """In 0.1 s a load of 1 N m takes from the rotor what the exponential of B/J says, no more."""
-    plant, J, B = MujocoPlant.load("servo"), 5.77e-2, 8.8e-3
-    kick = Disturbance("rotor", (0, 0, 0, 0, 1.0, 0), Pulse(0.1, 0.2))
-    run = simulate(
-        plant, open_loop(0.0), [0.0, 0.0], duration=0.3, disturbances=[kick], engine=engine
-    )
-    expected = -(1 - math.exp(-B / J * 0.1)) / B * math.exp(-B / J * 0.1)
-    # RK4 with steps of 1 ms of a time constant J/B = 6.6 s: (h B/J)^4/120 is below rounding.
-    assert run.state[-1, 1] == pytest.approx(expected, rel=1e-12)
-
-
 # The chapter's d(t) on the pendulum
 
 
@@ -426,15 +343,6 @@ def test_pole_torque_gives_the_upright_pole_exactly_d(d: float) -> None:
     assert cart == pytest.approx(0.1 * d / 1.2, rel=1e-13)
 
 
-@pytest.mark.parametrize(("degrees", "bound"), [(1.0, 1e-4), (10.0, 5e-3)])
-def test_pole_torque_of_a_leaning_pole_is_nearly_d(degrees: float, bound: float) -> None:
-    """The relative error is a m sin^2 / (4/3 - a m cos^2), a = 1/(M+m): 4.4e-5 at 1 degree."""
-    _, pole = acceleration_of_pole(degrees, pole_torque(1.0, NOMINAL))
-    s, c, am = math.sin(math.radians(degrees)), math.cos(math.radians(degrees)), 0.2 / 1.2
-    assert pole - 1 == pytest.approx(-am * s**2 / (4 / 3 - am * c**2), rel=1e-9)
-    assert abs(pole - 1) < bound
-
-
 @every_engine
 def test_equations_are_pushed_at_an_input_and_at_a_rate(
     engine: Engine, open_loop: OpenLoop, tmp_path: Path
@@ -454,6 +362,6 @@ def test_equations_are_pushed_at_an_input_and_at_a_rate(
     )
     t = run.time
     np.testing.assert_allclose(run.state.T, [t**2 + 3 * t, 2 * t], rtol=1e-12, atol=1e-15)
-    again = gm.load_trajectory(run.save(tmp_path / "run.csv" if False else tmp_path / "run.npz"))
+    again = gm.load_trajectory(run.save(tmp_path / "run.npz"))
     assert again.to_arrow()["disturbance of F"].to_pylist()[:2] == [4.0, 4.0]
     np.testing.assert_array_equal(again.wrench, run.wrench)

@@ -141,62 +141,7 @@ def test_nominal_cost_on_physics_is_half_x_P_x(system, T, duration):
     assert run.cost == pytest.approx(run.design.optimal_cost(run.z[0]), rel=1e-3)
 
 
-def test_cost_of_the_arm_exceeds_the_optimum_in_proportion_to_the_control_period():
-    excess = []
-    for T in (1e-3, 5e-4, 2.5e-4):
-        run = close_loop("arm", "lqr", timestep=T, duration=6.0)
-        excess.append(run.cost / run.design.optimal_cost(run.z[0]) - 1)
-    # First order, with a second one of T times rates of some 10/s on top.
-    np.testing.assert_allclose(np.divide(excess[:-1], excess[1:]), 2, rtol=0.05)
-
-
 # What GROSMC promises
-
-
-@pytest.mark.parametrize(
-    ("system", "case", "share"),
-    [
-        ("servo", "nominal", 0.005),
-        ("servo", "case1", 0.005),
-        ("servo", "case2", 0.005),
-        ("cart_pendulum", "nominal", 0.01),
-        ("cart_pendulum", "case1", 0.01),
-    ],
-)
-def test_grosmc_keeps_the_nominal_optimum_on_physics_at_1_khz(system, case, share):
-    """Within 0.5 % of the servo's step and 1 % of the pendulum's start angle."""
-    run = close_loop(system, "grosmc", case)
-    assert run.deviation < share * abs(run.z[0, 0])
-
-
-@pytest.mark.parametrize(
-    ("system", "case", "law"),
-    [
-        ("servo", "case1", "lqr"),
-        ("servo", "case2", "lqr"),
-        ("cart_pendulum", "case1", "lqr"),
-        ("cart_pendulum", "case1", "fl-lqr"),
-        ("arm", "case1", "lqr"),
-        ("arm", "case2", "lqr"),
-    ],
-)
-def test_optimal_law_alone_deviates_ten_times_as_much(system, case, law):
-    """From its own nominal run, so that the Jacobian design's other optimum does not count."""
-    perturbed, nominal = close_loop(system, law, case), close_loop(system, law)
-    N = min(len(perturbed.z), len(nominal.z))
-    alone = np.abs(perturbed.z[:N, 0] - nominal.z[:N, 0]).max()
-    if case == "case1" and system == "servo":  # the load comes after the nominal run's end
-        alone = perturbed.deviation
-    robust = close_loop(system, "grosmc", case).deviation
-    message = f"{law} alone {alone:.3g} rad, GROSMC {robust:.3g} rad"
-    assert alone > 10 * robust, message
-
-
-def test_load_deflects_the_servo_under_lqr_to_where_its_stiffness_holds_it():
-    """At rest under T_d, Kt K1 x1 = -T_d: x1 = T_d/Kt. Slow pole 1/s, so 3 s reach 95 %."""
-    run, p = close_loop("servo", "lqr", "case1"), controller("servo", "lqr").parameters.plant
-    at_rest = 1.0 / p.Kt
-    assert 0.9 * at_rest < run.deviation < at_rest
 
 
 # The surface
@@ -228,22 +173,6 @@ def test_s_stays_within_a_control_period_of_zero(system, case, timestep):
     bound = 2 * timestep * reaching_amplitude(run, ctl)
     # The Riemann sum adds T^2 times rates of some 10/s: a few per cent.
     assert np.abs(run.sliding).max() <= 1.05 * bound
-
-
-def test_s_leaves_the_surface_of_the_arm_whatever_the_period_under_the_printed_epsilon():
-    """Theorem 3 asks epsilon >= |d/M|, which is 8 rad/s^2 on the reference: the printed 6 is less.
-
-    So s leaves in case 1 by an amount that sampling does not explain.
-    """
-    t = np.linspace(0, 2, 2001)
-    push = 0.5 * np.abs(np.sin(2 * np.pi * t)) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t)))
-    assert push.max() > controller("arm", "grosmc").parameters.epsilon
-    fast, slow = (
-        np.abs(close_loop("arm", "grosmc", "case1", T).sliding).max() for T in (2.5e-4, 1e-3)
-    )
-    nominal = np.abs(close_loop("arm", "grosmc").sliding).max()
-    assert fast == pytest.approx(slow, rel=0.05)
-    assert slow > 10 * nominal
 
 
 @pytest.mark.parametrize("system", ["servo", "cart_pendulum"])

@@ -135,30 +135,23 @@ LOAD = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0))
     [
         ({"engine": "nativ"}, r"unknown engine 'nativ': did you mean 'native'\? valid: native, py"),
         ({"x0": [0.0, 0.0, 0.0]}, r"must be 2 finite numbers for servo: θ \[rad\], θ̇ \[rad/s\]"),
-        ({"x0": 0.0}, r"x0 = 0 must be 2 finite numbers"),
-        ({"x0": []}, r"x0 = \[\] must be 2 finite numbers"),
         ({"x0": [0.0, math.nan]}, r"x0 = \[0\.0, nan\] must be 2 finite .* θ̇ \[rad/s\]"),
-        ({"x0": [[0.0, 0.0], [math.inf, 0.0]]}, r"\[inf, 0\.0\]\] must be 2 finite"),
         ({"control_period": 1.5e-3}, r"0\.0015 s is no multiple of .* 0\.001 s: take 0\.002 s"),
-        ({"control_period": 4e-4}, r"take 0\.001 s"),
         ({"control_period": 0.0}, "control_period = 0 must be above 0 to 1e\\+09 s"),
         ({"duration": 0.0}, "duration = 0 must be from 1e-09 to 1e\\+09 s"),
         ({"duration": 1e7}, r"duration 1e\+07 s is 1e\+10 timesteps of 0\.001 s: at most 1e\+08"),
         ({"timestep": 2e-3}, r"timestep 0\.002 s is not the model's 0\.001 s: load the plant"),
         ({"threads": -1}, "threads = -1 must be a whole number from 0 to 1024"),
-        ({"engine": None}, "unknown engine None: valid: native, python"),
         ({"plant": "servo"}, "plant = 'servo' must be a plant or a list of them"),
         ({"controller": lambda *_: 0.0}, "make one of a law with custom_controller"),
         ({"record": "no"}, "record = 'no' must be True or False"),
         ({"meters": 3}, "meters = 3 must be Meters or a list of them"),
         *(({"disturbances": bad}, "must be a list of Disturbances")
-          for bad in ([3], "load", [LOAD, None], [[LOAD], [3]], LOAD, [LOAD, [LOAD]])),
+          for bad in ("load", LOAD, [LOAD, [LOAD]])),
         ({"plant": SERVO.analytic(), "timestep": 0.0}, "timestep = 0 must be from 1e-09 to 1e"),
         # A batch.
         ({"controller": 3 * [LQR], "x0": TWO}, "1 plants, 3 controllers, 1 .* and 2 starts: each"),
-        ({"disturbances": [[], [], []], "x0": TWO}, "3 disturbance lists and 2 starts"),
         ({"plant": []}, "0 plants"),
-        ({"x0": np.zeros((0, 2))}, "0 starts"),
         ({"plant": [SERVO, ARM]}, "of one system and of one kind"),
         ({"plant": [SERVO, SERVO.analytic()]}, "of one system and of one kind"),
         ({"plant": [SERVO, MujocoPlant.load("servo", timestep=2e-3)]}, "must have one timestep"),
@@ -169,7 +162,6 @@ LOAD = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0))
         ({"x0": TWO, "meters": [Meters(note, Noted(), Weight()), Meters(note, Noted(), Noted())]},
          "the same kind of meters"),
         ({"controller": EVERY_2_MS}, r"is designed for a control period of 0\.002 s, not 0\.001"),
-        ({"controller": EVERY_2_MS, "control_period": 4e-3}, r"of 0\.002 s, not 0\.004 s"),
     ],
 )  # fmt: skip
 def test_bad_argument_is_refused_with_its_value(changes: dict[str, Any], message: str) -> None:
@@ -177,8 +169,8 @@ def test_bad_argument_is_refused_with_its_value(changes: dict[str, Any], message
         start_servo(**changes)
 
 
-def test_model_that_was_changed_in_place_is_refused():
-    plant = MujocoPlant.load("servo")
+def test_a_model_or_spec_that_was_changed_in_place_is_refused() -> None:
+    plant = MujocoPlant(physics("servo").system, load_spec("servo"))
     start_servo(plant=plant)
     mass = plant.model.body("rotor").mass
     mass *= 2
@@ -186,24 +178,13 @@ def test_model_that_was_changed_in_place_is_refused():
         start_servo(plant=plant)
     mass /= 2
     start_servo(plant=plant)
-    plant.model.opt.gravity[2] = 0.0
-    with pytest.raises(ModelError, match=r"plant.model was changed"):
-        start_servo(plant=plant)
-
-
-def test_spec_that_was_changed_in_place_is_refused():
-    plant = MujocoPlant(physics("servo").system, load_spec("servo"))
-    start_servo(plant=plant)
     plant.spec.body("rotor").mass = 3.0
     with pytest.raises(ModelError, match=r"plant.spec was changed in place"):
         start_servo(plant=plant)
 
 
-CALLBACKS = ["passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor"]
-
-
 @each_engine
-@pytest.mark.parametrize("kind", CALLBACKS)
+@pytest.mark.parametrize("kind", ["passive", "act_bias", "sensor"])
 def test_somebody_else_s_callback_is_refused(kind: str, engine: Engine):
     """It would add forces that neither the law nor the equations know of."""
     install = getattr(mujoco, f"set_mjcb_{kind}")
@@ -323,6 +304,8 @@ def test_a_single_run_that_ends_early_raises_with_what_was_recorded(
     assert_finite(run)
     if diverged:  # exp(126 t) from 1 rad: the last valid speed is near MuJoCo's bound
         assert 1e6 < np.abs(run.state[-1, 1]) < 1e10
+    if status is Status.SINGULAR_PLANT:  # (pi/2 - 1.5)/40 is 1.8 ms
+        assert info.value.time == 2e-3
     if status is Status.UNDEFINED_LAW:  # the state that the law refused is the first outside
         assert np.array_equal(np.abs(run.state[:, 1]) >= math.pi / 2, run.time == run.time[-1])
     batches = [
@@ -384,30 +367,6 @@ def test_undefined_law_in_a_batch_is_a_status(kind, T):
     np.testing.assert_array_equal(together.state[1], alone.state)
 
 
-@pytest.mark.parametrize("kind", ["printed", "corrected", "physics"])
-def test_arm_that_reaches_its_singular_angle_is_stopped(kind):
-    """At q = pi/2 the cable has length zero."""
-    plant = physics("arm") if kind == "physics" else physics("arm").analytic(kind)
-    law, starts = controller("arm", "lqr"), [[1.5, 40.0], [0.5, math.pi], [1.6, 0.0]]
-    runs = [
-        simulate(plant, law, starts, duration=0.1, engine=engine) for engine in ("native", "python")
-    ]
-    for run in runs:
-        assert list(run.status) == [
-            Status.SINGULAR_PLANT,
-            Status.COMPLETED,
-            Status.SINGULAR_PLANT,
-        ]
-        # (pi/2 - 1.5)/40 is 1.8 ms.
-        np.testing.assert_allclose(run.valid_until, [2e-3, 0.1, 0.0], rtol=0, atol=1e-12)
-        assert_finite(run)
-    np.testing.assert_array_equal(runs[0].state, runs[1].state)
-    with pytest.raises(UndefinedLawError, match="singular at q >= pi/2, where the cable") as info:
-        simulate(plant, law, starts[0], duration=0.1)
-    assert info.value.trajectory.status is Status.SINGULAR_PLANT
-    assert info.value.time == 2e-3
-
-
 @each_kind
 def test_run_ends_for_the_first_reason(kind):
     """A law that is undefined at 0.092 s is not blamed on a kick at 0.15 s."""
@@ -417,17 +376,3 @@ def test_run_ends_for_the_first_reason(kind):
     run = run_both(kind, "cart_pendulum", law, [x0, UPRIGHT], disturbances=[kick])
     assert list(run.status) == [Status.UNDEFINED_LAW, Status.DIVERGED]
     np.testing.assert_allclose(run.valid_until, [end, 0.15], atol=1e-12)
-
-
-def test_a_run_that_ends_at_its_start_repeats_it() -> None:
-    """Rows of a batch: the start, no input, and MuJoCo's own state as it was."""
-    plant = MujocoPlant.load("cart_pendulum")
-    law = chapter_controller("fl-lqr", plant.analytic())
-    starts = np.array([[0.0, 0.1, 0.0, 0.0], [0.2, 2.0, 0.3, 0.0]])
-    runs = simulate(plant, law, starts, duration=0.01)
-    assert [each.name for each in runs.status] == ["COMPLETED", "UNDEFINED_LAW"]
-    np.testing.assert_array_equal(runs.state[1], np.tile(starts[1], (11, 1)))
-    assert not runs.input[1].any()
-    assert runs.physics is not None
-    np.testing.assert_array_equal(runs.physics[1], np.tile(runs.physics[1, 0], (11, 1)))
-    np.testing.assert_array_equal(runs.physics[1, 0, 1:], starts[1])

@@ -14,7 +14,7 @@ import sympy as sp
 
 import grosmc_mj as gm
 from grosmc_mj import cli
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
 
@@ -65,32 +65,19 @@ def test_every_column_says_its_unit(tmp_path: Path) -> None:
     assert json.loads(written.metadata[b"grosmc_mj"])["versions"]["grosmc_mj"] == gm.__version__
 
 
-@pytest.mark.parametrize("ending", [".parquet", ".npz", ".csv"])
+@pytest.mark.parametrize("ending", [".parquet", ".npz"])
 def test_what_of_a_machine_no_law_sees_is_saved_by_name(ending: str, tmp_path: Path) -> None:
     run = result("cart_pendulum/machine", duration=0.05)
-    file = run.save(tmp_path / f"run{ending}")
+    table = gm.load_trajectory(run.save(tmp_path / f"run{ending}")).to_arrow()
     units = {"slider twist": "m", "force winding": "A", "slider friction bristle": "m"}
     units["hinge friction bristle"] = "rad"
-    labels = {name: f"{name} [{unit}]" for name, unit in units.items()}
-    if ending == ".csv":
-        header, *rows = csv.reader(file.read_text(encoding="utf-8").splitlines())
-        found = {
-            n: [float(row[header.index(label)]) for row in rows] for n, label in labels.items()
-        }
-    elif ending == ".npz":
-        arrays = np.load(file, allow_pickle=False)
-        found = {name: arrays[label] for name, label in labels.items()}
-    else:
-        table = pq.read_table(file)
-        assert {n: table.field(n).metadata[b"unit"].decode() for n in units} == units
-        found = {name: table[name].to_numpy() for name in units}
-    if ending != ".csv":
-        assert gm.load_trajectory(file).unseen == run.trajectory.unseen
+    assert {n: table.field(n).metadata[b"unit"].decode() for n in units} == units
     state, physics = run.trajectory.state, run.trajectory.physics
     assert physics is not None
     # The motor's coordinate comes after slider and hinge.
-    np.testing.assert_array_equal(found["slider twist"], physics[:, 3] - state[:, 0])
-    assert np.abs(found["force winding"]).max() > 1.0
+    twist, current = (table[name].to_numpy() for name in ("slider twist", "force winding"))
+    np.testing.assert_array_equal(twist, physics[:, 3] - state[:, 0])
+    assert np.abs(current).max() > 1.0
 
 
 def test_a_batch_of_unlike_machines_keeps_what_each_one_has() -> None:
@@ -128,17 +115,6 @@ def test_two_signals_of_one_name_are_told_apart() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("content", [b"", b"PAR1 no", b"PK\x03\x04 neither"])
-@pytest.mark.parametrize("ending", [".parquet", ".npz"])
-def test_a_file_that_holds_no_trajectory_is_refused(
-    content: bytes, ending: str, tmp_path: Path
-) -> None:
-    file = tmp_path / f"bad{ending}"
-    file.write_bytes(content)
-    with pytest.raises(ArgumentError, match=rf"bad{ending}: holds no trajectory"):
-        gm.load_trajectory(file)
-
-
 def test_other_files_are_refused(tmp_path: Path) -> None:
     run = result("servo/case1", duration=0.01)
     batch = gm.simulate([gm.MujocoPlant.load("servo")], run.controller, [0.0, 0.0], duration=0.01)
@@ -146,11 +122,15 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     # A pickle is not opened.
     np.savez(tmp_path / "pickle.npz", grosmc_mj=np.array({"a": 1}, dtype=object))
     run.save(tmp_path / "run.csv")
+    (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04 neither")
+    (tmp_path / "bad.parquet").write_bytes(b"PAR1 no")
     lacking = run.save(tmp_path / "lacking.parquet")
     pq.write_table(pq.read_table(lacking).drop(["rotor angle"]), lacking)
     for call, words in (
         (lambda: gm.load_trajectory(tmp_path / "other.npz"), "holds no trajectory"),
         (lambda: gm.load_trajectory(tmp_path / "pickle.npz"), "holds no trajectory"),
+        (lambda: gm.load_trajectory(tmp_path / "bad.npz"), "bad.npz: holds no trajectory"),
+        (lambda: gm.load_trajectory(tmp_path / "bad.parquet"), "bad.parquet: holds no traj"),
         (lambda: gm.load_trajectory(lacking), "holds no trajectory"),
         (lambda: gm.load_trajectory(tmp_path / "none.parquet"), "there is no file"),
         (lambda: gm.load_trajectory(tmp_path / "run.csv"), "read again from .parquet and .npz"),
@@ -169,10 +149,7 @@ LATE = np.r_[np.arange(10.0), 9.0]
     [
         ("time [s]", LATE),
         ("time [s]", np.where(LATE == 3, np.nan, LATE)),
-        ("time [s]", LATE[::-1]),
-        ("time [s]", LATE.astype(str)),
         ("rotor angle [rad]", LATE[1:]),
-        ("current [A]", np.append(LATE, 0.0)),
         ("rotor angle [rad]", LATE * 1j),
         ("current [A]", LATE[:, None]),
     ],
@@ -186,29 +163,11 @@ def test_rows_that_are_not_of_their_instants_are_refused(
         gm.load_trajectory(tmp_path / "bad.npz")
 
 
-def test_without_pandas_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = result("servo/case1", duration=0.01).trajectory
-    monkeypatch.setattr("grosmc_mj.simulation.trajectory.find_spec", lambda _: None)
-    with pytest.raises(SetupError, match="pip install pandas"):
-        run.to_pandas()
-
-
-def test_a_run_prints_as_five_lines() -> None:
-    run = result("servo/case1")
-    lines = repr(run).splitlines()
-    assert len(lines) == 5
-    assert lines[0].startswith("servo/case1/physics/grosmc: ")
-    assert lines[1] == "completed at 18 s"
-    assert lines[4] == "requirements: 3 of 3 kept"
-    assert "18001 instants" in repr(run.trajectory)
-
-
-@pytest.mark.parametrize(("words", "ending"), [(["--save"], "parquet"), (["--save", "csv"], "csv")])
-def test_run_saves_what_it_ran(words: list[str], ending: str, tmp_path: Path) -> None:
+def test_run_saves_what_it_ran(tmp_path: Path) -> None:
     case, out = "own_laws/transfer_function", str(tmp_path)
     with pytest.raises(SystemExit) as stop:
-        cli.main(["run", *words, case, "--no-figures", "--out", out])
+        cli.main(["run", "--save", "csv", case, "--no-figures", "--out", out])
     assert not stop.value.code
     names = sorted(path.name for path in (tmp_path / "trajectories").iterdir())
     begin = case.replace("/", "_")
-    assert names == [f"{begin}.physics.{law}.{ending}" for law in ("lead", "lqr")]
+    assert names == [f"{begin}.physics.{law}.csv" for law in ("lead", "lqr")]

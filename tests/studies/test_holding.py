@@ -32,7 +32,7 @@ from grosmc_mj.chapter.claims.measurements.cart import (
     uncertainty,
 )  # fmt: skip
 from grosmc_mj.control.reaching import sliding_dynamics
-from grosmc_mj.control.switching import Implicit
+from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError
@@ -49,7 +49,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 PHYSICS = MujocoPlant.load(SYSTEM)
 NOMINAL = PHYSICS.analytic()
 LARGER = BodyEdit("pole", mass_scale=4.0, length_scale=4.0)
-SMOOTH = Realization(Implicit(), 1e-3)
+SMOOTH = Realization(find_switching("implicit"), 1e-3)
 IMPLICIT = Settings(switching="implicit", surface="discrete")
 
 

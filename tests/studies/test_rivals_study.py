@@ -11,36 +11,19 @@ from pathlib import Path
 import pytest
 
 from grosmc_mj.cli.pages import write_text
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ControllerTable
-from grosmc_mj.studies.rivals import (
-    NOMINAL,
-    NUMBERS,
-    QUICK,
-    SYSTEMS,
-    Rival,
-    allowed,
-    budget,
-    compared,
-    fitting_frequency,
-    largest,
-    neighbours,
-    nominal_machine,
-    quickness,
-    response,
-    rivals,
-    rivals_table,
-    two_digits,
-)
+from grosmc_mj.studies.rivals import SYSTEMS, Rival, compared, rivals, rivals_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "rivals.md"
-TUNED = [(system, law) for system in SYSTEMS for law in NUMBERS]
+# The number of each law that the rule chooses.
+NUMBERS = {"lqi": "integral_weight", "pid": "frequency", "adrc": "bandwidth"}
 
 
 @cache
 def nominal(system: str) -> Experiment:
-    return Experiment.load(f"{system}/{NOMINAL[system]}")
+    return Experiment.load(f"{system}/{'regulation' if system == 'two_link_arm' else 'nominal'}")
 
 
 @cache
@@ -48,92 +31,52 @@ def measured(system: str) -> list[Rival]:
     return rivals(system)
 
 
-def test_numbers_of_two_digits() -> None:
-    assert two_digits(0.95, 1.3) == [0.95, 0.96, 0.97, 0.98, 0.99, 1.0, 1.1, 1.2, 1.3]
-    assert len(two_digits(1e-3, 9.95)) == 4 * 90
+def response(experiment: Experiment, law: str, factor: float = 1.0) -> tuple[float, float]:
+    """Settling time and largest input of a nominal run, the law's number times a factor."""
+    if law in NUMBERS:
+        table = experiment.file.law(law).model_dump(exclude_unset=True, exclude={"predict"})
+        table[NUMBERS[law]] *= factor
+        controller = [ControllerTable.model_validate({**table, "law": law, "name": law})]
+        file = experiment.file.model_copy(update={"controller": controller})
+        experiment = replace(experiment, file=file)
+    metrics = experiment.run("corrected", law).metrics
+    settled, peak = metrics["settling_time"].value, metrics["max_input"].value
+    return math.inf if settled is None else float(settled), float(peak or 0.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_the_rule_s_answers_are_those_of_mujoco(system: str) -> None:
-    """It is asked on the equations: what it turns on is the same on physics."""
+@pytest.mark.parametrize("law", ["lqi", "pid", "adrc", "adaptive"])
+def test_numbers_of_the_case_files_keep_the_rule_and_a_tenth_more_breaks_it(
+    system: str, law: str
+) -> None:
+    """Settled within 5 % of the optimum's time, with GROSMC's input at most; no observer too fast.
+
+    The third line alone binds ``adrc``: a thirtieth of 1 kHz is 209 rad/s.
+    """
     experiment = nominal(system)
-    for law in ("fl-lqr", "grosmc", *NUMBERS, "adaptive"):
-        numbers = experiment.file.law(law).numbers
-        if law == "adaptive" and not numbers:
-            continue
-        there = response(experiment, law, numbers, "physics")
-        assert response(experiment, law, numbers) == pytest.approx(there, rel=1e-6), law
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("system", "law"), TUNED)
-def test_numbers_of_the_case_files_are_those_that_the_rule_chooses(system: str, law: str) -> None:
-    """Allowed, and no larger one up to twice it is; at four times the response is too fast."""
-    experiment = nominal(system)
-    number = experiment.file.law(law).numbers[NUMBERS[law]]
-    assert largest(experiment, law, number, 2 * number) == number
-    if NUMBERS[law] != "bandwidth":
-        found, given = response(experiment, law, {NUMBERS[law]: 4 * number}), budget(experiment)
-        assert found.settling < 0.95 * given.settling
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("system", ["servo", "arm", "two_link_arm"])
-def test_adaptive_law_s_numbers_are_those_that_the_rule_chooses(system: str) -> None:
-    """For the next larger adaptation, of one digit, there is no frequency."""
-    experiment = nominal(system)
-    numbers = experiment.file.law("adaptive").numbers
-    gamma = numbers["adaptation"]
-    assert fitting_frequency(experiment, gamma) == numbers["frequency"]
-    step = 10.0 ** math.floor(math.log10(gamma))
-    assert fitting_frequency(experiment, round(gamma + step, 12)) is None
-
-
-MACHINES = [(system, law) for system in SYSTEMS for law in ("lqi", "pid")]
-QUICKEST = [(system, law) for system in SYSTEMS for law in QUICK]
-
-
-@cache
-def rigid(system: str) -> Experiment:
-    return nominal_machine(system)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("system", "law"), MACHINES)
-def test_rivals_of_machines_are_as_quick_as_the_optimum(system: str, law: str) -> None:
-    """By the same rule, for the machine as its laws know it: no larger number is allowed."""
-    machine = rigid(system)
-    number = machine.file.law(law).numbers[NUMBERS[law]]
-    assert largest(machine, law, number, 1.3 * number) == number
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("system", "law"), QUICKEST)
-def test_rivals_of_machines_are_as_quick_as_the_actuator_allows(system: str, law: str) -> None:
-    """No next number is better; against loads a larger one, up to ten times, breaks the task."""
-    machine = rigid(system)
-    name = f"{law}, quick"
-    if name not in machine.file.laws:
-        assert law == "adaptive"  # for outputs that are joints, of a plant with a parametrization
+    if law == "adaptive" and not experiment.file.law(law).numbers:
         return
-    table, (quick, strong) = machine.file.law(name), QUICK[law]
-    weak = {**table.numbers, **({} if strong is None else {strong: 1e-6})}
-    found = quickness(machine, table.law, weak)
-    assert found.input == 1.0
-    for other in neighbours(weak[quick]):
-        assert quickness(machine, table.law, {**weak, quick: other}) >= found
-    if strong is None:
-        return
-    assert quickness(machine, table.law, table.numbers)[:2] <= found[:2]
-    digits = neighbours(table.numbers[strong])[1]
-    for larger in two_digits(digits, 10 * table.numbers[strong])[::20]:
-        assert quickness(machine, table.law, {**weak, strong: larger})[:2] > found[:2]
+    (optimum, _), (_, most) = response(experiment, "fl-lqr"), response(experiment, "grosmc")
+
+    def allowed(factor: float) -> bool:
+        settled, peak = response(experiment, law, factor)
+        return abs(settled / optimum - 1) <= 0.05 and peak <= most
+
+    assert allowed(1.0)
+    if law == "adrc":
+        number = experiment.file.law(law).numbers["bandwidth"]
+        assert number <= 2 * math.pi * 1000 / 30 < 1.1 * number
+    elif law in NUMBERS:
+        assert not allowed(1.1)
 
 
 def test_the_maker_s_servo_has_its_overshoot_and_peak() -> None:
     """Quanser's workbook asks for 5 % and 0.2 s; the hold of 1 ms adds 0.3 %."""
-    machine = rigid("servo")
+    machine = Experiment.load("servo/machine")
+    own = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
+    machine = machine.varied(loop=None, edits=own)
+    machine = machine.with_settings(timestep=machine.settings.control_period)
     run = machine.run("corrected", "pv")
     error, time = run.comparison.error, run.trajectory.time
     assert -error.min() / error[0] == pytest.approx(0.053, abs=0.001)
@@ -142,15 +85,6 @@ def test_the_maker_s_servo_has_its_overshoot_and_peak() -> None:
     volts = law.lqr.K[0] * p.J / p.Kt * 2.6
     assert volts[0] == pytest.approx(7.82, rel=0.01)
     assert volts[1] - p.B / p.Kt * 2.6 == pytest.approx(-0.157, rel=0.02)
-
-
-def test_the_rule_refuses_what_is_too_slow_or_too_fast() -> None:
-    """An observer beyond its share of the sampling frequency, and a PID at half the frequency."""
-    experiment = nominal("servo")
-    assert not allowed(experiment, "adrc", 210.0, budget(experiment))
-    assert not allowed(experiment, "pid", 1.0, budget(experiment))
-    with pytest.raises(ArgumentError, match="the rule allows adrc no number between 210 and 230"):
-        largest(experiment, "adrc", 210.0, 230.0)
 
 
 # The page

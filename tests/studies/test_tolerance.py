@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,25 +17,29 @@ from matplotlib.text import Text
 
 from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.executors.batch import Batch
-from grosmc_mj.executors.processes import Processes
+from grosmc_mj.executors import Batch, Processes
 from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
-from grosmc_mj.studies.search import LEAST, MOST, RESOLUTION, Search
-from grosmc_mj.studies.studied import judgeable_in
+from grosmc_mj.studies.search import (
+    LEAST,
+    MOST,
+    RESOLUTION,
+    Search,
+    Trial,
+    TrialResult,
+    Trials,
+)
+from grosmc_mj.studies.studied import Condition, judgeable_in
 from grosmc_mj.studies.tolerance import (
     Setting,
     Tolerance,
-    Tolerances,
+    least_of,
+    least_table,
     setting,
+    tolerance_document,
     tolerances,
     tolerances_of_laws,
-)
-from grosmc_mj.studies.tolerance_tables import (
-    cell_text,
-    least_table,
-    tolerance_document,
     tolerances_text,
     verdict,
     write_tolerance_figure,
@@ -136,7 +140,35 @@ def test_each_number_of_a_bench_is_an_imperfection() -> None:
     assert whole.at(1.0) == studied.bench
     assert whole.at(2.0).estimators == studied.bench.estimators
     delay = found["computing delay"]
-    assert delay.kind.text(delay.level(4.4)) == "4.5 ms"
+    assert (delay.text(4.4), delay.heading) == ("4.5", "computing delay [ms]")
+
+
+def test_of_all_together_each_amount_ends_at_its_bound() -> None:
+    """In proportion until there: one sample in a hundred comes through, times are below 1 s."""
+    studied = setting("servo")
+    whole = studied.imperfections[-1]
+    settings, bench = studied.experiment.settings, studied.bench.computing
+    far, near = whole.at(MOST).computing, whole.at(2.0).computing
+    assert far.missed == pytest.approx(0.99)
+    assert far.jitter == pytest.approx(settings.control_period - settings.timestep)
+    assert far.delay == pytest.approx(min(MOST * bench.delay, 1 - settings.timestep))
+    assert near.missed == pytest.approx(2 * bench.missed)
+
+
+@pytest.mark.parametrize("failing", [None, 0, 1, 3])
+def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    studied, numbers = setting("servo", ["lqr"]), set[int]()
+
+    def made_up(self: Trials, condition: Condition, runs: Sequence[tuple[Trial, int]]) -> None:
+        numbers.update(number for _, number in runs)
+        self.known.update({x: TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs})
+
+    monkeypatch.setattr(Trials, "_run", made_up)
+    trials = Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
+    (worst,) = trials.worst([Trial(studied.conditions[0], studied.bench)])
+    assert worst.kept is (failing is None)
+    # None is run for a loop that has failed already.
+    assert numbers == ({0} if failing == 0 else {0, 1, 2, 3})
 
 
 def test_laws_are_those_of_the_file_and_every_switching_law_once_and_rivals_on_request() -> None:
@@ -202,12 +234,12 @@ def test_lqr_stands_its_delay_margin_and_physics_agrees(tmp_path: Path) -> None:
     _, phase, _, crossing = control.margin(loop)
     held = studied.experiment.settings.control_period / 2
     margin = math.radians(phase) / crossing - held
-    rows = tolerances(studied, studied.laws[0], 1, every=True)
-    delay = next(row for row in rows if row.imperfection == "computing delay")
+    rows = tolerances(studied, 0, 1, every=True)
+    delay = next(row for row in rows if row.imperfection.name == "computing delay")
     assert delay.smallest_failed is not None
     # What grows by less than half in fifty seconds is not told from what does not.
-    assert delay.largest_kept.factor * DELAY < 1.1 * margin
-    assert delay.smallest_failed.factor * DELAY > 0.95 * margin
+    assert delay.largest_kept * DELAY < 1.1 * margin
+    assert delay.smallest_failed * DELAY > 0.95 * margin
     assert delay.physics_agrees
 
 
@@ -220,14 +252,14 @@ def test_physics_confirms_the_least_and_what_is_next_to_a_limit(
     studied = of_file(tmp_path, FILE.replace("[[controller]]", f"{sensor}[[controller]]"))
 
     def checked(*, every: bool = False) -> list[Tolerance]:
-        rows = tolerances(studied, studied.laws[0], 1, every=every)
+        rows = tolerances(studied, 0, 1, every=every)
         return [row for row in rows if row.physics_agrees is not None]
 
     monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
     whole = checked(every=True)
     assert len(whole) == len(studied.imperfections) == 4
     assert all(row.physics_agrees for row in whole)
-    assert checked() == [min(whole, key=lambda row: row.largest_kept.factor)]
+    assert checked() == [min(whole, key=lambda row: row.largest_kept)]
     # The distance of the others from their limits is less than that.
     monkeypatch.setattr(tolerance, "LEAST_BAND", INFINITE)
     assert checked() == whole
@@ -256,39 +288,26 @@ def test_a_law_that_ignores_its_state_stands_everything(tmp_path: Path) -> None:
     text = SHORT.replace('law = "lqr"', 'name = "rests"\nlaw = "law:rests"')
     text = text.replace("[[controller]]", sensor).replace('"0.5 rad"', '"1.5 rad"')
     studied = of_file(tmp_path, text, "rests")
-    rows = tolerances(studied, studied.laws[0], 2)
-    assert [row.imperfection for row in rows] == ["computing delay", "sensor noise", "all"]
+    rows = tolerances(studied, 0, 2)
+    assert [row.imperfection.name for row in rows] == ["computing delay", "sensor noise", "all"]
     assert all(math.isinf(row.weakness) for row in rows)
-    study = studied.of_rows(rows)
-    assert all(cell_text(study, row).startswith("≥") for row in rows)
+    assert all(row.cell.startswith("≥") for row in rows)
 
 
 def row_of(
     studied: Setting, index: int, kept: float, failed: float | None, **more: Any
 ) -> Tolerance:
-    imperfection = studied.imperfections[index]
-    given = {
-        "law": studied.laws[0].name,
-        "condition": "nominal",
-        "kept_ideally": True,
-        "breaks": "deviation_below",
-        **more,
-    }
-    level = imperfection.level
+    usual = {"law": studied.laws[0].name, "condition": "nominal", "kept_ideally": True}
+    usual["breaks"] = "deviation_below"
+    kind = studied.imperfections[index]
     return Tolerance(
-        imperfection=imperfection.name,
-        largest_kept=level(kept),
-        smallest_failed=None if failed is None else level(failed),
-        **given,
+        imperfection=kind, largest_kept=kept, smallest_failed=failed, **{**usual, **more}
     )
 
 
 def made_up(studied: Setting, **more: Any) -> list[Tolerance]:
-    rows = []
-    for i, imperfection in enumerate(studied.imperfections):
-        again = [(imperfection.level(4.0), imperfection.level(8.0))]
-        rows.append(row_of(studied, i, 2.0, 2.1, kept_again=again, physics_agrees=True, **more))
-    return rows
+    changes = {"kept_again": [(4.0, 8.0)], "physics_agrees": True, **more}
+    return [row_of(studied, i, 2.0, 2.1, **changes) for i in range(len(studied.imperfections))]
 
 
 @pytest.mark.parametrize(
@@ -298,10 +317,10 @@ def made_up(studied: Setting, **more: Any) -> list[Tolerance]:
         # Less than half a timestep is none of it.
         (0, 0.125, 0.5, {}, "none"),
         (0, 0.0, 0.5, {"kept_ideally": False}, "no"),
-        (0, 1024.0, None, {"breaks": None}, "≥ 1000"),
-        (5, 16.0, None, {"breaks": None}, "≤ 0.25"),
+        (0, 1024.0, None, {"breaks": ""}, "≥ 1000"),
+        (5, 16.0, None, {"breaks": ""}, "≤ 0.25"),
         (3, 2.0, 2.1, {"physics_agrees": False}, "3.07!"),
-        (7, 1.0, None, {"breaks": None}, "yes"),
+        (7, 1.0, None, {"breaks": ""}, "yes"),
         (7, 0.0, 1.0, {}, "no"),
         (9, 2.0, 2.1, {}, "2"),
         (1, 0.0, None, {"kept_ideally": False, "impossible": "there is no filter"}, "-"),
@@ -311,38 +330,36 @@ def test_a_cell_has_the_amount_that_is_run(
     index: int, kept: float, failed: float | None, more: dict[str, Any], shown: str
 ) -> None:
     studied = setting("servo", ["lqr"])
-    row = row_of(studied, index, kept, failed, **more)
-    assert cell_text(studied.of_rows([row]), row) == shown
+    assert row_of(studied, index, kept, failed, **more).cell == shown
 
 
 def test_the_verdict_has_the_amount_of_the_table_and_the_one_that_fails() -> None:
     studied = setting("servo", ["lqr"])
-    assert verdict(studied.of_rows([row_of(studied, 0, 2.9, 3.5)])) == (
+    assert verdict([row_of(studied, 0, 2.9, 3.5)]) == (
         "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's), "
         "and no longer at 3.5 ms (3.5 times the bench's): deviation below."
     )
     assert math.isinf(row_of(studied, 0, 1024.0, None).weakness)
     never = row_of(studied, 0, 0.125, 0.5, condition="case1")
-    said = verdict(studied.of_rows([never]))
+    said = verdict([never])
     assert "under case1: all is kept only without it, and no longer at 0.5 ms" in said
 
 
-def test_a_result_reads_itself_and_its_page_says_the_least_that_is_stood_ideally() -> None:
+def test_the_page_of_a_result_says_the_least_that_is_stood_ideally() -> None:
     studied = setting("servo", ["lqr", "implicit"])
     weaker = [
         row_of(studied, i, 1.0, 1.1, condition="case1") for i in range(len(studied.imperfections))
     ]
     never = made_up(studied, condition="case2", kept_ideally=False)
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit", condition="nominal")
-    study = studied.of_rows([*made_up(studied), *weaker, *never, endless])
-    document = json.loads(json_text(tolerance_document(studied, study, 4, complete=False)))
-    assert Tolerances.model_validate(document) == study
-    assert {row.condition for row in study.least() if row.law == "lqr"} == {"case1"}
+    rows = [*made_up(studied), *weaker, *never, endless]
+    document = json.loads(json_text(tolerance_document(studied, rows, 4, complete=False)))
+    assert {row.condition for row in least_of(rows) if row.law == "lqr"} == {"case1"}
     lines = tolerances_text([document]).splitlines()
     header, lqr, implicit = (
         [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
     )
-    expected = {study.kind(row).heading: cell_text(study, row) for row in weaker}
+    expected = {row.imperfection.heading: row.cell for row in weaker}
     assert dict(zip(header, lqr, strict=True)) == {
         "law": "lqr", "keeps ideally": "nominal, case1", **expected
     }  # fmt: skip
@@ -350,7 +367,7 @@ def test_a_result_reads_itself_and_its_page_says_the_least_that_is_stood_ideally
     assert implicit[header.index("actuator limit [A]")] == "none"
     assert implicit.count("") == len(studied.imperfections) - 1
     assert lines[-1] == "MuJoCo was asked about 20 of the answers, and differs on 0."
-    assert len(least_table(study).rows) == 2
+    assert len(least_table(rows).rows) == 2
     assert [x["breaks_at"] for x in document["standings"]] == ["computing delay", "actuator limit"]
 
 
@@ -368,7 +385,7 @@ def test_a_figure_names_its_case_and_cuts_nothing_off(
         figure.draw_without_rendering()
 
     monkeypatch.setattr("grosmc_mj.results.figure.write_figure", drawn)
-    write_tolerance_figure(studied.of_rows(rows), tmp_path / "tolerance.png")
+    write_tolerance_figure(studied, rows, tmp_path / "tolerance.png")
     (figure,) = figures
     assert figure.get_suptitle() == "servo/bench: what of the loop each law stands"
     page = figure.bbox
@@ -382,8 +399,8 @@ def test_a_figure_names_its_case_and_cuts_nothing_off(
 def test_an_interrupt_keeps_what_is_there_and_the_answer_says_what_breaks_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(studied: Setting, law: object, *_: object, **__: object) -> list[Tolerance]:
-        if law is studied.laws[-1] and len(studied.laws) > 1:
+    def interrupted(studied: Setting, index: int, **_: object) -> list[Tolerance]:
+        if index == 1:
             raise KeyboardInterrupt
         return made_up(studied)
 
@@ -399,11 +416,9 @@ def test_an_interrupt_keeps_what_is_there_and_the_answer_says_what_breaks_first(
         assert {row["law"] for row in content["tolerances"]} == {"lqr"}
         row = content["tolerances"][0]
         assert row["largest_kept"]["factor"] == 2.0
-        assert row["kept_again"][0][1]["parts"][0] == {
-            "of": "computing", "quantity": "delay", "unit": "s", "value": 0.008
-        }  # fmt: skip
+        assert row["kept_again"][0][1] == {"factor": 8.0, "shown": 0.008}
         assert file.with_suffix(".png").is_file()
         lines = capsys.readouterr().out.splitlines()
     studied = setting("arm", ["lqr"])
-    assert " ".join(lines[:2]) == verdict(studied.of_rows(made_up(studied)))
+    assert " ".join(lines[:2]) == verdict(made_up(studied))
     assert max(map(len, lines)) <= 100 + len(str(tmp_path))

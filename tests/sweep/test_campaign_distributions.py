@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from grosmc_mj.experiments.file.schema import DistributionTable
-from grosmc_mj.sweep.distributions import Distribution, distribution
+from grosmc_mj.sweep.family import Distribution, distribution
 
 SHARES = np.array([2.0**-53, 1e-6, 0.01, 0.25, 0.5, 0.9, 1 - 1e-6])
 

@@ -181,7 +181,7 @@ ONSET = uncertain('disturbance = "load"', 'onset = ["{} s", "0.02 s"]')
         (plain(), {"runs": 0}, "runs = 0 must be a whole number from 1"),
         (plain(), {"seed": -1}, "seed = -1 must be a whole number from 0"),
         (plain(), {"sampler": "sobel"}, "unknown sampler 'sobel': did you mean 'sobol'?"),
-        (plain(), {"controllers": ("lqq",)}, "unknown controller 'lqq'"),
+        (plain(), {"controllers": ("lqq",)}, "unknown law 'lqq'"),
         (plain(), {"duration": math.nan}, "duration = nan must be above 0"),
         (plain(), {"control_period": 0.0015}, "no multiple of the timestep 0.001 s"),
         (plain(), {"sampler": "corners"}, "8 runs, but there are 4 corners"),

@@ -15,9 +15,8 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.physics.files import load_model
-from grosmc_mj.sweep.batch import evaluate
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.specification import Specification, specification_of
+from grosmc_mj.sweep.campaign import Campaign, Specification, specification_of
+from grosmc_mj.sweep.screening import evaluate
 
 # Of 256 arms drawn with seed 7, those of which GROSMC keeps more under implicitfast at 1 ms.
 NEAR_A_LIMIT = (2, 20, 75, 76, 131, 154, 165, 232)

@@ -10,12 +10,11 @@ import pytest
 from campaign_cases import PLANT, campaign, kept
 
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.figures import pass_map_of
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.map import pass_map_of
 from grosmc_mj.sweep.replay import replay
-from grosmc_mj.sweep.tables import plant_words
+from grosmc_mj.sweep.screening import Batch
+from grosmc_mj.sweep.store import Folder
 
 LOOP = """
 [computing]
@@ -123,14 +122,14 @@ def test_units_and_names_are_those_of_states_and_inputs() -> None:
 
 def test_times_are_shown_as_they_are_run_and_bandwidths_in_their_unit() -> None:
     """Of 2.6 ms on a grid of 1 ms, 0.2 mrad, 80 rad/s and 2.4 ms."""
-    words = plant_words(campaign(text()), np.array([2.6e-3, 2e-4, 80.0, 2.4e-3]))
+    words = campaign(text()).words(np.array([2.6e-3, 2e-4, 80.0, 2.4e-3]))
     assert words == (
         "computing delay 0.003 s, rotor angle noise 0.01146 °, rotor speed bandwidth 80 rad/s, "
         "current lag 0.0024 s"
     )
     # What is run as the nominal plant is said to be it.
     delayed = np.array([1.4e-3, 1e-4, 100.0, 1e-3])
-    assert plant_words(campaign(text()), delayed) == "the nominal one"
+    assert campaign(text()).words(delayed) == "the nominal one"
 
 
 def test_a_map_shows_times_as_they_are_run_and_bandwidths_in_their_unit() -> None:

@@ -10,9 +10,9 @@ from campaign_cases import PLANT, campaign, kept
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.machine import Motor
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
 from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.replay import replay
+from grosmc_mj.sweep.store import Folder
 
 MACHINE = """
 [[transmission]]

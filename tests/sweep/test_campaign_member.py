@@ -10,8 +10,8 @@ from campaign_cases import BOTH, LQR, campaign, case, servo
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
-from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.parameters import Varied
+from grosmc_mj.sweep.screening import Batch
 
 EDITED = """
 [[edit]]

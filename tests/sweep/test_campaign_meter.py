@@ -33,8 +33,8 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.screening import evaluate
 
 POLE = '[[uncertain]]\nbody = "pole"\nmass_scale = [1, 2]\n'
 H, PERIOD, AFTER = 0.001, 0.002, [0.0, 0.05, 0.12]
@@ -172,10 +172,16 @@ def test_recorded_rows_of_every_case_say_what_its_running_laws_have_noted(name: 
             law,
             case.x0,
             duration=asked.duration,
-            control_period=asked.control_period,
-            timestep=asked.control_period,
+            control_period=asked.experiment.settings.control_period,
+            timestep=asked.experiment.settings.control_period,
             disturbances=case.disturbances,
-            meters=meters_of(law, asked.control_period, Windows((0.5,)), case.onset, costs=True),
+            meters=meters_of(
+                law,
+                asked.experiment.settings.control_period,
+                Windows((0.5,)),
+                case.onset,
+                costs=True,
+            ),
         )
         running = np.atleast_1d(found.meters)
         samples = replace(found, time=found.time[:-1], state=found.state[:-1])

@@ -10,7 +10,7 @@ from campaign_cases import PAIR, PLANT, campaign
 
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.sweep.batch import EQUATIONS, evaluate
+from grosmc_mj.sweep.screening import EQUATIONS, evaluate
 
 UNCERTAIN = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'
 LIMIT = '[[requirement]]\ndeviation_below = "3 mrad"\n'
@@ -34,7 +34,7 @@ def test_the_optimum_moves_on_by_the_time_between_two_comparisons(period: str, l
             asked.laws[law],
             sample.case.x0,
             duration=SECONDS,
-            control_period=asked.control_period,
+            control_period=asked.experiment.settings.control_period,
             timestep=H,
         )
         deviation = compare_with_optimum(run, asked.laws[law]).deviation[:-1]

@@ -9,12 +9,11 @@ import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, campaign, servo
 
 from grosmc_mj.sweep import radius as radius_module
-from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.radius import Look, Radius, radius
 from grosmc_mj.sweep.runs import Outcomes
-from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.screening import evaluate, screened_search
 
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 

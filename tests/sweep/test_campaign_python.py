@@ -16,9 +16,17 @@ from grosmc_mj import cli
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.file.user_code import sources
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.folder import Folder
-from grosmc_mj.sweep.manifest import _HASHED, _hash, _sources, manifest_of, read_manifest
-from grosmc_mj.sweep.work import open_campaign, read_campaign, run_shard
+from grosmc_mj.sweep.store import (
+    _HASHED,
+    Folder,
+    _hash,
+    _sources,
+    manifest_of,
+    open_campaign,
+    read_campaign,
+    read_manifest,
+    run_shard,
+)
 
 # Of a module beside the case file, which leaves a trace when it is imported.
 CANARY = """
@@ -145,7 +153,7 @@ def test_python_that_is_not_the_recorded_one_is_not_imported(
     with pytest.raises(GrosmcError, match="other Python"):
         run_shard(str(folder.path), asked, manifest["hash"], 1)
     assert not trace.exists()
-    assert not folder.done(1)
+    assert not folder.part(1).exists()
 
 
 def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
@@ -174,7 +182,7 @@ def test_a_worker_builds_what_it_was_given_and_not_what_the_folder_says(
     bound_to = with_question(folder, **foreign)
     run_shard(str(folder.path), asked.specification, bound_to, 0)
     assert not trace.exists()
-    assert folder.done(0)
+    assert folder.part(0).exists()
     # One that is bound to itself is another campaign.
     manifest = json.loads((folder.path / "manifest.json").read_text())
     manifest["sources"] = _sources(specification(**foreign))

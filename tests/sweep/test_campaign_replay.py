@@ -14,10 +14,9 @@ from campaign_cases import begun, campaign, falling, forged, kept, replaced, ser
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.results.document import json_text
-from grosmc_mj.sweep.document import replay_document, worst_document
-from grosmc_mj.sweep.folder import Folder
-from grosmc_mj.sweep.replay import replay, searched_values
-from grosmc_mj.sweep.worst import worst
+from grosmc_mj.sweep.replay import replay, replay_document, searched_values
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.worst import worst, worst_document
 
 ENGINES: list[Any] = ["native", "python"]
 

@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.sweep.sampling import (
+from grosmc_mj.sweep.family import (
     HYPERCUBE,
     SEQUENCE,
     unit_points,

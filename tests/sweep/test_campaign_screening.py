@@ -15,28 +15,26 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
-from grosmc_mj.sweep.batch import (
-    EQUATIONS,
-    PHYSICS,
-    Batch,
-    Outcomes,
-    evaluate,
-)
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import Judges, findings, judged_words, judges_of, run_campaign
-from grosmc_mj.sweep.folder import DRAWN, DRAWN_OVERTURNED, OVERTURNED, SCREENED, Folder
+from grosmc_mj.sweep.family import unit_points
+from grosmc_mj.sweep.findings import Judges, findings, judged_words, results_document, run_campaign
 from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.replay import replay
-from grosmc_mj.sweep.sampling import unit_points
 from grosmc_mj.sweep.screening import (
+    EQUATIONS,
+    PHYSICS,
     RANDOM,
     SAMPLE,
+    Batch,
+    Outcomes,
     Screening,
     drawn_by_chance,
+    evaluate,
     screened_all,
     screened_search,
     screening_of,
 )
+from grosmc_mj.sweep.store import Folder
 from grosmc_mj.sweep.worst import worst
 
 POLE = """
@@ -202,7 +200,7 @@ def test_the_band_is_ten_times_the_largest_difference_of_the_sample(
     values = whole.family.values(unit_points("random", 2, 12, 0, SAMPLE))
     batch = Batch(whole, values, range(SAMPLE))
     for law in whole.laws:
-        ours, theirs = batch.run_equations(law), batch.run(law)
+        ours, theirs = batch.run(law, plants=batch.equations), batch.run(law)
         difference = float(np.abs(ours["relative"] - theirs["relative"]).max())
         assert difference > LEAST_BAND
         assert found.bands[law] == pytest.approx(10 * difference, rel=1e-12)
@@ -214,13 +212,13 @@ def test_the_sample_of_the_screening_has_none_of_the_campaigns_runs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     measured: list[np.ndarray] = []
-    run = Batch.run_equations
+    run = Batch.run
 
-    def noted(batch: Batch, controller: str) -> Outcomes:
+    def noted(batch: Batch, *arguments: Any, **options: Any) -> Outcomes:
         measured.append(batch.values)
-        return run(batch, controller)
+        return run(batch, *arguments, **options)
 
-    monkeypatch.setattr(Batch, "run_equations", noted)
+    monkeypatch.setattr(Batch, "run", noted)
     whole = asked(pair(), seed=13)
     screening_of.cache_clear()
     assert screening_of(whole).bands
@@ -352,6 +350,7 @@ def test_what_is_known_of_the_verdicts_is_said(tmp_path: Path) -> None:
         f"lqr: of {drawn} confirmed at random, 0 overturned: at most {bound:.2g} % of those by the "
         "equations at 95 %."
     ) in said
+    assert results_document(whole, found)["answers"][0]["more"] == said
     wrong = {**found.judges, "lqr": Judges(256, 20, 3, [4, 7, 9], 1e-3, 1e-5, 41, 2)}
     assert "MuJoCo overturned 3: 4, 7, 9." in judged_words(wrong)
     assert "(band 0.001 of a limit; margins confirmed differ by 1e-05)" in judged_words(wrong)
@@ -372,11 +371,12 @@ def test_so_few_overturned_are_as_unlikely_as_is_allowed_at_the_bound(
 
 def test_the_first_sixteen_overturned_runs_are_named() -> None:
     """Of twenty, every other run."""
-    counts = {"runs": 40, SCREENED: 30, OVERTURNED: 20, DRAWN: 9, DRAWN_OVERTURNED: 4}
     columns = {"id": np.arange(40), "overturned": np.arange(40) % 2, "band": np.full(40, 0.1)}
+    columns |= {"judged_by": np.array([EQUATIONS] * 30 + [PHYSICS] * 10, object)}
+    columns |= {"drawn": np.arange(40) < 9}
     columns |= {"screened": np.full(40, 0.2), "relative": np.full(40, -np.inf)}
     columns["relative"][1:] = np.linspace(0.25, 0.2, 39)
-    told = judges_of({"lqr": counts}, {"lqr": columns})["lqr"]
+    told = Judges.of(columns)
     assert (told.runs, told.by_equations, told.overturned, told.band) == (40, 30, 20, 0.1)
     assert told.overturned_runs == list(range(1, 32, 2))
     assert (told.drawn, told.drawn_overturned) == (9, 4)

@@ -13,17 +13,14 @@ from rich.console import Console
 from grosmc_mj.errors import SetupError
 from grosmc_mj.results.document import json_text
 from grosmc_mj.sweep import worst as worst_module
-from grosmc_mj.sweep.batch import evaluate
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.document import radius_document, worst_document
+from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.family import unit_points
 from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import PromisedFamily, premise_grid, promise
-from grosmc_mj.sweep.radius import Radius, radius
+from grosmc_mj.sweep.radius import Radius, radius, radius_document
 from grosmc_mj.sweep.replay import searched_values
-from grosmc_mj.sweep.sampling import unit_points
-from grosmc_mj.sweep.specification import specification_of
-from grosmc_mj.sweep.tables import worst_table
-from grosmc_mj.sweep.worst import Worst, shrunk, worst
+from grosmc_mj.sweep.screening import evaluate
+from grosmc_mj.sweep.worst import Worst, shrunk, worst, worst_document, worst_table
 
 # The rotor obeys linear equations: its deviation grows with the load, either way, and with the
 # inertia's distance from the nominal one.

@@ -20,7 +20,7 @@ from grosmc_mj.experiments.metrics import (
 )
 from grosmc_mj.experiments.requirements import Limit, margins_of, required, windows
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.sweep.batch import Batch, evaluate
+from grosmc_mj.sweep.screening import Batch, evaluate
 
 
 @pytest.mark.parametrize("law", ["lqr", "grosmc"])

@@ -9,14 +9,17 @@ import pytest
 from rich.console import Console
 
 from grosmc_mj.results.tables import WIDTH, Table
-from grosmc_mj.sweep.findings import DESIGN, NO_PROOF, Basis, Findings
-from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, sensitivities
-from grosmc_mj.sweep.tables import (
+from grosmc_mj.sweep.findings import (
+    DESIGN,
+    NO_PROOF,
+    Basis,
+    Findings,
     margins_table,
     paired_table,
     pass_rates_table,
     sensitivity_table,
 )
+from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, sensitivities
 
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
 LAW = "a_law_of_my_own_with_a_very_long_name"
@@ -40,7 +43,6 @@ def found(sampler: str = "random") -> Findings:
     }
     return Findings(
         sampled=basis,
-        looked_at=basis,
         rates={
             (SETTLES, "grosmc"): pass_rate(512, 512, **of),
             (SETTLES, "lqr"): pass_rate(5119, 5120, **of),
@@ -84,19 +86,14 @@ def test_every_table_is_narrow_and_says_what_was_sampled(sampler: str) -> None:
             assert not any(" .. " in cell or "< 1e-4" in cell for cell in cells)
 
 
-def test_pass_rates_are_shown_with_their_intervals() -> None:
-    rows = pass_rates_table(found()).rows
-    assert rows[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
+def test_numbers_are_shown_with_their_intervals_and_units() -> None:
+    rates, margins, pairs, drivers = tables()
+    assert rates.rows[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
     # Only all of the runs are 100 %, and only none 0 %.
-    assert [row[4] for row in rows[1:]] == ["99.98", "99.99", "0"]
-    assert [row[6] for row in rows] == ["0", "25", "0", "25"]
-
-
-def test_margins_pairs_and_drivers_are_shown_with_their_unit() -> None:
-    _, margins, pairs, drivers = tables()
+    assert [row[4] for row in rates.rows[1:]] == ["99.98", "99.99", "0"]
+    assert [row[6] for row in rates.rows] == ["0", "25", "0", "25"]
     assert margins.rows[0][2:6] == ["0.5", "0.525", "0.51", "0.55"]
-    assert margins.rows[0][-1] == "s"
-    assert margins.rows[1][2] == "-inf"
+    assert (margins.rows[0][-1], margins.rows[1][2]) == ("s", "-inf")
     assert pairs.rows[0][2:4] == ["0", "6"]
     assert pairs.rows[0][4].startswith("+85.7\n(")
     assert pairs.rows[0][6].startswith("+1.5 s\n(")

@@ -23,7 +23,6 @@ from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.commands.view import ViewCommand
 from grosmc_mj.cli.program import parse
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.machine import LuGre, MachinePart, SlidingLoad, Stop, SwingingLoad, Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
@@ -40,7 +39,6 @@ from grosmc_mj.viewer import (
     WEAKEST,
     Live,
     RecordedRun,
-    look_from_the_front,
     play,
 )
 
@@ -228,14 +226,6 @@ def test_a_diverging_run_is_told_and_its_last_good_state_is_drawn() -> None:
     assert np.all(np.isfinite(fake.data.qpos))
 
 
-def test_what_does_not_fit_is_refused_as_by_simulate() -> None:
-    with pytest.raises(ArgumentError, match="must be 4 finite numbers for cart_pendulum"):
-        experiment(x0=(0.0, 0.1)).live()
-    for speed in (0.0, -1.0, np.nan, 100.0):
-        with pytest.raises(ArgumentError, match="must be from 1/64 to 64 times real time"):
-            play(experiment().live(), speed=speed)
-
-
 def test_a_replay_goes_back_and_on_and_tells_why_its_run_ended() -> None:
     what = experiment()
     run = what.recorded(1.5)
@@ -319,19 +309,6 @@ def test_neither_the_window_s_data_nor_ctrl_c_reach_the_physics() -> None:
     assert shown(experiment("servo", "nominal").live(), at=interrupt).pictures == 1
 
 
-def test_the_window_looks_from_the_front_and_follows_the_cart() -> None:
-    model, free = MujocoPlant.load("cart_pendulum").model, mujoco.MjvCamera()
-    look_from_the_front(free, model)
-    assert free.azimuth == 90
-    data, scene, option = mujoco.MjData(model), mujoco.MjvScene(model, 1000), mujoco.MjvOption()
-    data.qpos[0] = 3.0
-    mujoco.mj_forward(model, data)
-    static = mujoco.mjtCatBit.mjCAT_STATIC.value
-    for _ in range(200):
-        mujoco.mjv_updateScene(model, data, option, None, free, static, scene)
-    assert free.lookat[0] == pytest.approx(3.0, abs=1e-3)
-
-
 # The command
 
 
@@ -351,17 +328,6 @@ def test_without_a_display_it_says_so_and_offers_the_film(
     command = parse(film.split()[1:])
     assert isinstance(command, FilmCommand)
     assert (command.target, command.controllers) == ("arm/case2", ("lqr",))
-
-
-@pytest.mark.parametrize(
-    "arguments", [["nothing"], ["arm", "--speed", "0"], ["arm", "--controller", "nothing"],
-                  ["arm", "--switching", "nothing"], ["maglev/warm"]],
-)  # fmt: skip
-def test_wrong_use_is_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["view", *arguments])
-    assert stop.value.code == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_case_is_live_or_recorded_first(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from grosmc_mj.control.lqr import lqr
 from grosmc_mj.control.references import setpoint
 from grosmc_mj.control.surface import integrate
 from grosmc_mj.control.switching import SwitchingTerm
-from grosmc_mj.control.task import AS_PRINTED, FeedbackParameters, StateTask
+from grosmc_mj.control.task import AS_PRINTED, FeedbackParameters, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
@@ -51,7 +51,7 @@ def holding_lqr(
         plant: The nominal plant: a pole on a cart.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
     """
-    law = linear_lqr(StateTask(plant, *WEIGHTS, model=model))
+    law = linear_lqr(state_task(plant, *WEIGHTS, model=model))
     source = "eqs. (5)-(6) with four states"
     return replace(law, name="cart-lqr", design=replace(law.designed, source=source))
 
@@ -75,7 +75,7 @@ def holding_ism(
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps.
     """
-    law = state_grosmc(StateTask(plant, *WEIGHTS, model=model), uncertainty, G)
+    law = state_grosmc(state_task(plant, *WEIGHTS, model=model), uncertainty, G)
     source = "eqs. (8)+(12) with four states"
     return replace(law, name="cart-ism", design=replace(law.designed, source=source))
 
@@ -156,10 +156,10 @@ def holding_pfl(
         weight=p.g * (most.m - p.m),
         force=uncertainty.force,
         eta=uncertainty.reaching_rate,
-        switching=switching,
+        switching=switching.numbers,
     )
     design = Design(
-        StateTask(plant, *WEIGHTS).error,
+        state_task(plant, *WEIGHTS).error,
         optimum,
         source="eqs. (23)+(31)+(37) with an outer loop on the cart",
         gains=named_gains(K=optimum.K),

@@ -73,8 +73,8 @@ def causes_table(findings: Sequence[Finding]) -> Table:
             causes.setdefault(finding.claim.cause, []).append(finding.claim.id)
     rows = [(cause, ", ".join(ids), str(len(ids))) for cause, ids in causes.items()]
     columns = [
-        Column(header="not supported since", width=50),
-        Column(header="statements", width=44),
+        Column(header="not supported since", width=50, cut=True),
+        Column(header="statements", width=44, cut=True),
         *numbers(""),
     ]
     return table("", columns, sorted(rows, key=lambda row: -int(row[2])))

@@ -60,5 +60,5 @@ ABOUT = (
     "own (FILE.toml); grosmc-mj list names them, grosmc-mj new writes one. The answer comes first "
     "and fits on a screen; --verbose prints all tables.\n\n"
     "Exit codes: 0 done and kept, 1 something is not kept or not as recorded, 2 anything else that "
-    "is wrong, 130 interrupted. --debug adds the traceback of an error."
+    "is wrong, 130 interrupted by Ctrl-C or SIGTERM. --debug adds the traceback of an error."
 )

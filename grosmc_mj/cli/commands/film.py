@@ -55,6 +55,8 @@ class FilmCommand(Command):
     controllers: Annotated[
         tuple[str, ...] | None,
         arg(
+            name="laws",
+            aliases=("--controllers",),
             metavar="NAME [NAME ...]",
             help_behavior_hint="(default: lqr grosmc, else the last four)",
         ),

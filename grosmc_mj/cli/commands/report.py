@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, together
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -64,7 +64,8 @@ def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool
 
     reading = read_results(paths)
     if not reading.documents:
-        raise ArgumentError(f"no results in {', '.join(map(str, paths))}")
+        words = f"no results in {', '.join(map(str, paths))}"
+        raise ArgumentError(together([words, *(f"unreadable: {x}" for x in reading.notices)]))
     with screen.progress(1) as advance:
         advance(path.name, 0)
         written = write_page(reading, paths, path, _shrunk)

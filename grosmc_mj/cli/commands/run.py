@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Laws
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
@@ -47,6 +47,7 @@ class RunCommand(Command):
 
     Attributes:
         target: A system, a case of the package or a case file.
+        laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet, or
@@ -55,6 +56,7 @@ class RunCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    laws: Laws = ()
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
     figures: bool = True
     save: Literal["parquet", "csv", "npz"] | None = None
@@ -66,6 +68,8 @@ class RunCommand(Command):
         from grosmc_mj.experiments.catalogue import find_experiments
 
         experiments = find_experiments(self.target)
+        if self.laws:
+            experiments = [one.with_laws(self.laws) for one in experiments]
         for experiment in experiments:
             _check_uncertain(experiment)
             _refuse_unjudgeable(experiment)
@@ -158,14 +162,16 @@ class _JudgedExperiment:
         """Run it, judge it, write its JSON."""
         from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.chapter.premises import audit_document
-        from grosmc_mj.experiments.curves.document import write_curves
+        from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
         from grosmc_mj.results.document import keep_other, write_json
 
         complete = False
         try:
-            with screen.progress(len(self.experiment.laws)) as advance:
+            with screen.progress(
+                len(self.experiment.plant_names) * len(self.experiment.controllers)
+            ) as advance:
                 for result in self.experiment.runs():
                     self.results.append(result)
                     advance(result.key)
@@ -257,18 +263,46 @@ def _at_rest(experiment: Experiment) -> list[str]:
 
 def _in_loop(experiment: Experiment) -> list[str]:
     """What lies between the laws and the plant, and of what the numbers are then."""
+    from grosmc_mj.experiments.file.parts import LOOP_PARTS
+
     if (loop := experiment.case.loop) is None:
         return []
+    assumed = [
+        f"{' '.join(filter(None, [kind, getattr(table, 'of', '')]))}: {', '.join(table.assumed)}"
+        for kind in LOOP_PARTS
+        for table in _tables_of(experiment, kind)
+        if table.assumed
+    ]
     return [
         "in its loop: y is true, u is given; s is what the law sees, J of what it asks for",
+        *([f"assumed of it: {'; '.join(assumed)}"] if assumed else []),
         *loop.words(experiment.nominal.system),
     ]
 
 
 def _on_its_machine(experiment: Experiment) -> list[str]:
-    """What the machine has that neither laws nor equations know."""
-    parts = [str(part) for part in experiment.case.parts]
-    return ["on its machine, in physics alone; no law knows of:", *parts] if parts else []
+    """What the machine has that neither laws nor equations know; stars mark assumed numbers."""
+    from grosmc_mj.experiments.file.parts import MACHINE_PARTS, MACHINE_UNITS, unit_of
+
+    tables = [(kind, t) for kind in MACHINE_PARTS for t in _tables_of(experiment, kind)]
+    lines = []
+    for (kind, table), part in zip(tables, experiment.case.parts, strict=True):
+        numbers = [
+            f"{name} {getattr(part, name):.4g} "
+            f"{unit_of(kind, part.of, name, experiment.nominal.system)}".rstrip()
+            + "*" * (name in table.assumed)
+            for name in MACHINE_UNITS[kind]
+            if name in table.model_fields_set
+        ]
+        lines.append(f"{part.kind} of {part.of}: {', '.join(numbers)}")
+    head = "on its machine, in physics alone; no law knows of (* is assumed):"
+    return [head, *lines] if lines else []
+
+
+def _tables_of(experiment: Experiment, kind: str) -> list[Any]:
+    """The tables of a kind of part in the file."""
+    tables = getattr(experiment.file, kind)
+    return tables if isinstance(tables, list) else [tables] if tables else []
 
 
 def _kept(failed: int, judged: int, not_judged: int) -> str:
@@ -362,7 +396,7 @@ def _tables(console: Console, done: _JudgedExperiment) -> None:
 
 def _draw(results: Sequence[RunResult], path: Path) -> Path:
     """The figure."""
-    from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
+    from grosmc_mj.experiments.curves import draw_experiment, figure_size
     from grosmc_mj.results.figure import figure_written
 
     with figure_written(path, figure_size(results)) as figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -124,14 +124,7 @@ class ValidateCommand(Command):
         """
         from grosmc_mj.experiments.runs import Settings
 
-        settings = Settings(
-            self.engine,  # pyright: ignore[reportArgumentType]  checked by Settings
-            self.control_period,
-            self.timestep,
-            self.integrator,  # pyright: ignore[reportArgumentType]  checked by the plant
-            self.switching,
-            self.surface,  # pyright: ignore[reportArgumentType]  checked by Settings
-        )
+        settings = Settings(**{one.name: getattr(self, one.name) for one in fields(Settings)})
         if self.record and settings != Settings():
             raise ArgumentError(
                 "--record needs the default settings: leave out --engine, --control-period, "
@@ -164,7 +157,7 @@ class ValidateCommand(Command):
 
     def _write_curves(self, results: Sequence[RunResult]) -> None:
         """The curves of each case, for the page."""
-        from grosmc_mj.experiments.curves.document import write_curves
+        from grosmc_mj.experiments.curves import write_curves
 
         for case in dict.fromkeys(result.case for result in results):
             own = [result for result in results if result.case == case]

@@ -420,3 +420,14 @@ class OutputCoordinates(Coordinates):
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
         return self.reference_along([t], p.reference)[0] + self.sign * np.asarray(z, float)
+
+
+def regulated_outputs(error: Coordinates, owner: str) -> OutputCoordinates:
+    """The error coordinates of a law or task that regulates outputs.
+
+    Raises:
+        ArgumentError: If it regulates the whole state.
+    """
+    if not isinstance(error, OutputCoordinates):
+        raise ArgumentError(f"{owner} has no outputs that it regulates")
+    return error

@@ -157,7 +157,7 @@ class FeedbackLinearization(Chains):
             f"decoupling matrix E = {shown(E, str)} of {', '.join(map(str, self.h))}, of relative "
             f"degree {self.relative_degree}, is singular there (eq. (21)). Possible are lqr and "
             "linear-grosmc on the linearization, about an operating point ([plant] at, a "
-            "StateTask); and laws of an approximation that has a relative degree ([design] plant)"
+            "state_task); and laws of an approximation that has a relative degree ([design] plant)"
         )
 
     def inverse(self, z: Sequence[sp.Symbol]) -> list[Mapping[sp.Symbol, sp.Expr]]:

@@ -58,7 +58,7 @@ def adaptive(
         ArgumentError: If a number is not positive, or there is no such body.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    error, torques, m = task.error, task.error.torques(body), task.error.inputs
+    error, torques, m = task.outputs, task.outputs.torques(body), task.error.inputs
     q_d = np.array(error.reference(0.0, task.reference))[::3]
     gains = {"frequency": frequency, "adaptation": adaptation}
     damping = frequency * torques.inertia(q_d, task.plant.parameters)

@@ -84,7 +84,7 @@ def pid(
             no equilibrium without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    chains, m = task.error.linearization, task.error.inputs
+    chains, m = task.outputs.linearization, task.error.inputs
     if set(chains.relative_degree) != {2}:
         raise GainError(f"PID: the relative degrees {chains.relative_degree} must all be 2")
     # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.

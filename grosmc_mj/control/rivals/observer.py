@@ -44,7 +44,7 @@ def adrc(
         ArgumentError: If a number is not positive.
         GainError: If, on the linearization, zero error is no equilibrium without input.
     """
-    optimum, chains = task.optimum(linearizing=linearizing), task.error.linearization
+    optimum, chains = task.optimum(linearizing=linearizing), task.outputs.linearization
     # z_i^(r_i) = a_i z + (E u + d)_i: nothing and the identity after feedback linearization.
     a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
 

@@ -20,10 +20,11 @@ from grosmc_mj.fields import range_of
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import PARTS, MachinePart
+from grosmc_mj.physics.edits import Edit
 from grosmc_mj.plants import System
 
 
-def table_of(part: MachinePart | type[MachinePart]) -> str:
+def table_of(part: Edit | type[Edit]) -> str:
     """What a part's table is called."""
     return part.kind.replace(" ", "_")
 

@@ -64,8 +64,8 @@ def find_file(name: str) -> Path:
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
     systems = dict.fromkeys(each.split("/")[0] for each in shipped)
-    valid = [*systems, *shipped, "or a path that ends in .toml"]
-    raise ArgumentError(unknown_name("case", name, valid))
+    unknown = unknown_name("case", name, [*systems, *shipped])
+    raise ArgumentError(f"{unknown}, or a path that ends in .toml")
 
 
 def base_file(system: str) -> Path | None:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
+from grosmc_mj.experiments.curves import draw_experiment, figure_size
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.results.envelope import envelope

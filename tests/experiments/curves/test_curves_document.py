@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grosmc_mj.experiments.curves.document import curves_document, write_curves
+from grosmc_mj.experiments.curves import curves_document, write_curves
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
 

@@ -50,7 +50,7 @@ def say_verdict(
                 f"{100 * at_least:g} % are asked for."
             )
         else:
-            good, interval = rate.kept == rate.runs, campaigns.tables.rate_interval(rate, "to")
+            good, interval = rate.kept == rate.runs, campaigns.findings.rate_interval(rate, "to")
             interval = interval and f"{interval} % ({100 * rate.confidence:g} % interval)"
             words = (
                 f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
@@ -76,7 +76,7 @@ def say_findings(
             least = f"{number(margin.least)} {found.units[requirement]}" if margin else "-"
             kept = (
                 f"{rate.kept} of {rate.runs}",
-                campaigns.tables.rate_interval(rate, "..") or "-",
+                campaigns.findings.rate_interval(rate, "..") or "-",
             )
             rows.append((requirement, law, *kept, least.rstrip()))
     columns = ("requirement", "law", "kept", "interval %", "least margin")
@@ -100,7 +100,7 @@ def say_findings(
     ]
     for line in filter(None, [*notes, *progress]):
         console.print(line, style="dim", markup=False)
-    for table in campaigns.tables.findings_tables(campaign, found) if full else ():
+    for table in campaigns.findings.findings_tables(campaign, found) if full else ():
         console.print("", table)
 
 
@@ -112,14 +112,14 @@ def say_worst(console: Console, campaign: Campaign, found: Sequence[Worst], *, f
     for plant in sorted(found, key=lambda plant: plant.relative):
         line = (
             f"{plant.controller}: worst plant, by {plant.winner}: margin {number(plant.relative)} "
-            f"of its limit, {campaigns.tables.plant_words(campaign, plant.values)}"
+            f"of its limit, {campaign.words(plant.values)}"
         )
         if plant.shrunk is not None:
-            line += f"; nearest that fails: {campaigns.tables.plant_words(campaign, plant.shrunk)}"
+            line += f"; nearest that fails: {campaign.words(plant.shrunk)}"
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full and found:
-        console.print(campaigns.tables.worst_table(campaign, found), "")
+        console.print(campaigns.worst.worst_table(campaign, found), "")
 
 
 def say_radius(
@@ -139,4 +139,4 @@ def say_radius(
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full and found:
-        console.print(campaigns.tables.radius_table(campaign, found), "")
+        console.print(campaigns.radius.radius_table(campaign, found), "")

@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj import sweep as campaigns
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Laws
 from grosmc_mj.cli.commands.campaign import answer
 from grosmc_mj.cli.commands.campaign.replay import replay_run
 from grosmc_mj.cli.commands.campaign.running import run_parts
@@ -22,8 +22,8 @@ from grosmc_mj.errors import ArgumentError, unknown_name
 if TYPE_CHECKING:
     from grosmc_mj.sweep.campaign import Campaign
     from grosmc_mj.sweep.findings import Findings
-    from grosmc_mj.sweep.folder import Folder
     from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.store import Folder
     from grosmc_mj.sweep.worst import Worst
 
 FOLDER = Path("renders") / "campaigns"
@@ -62,7 +62,7 @@ class CampaignCommand(Command):
         seed: Of the sampler; run i depends on it and on i alone.
         sampler: random, sobol, lhs or corners. Random runs are independent, so that they alone give
             intervals; the others spread over the ranges for maps and searches.
-        controllers: Those of the file to run.
+        controllers: Laws to run, of the file's controllers or of its [laws].
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
         screen: Which runs are made on the equations, with all that are near a limit, ended early or
@@ -101,10 +101,7 @@ class CampaignCommand(Command):
     shard: Annotated[int, arg(metavar="N")] = 512
     seed: Annotated[int, arg(metavar="N")] = 0
     sampler: Annotated[str, arg(metavar="NAME")] = "random"
-    controllers: Annotated[
-        tuple[str, ...],
-        arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all of the file)"),
-    ] = ()
+    controllers: Laws = ()
     control_period: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     screen: Annotated[str, arg(metavar="auto|equations|none")] = "auto"
@@ -139,13 +136,18 @@ class CampaignCommand(Command):
         self._refuse_idle()
         if self.replay is not None:
             return replay_run(self, self.replay)
+        if campaigns.store.Folder(Path(self.target)).begun:
+            raise ArgumentError(
+                f"{self.target} is a campaign's folder: --replay RUN repeats one of its runs; "
+                "its case file with --resume and --out goes on"
+            )
         self._refuse_numbers()
         specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
-        specification = campaigns.specification.specification_of(self.target, **specified)
-        folder = campaigns.folder.Folder(self.out or FOLDER / specification.name)
+        specification = campaigns.campaign.specification_of(self.target, **specified)
+        folder = campaigns.store.Folder(self.out or FOLDER / specification.name)
         if folder.begun:
-            there = campaigns.manifest.read_manifest(folder.path)
-            campaigns.manifest.refuse_other_code(folder.path, there, specification)
+            there = campaigns.store.read_manifest(folder.path)
+            campaigns.store.refuse_other_code(folder.path, there, specification)
         campaign = campaigns.campaign.Campaign.of(specification)
         self._refuse_axes(campaign.family.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
@@ -163,23 +165,23 @@ class CampaignCommand(Command):
                 screen.notice(line)
             progress = run_parts(campaign, folder, executor)
         found = campaigns.findings.findings(campaign, folder, self.confidence)
-        document = campaigns.document.results_document(campaign, found)
-        files = [_written(folder, campaigns.document.RESULTS, document)]
+        document = campaigns.findings.results_document(campaign, found)
+        files = [_written(folder, campaigns.findings.RESULTS, document)]
         code = answer.say_verdict(console, campaign, found, self.at_least, self.confidence)
         answer.say_findings(console, campaign, found, progress, full=self.verbose)
         reached: list[Radius] = []
         if self.worst:
             plants = self._worst(campaign, found)
-            document = campaigns.document.worst_document(campaign, plants)
-            files.append(_written(folder, campaigns.replay.WORST, document))
+            document = campaigns.worst.worst_document(campaign, plants)
+            files.append(_written(folder, campaigns.worst.WORST, document))
             answer.say_worst(console, campaign, plants, full=self.verbose)
         if self.radius:
             reached = self._radii(campaign)
-            document = campaigns.document.radius_document(campaign, reached)
-            files.append(_written(folder, campaigns.replay.RADIUS, document))
+            document = campaigns.radius.radius_document(campaign, reached)
+            files.append(_written(folder, campaigns.radius.RADIUS, document))
             answer.say_radius(console, campaign, reached, full=self.verbose)
         if self.figures:
-            files += campaigns.figures.write_figures(campaign, folder, found, reached, self.axes)
+            files += campaigns.map.write_figures(campaign, folder, found, reached, self.axes)
         screen.say_files(console, *files)
         return code
 

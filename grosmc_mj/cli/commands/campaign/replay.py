@@ -33,13 +33,13 @@ def replay_run(command: CampaignCommand, which: str) -> int:
     if command.engine not in get_args(Engine):
         raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
     console, folder, engine = screen.console(), Path(command.target), command.engine
-    campaign, notices = campaigns.work.read_campaign(folder, command.case_file)
-    run: Any = (campaign, campaigns.folder.Folder(folder), which, command.controller, engine)
+    campaign, notices = campaigns.store.read_campaign(folder, command.case_file)
+    run: Any = (campaign, campaigns.store.Folder(folder), which, command.controller, engine)
     found = campaigns.replay.replay(*run)
     result = found.judged
     law = re.sub(r"[^\w.+-]+", "_", result.controller.name)
     base = (command.out or folder / "replays") / f"{which}_{law}"
-    unwritten = _written(command, base, campaigns.document.replay_document(campaign, found, engine))
+    unwritten = _written(command, base, campaigns.replay.replay_document(campaign, found, engine))
     if found.differences == []:
         by = " by the equations" if found.outcome["judged_by"][0] == "equations" else ""
         words = f"Run {which} is what the campaign stored{by}, bit for bit; engine {engine}."
@@ -92,7 +92,7 @@ def _draw(
     console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
-    from grosmc_mj.experiments.curves.figure import draw_experiment, figure_size
+    from grosmc_mj.experiments.curves import draw_experiment, figure_size
     from grosmc_mj.results.figure import figure_written
 
     files = [Path(f"{base}.json")]
@@ -118,7 +118,7 @@ def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]
     )
     lines = [f"{words}: margin {margin:+.4g} {unit}".rstrip() for margin, words, unit in margins]
     values = np.array([outcome[name][0] for name in campaign.family.names])
-    for of, value, nominal in campaigns.tables.numbers_as_run(campaign, values):
+    for of, value, nominal in campaign.pairs_as_run(values):
         unit, factor = of.shown_unit
         number = f"{of.name}: {value * factor:.6g} {unit}".rstrip()
         drawn.append(f"{number} (nominal {nominal * factor:.4g})")

@@ -11,7 +11,7 @@ from grosmc_mj.cli import screen
 if TYPE_CHECKING:
     from grosmc_mj.executors import Executor
     from grosmc_mj.sweep.campaign import Campaign
-    from grosmc_mj.sweep.folder import Folder
+    from grosmc_mj.sweep.store import Folder
 
 
 def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[str]:
@@ -39,7 +39,7 @@ def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[st
                 advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
 
             advance("designed; the first part takes a while", 0)
-            again = campaigns.work.run_missing(campaign, folder, executor, screen.notice, finished)
+            again = campaigns.store.run_missing(campaign, folder, executor, screen.notice, finished)
     except KeyboardInterrupt:
         there = shards - len(folder.missing(campaign))
         raise KeyboardInterrupt(

@@ -13,7 +13,7 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET, result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.ladder import Climb, Climbs, Ladder
+    from grosmc_mj.studies.ladder import Climb, Ladder
     from grosmc_mj.studies.studied import StudiedLaw
 
 
@@ -34,35 +34,40 @@ class LadderCommand(Command):
     Attributes:
         target: A system, which means its machine, a case, or a case file, whose own edits and
             disturbances act.
-        laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default, but for
-            the rivals.
+        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
+            file; all by default, but for the rivals.
         rivals: Study lqi, pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
+        resume: Go on from the file that an interrupted ladder has left in --out.
         film: A law to film around where it breaks; none by default.
         gif: Write the film as an animated GIF as well.
         out: Folder for ladder_NAME.json and the figure.
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    laws: Annotated[
-        tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
-    ] = ()
+    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
     loaded: Annotated[bool, FlagCreatePairsOff] = False
+    resume: Annotated[bool, FlagCreatePairsOff] = False
     film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""
     gif: Annotated[bool, FlagCreatePairsOff] = False
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
         """Climb, write, print, draw."""
+        from grosmc_mj.arguments import require_known
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.studies import ladder
-        from grosmc_mj.studies.studied import chosen_laws
 
         studied = ladder.ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
         cited = {name: claim.statement for name, claim in cited_claims(studied.machine).items()}
         studied = replace(studied, statements=cited)
-        filmed = chosen_laws(studied.laws, [self.film])[0] if self.film else None
+        laws = {law.name: law for law in studied.laws}
+        if self.film:
+            require_known("law", self.film, laws)
+        known = {}
+        if self.resume:
+            known = {row.key: row for row in ladder.kept_rows(studied, self._path(studied))}
         steps = list(studied.steps())
         rows: list[Climb] = []
         with (
@@ -71,55 +76,58 @@ class LadderCommand(Command):
         ):
             for law, rung, condition, together in steps:
                 advance(law.name, 0)
-                rows.append(ladder.climb(studied, law, rung, condition, together=together))
+                key = (law.name, rung.name, condition.name, together)
+                rows.append(
+                    known.get(key) or ladder.climb(studied, law, rung, condition, together=together)
+                )
                 advance(law.name, 1)
         files = self._write(studied, rows, complete=True)
-        study = studied.of_rows(rows)
-        if filmed is not None:
-            files = (*files, self._film(studied, filmed, study))
-        self._answer(study)
+        if self.film:
+            files = (*files, self._film(studied, laws[self.film], rows))
+        self._answer(studied, rows)
         screen.say_files(screen.console(), *files)
         return screen.DONE
+
+    def _path(self, studied: Ladder) -> Path:
+        """Where the result is written."""
+        return self.out / f"ladder_{result_name(studied.machine.path)}.json"
 
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.ladder_tables import ladder_document, write_ladder_figure
+        from grosmc_mj.studies.ladder import ladder_document, write_ladder_figure
 
         if not rows:
             return ()
-        study = studied.of_rows(rows)
-        target = self.out / f"ladder_{result_name(studied.machine.path)}.json"
-        write_json(target, ladder_document(studied, study, complete=complete))
-        return target, write_ladder_figure(study, target.with_suffix(".png"))
+        target = self._path(studied)
+        write_json(target, ladder_document(studied, rows, complete=complete))
+        return target, write_ladder_figure(studied, rows, target.with_suffix(".png"))
 
-    def _film(self, studied: Ladder, law: StudiedLaw, study: Climbs) -> Path:
+    def _film(self, studied: Ladder, law: StudiedLaw, rows: list[Climb]) -> Path:
         """Write the film; returns where it is."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
-        from grosmc_mj.studies.ladder_tables import ladder_film
+        from grosmc_mj.studies.ladder import ladder_film
 
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
-        film = ladder_film(studied, law, study, replace(SMALL, fps=8))
+        film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
         case, settings = studied.machine.case, studied.experiment.settings
         return write_case_film(case, film, path, settings=settings, gif=self.gif).film
 
-    def _answer(self, study: Climbs) -> None:
-        """Print which laws pass, where each breaks, and on request every share."""
-        from grosmc_mj.studies import ladder_tables as tables
+    def _answer(self, studied: Ladder, rows: list[Climb]) -> None:
+        """Print which laws pass, where each breaks, and on request every table."""
+        from grosmc_mj.studies import ladder
 
         console, wide = screen.console(), screen.wide_console()
-        for condition in study.conditions:
-            console.print(tables.verdict(study, condition.name), style="bold", markup=False)
-            console.print(tables.answer_table(study, condition.name))
-            if claims := tables.claims_table(study, condition.name):
+        for condition in studied.conditions:
+            console.print(ladder.verdict(studied, rows, condition.name), style="bold", markup=False)
+            console.print(ladder.answer_table(studied, rows, condition))
+            if claims := ladder.claims_table(studied, rows, condition.name):
                 console.print(claims.model_copy(update={"legend": ""}))
-            if not self.verbose:
-                continue
-            wide.print(tables.share_table(study, condition.name, together=True))
-            if condition is study.conditions[0]:
-                wide.print(tables.share_table(study, condition.name, together=False))
-            wide.print(tables.deviation_table(study, condition.name))
-        if assumed := tables.assumed_text(study):
+        if self.verbose:
+            for sheet in ladder.sheets(studied, rows):
+                if not sheet.table.legend:
+                    wide.print(sheet.table)
+        if assumed := ladder.assumed_text(studied):
             console.print(assumed, style="dim", markup=False)
         if self.verbose:
-            console.print(tables.LEGEND, style="dim", markup=False)
+            console.print(ladder.LEGEND, style="dim", markup=False)

@@ -16,7 +16,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.region import RegionQuestion
+    from grosmc_mj.studies.region import Region
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,9 @@ class RegionCommand(Command):
     def execute(self) -> int:
         """Compute, write, print, draw."""
         from grosmc_mj.results.document import json_text
-        from grosmc_mj.studies import region_tables as tables
-        from grosmc_mj.studies.region import Region
+        from grosmc_mj.studies import region as study
 
-        region = Region(self._question())
+        region = self._region()
         target = self.out / f"region_{region.system.name}.json"
         for case, why in region.why_not.items():
             if why and self.screen != "none":
@@ -91,37 +90,37 @@ class RegionCommand(Command):
         with written_aside(target) as part:
             with screen.progress(region.batches, "batches") as advance:
                 maps = list(region.maps(advance))
-            content = tables.region_document(region, maps)
+            content = study.region_document(region, maps)
             part.write_text(json_text(content), encoding="utf-8")
-        figure = tables.write_region_figure(region, maps, target.with_suffix(".png"))
+        figure = study.write_region_figure(region, maps, target.with_suffix(".png"))
         console, least = screen.console(), min(maps, key=lambda found: found.converged)
         console.print(
             f"{least.controller} on {least.case.name} converges from the fewest starts: "
             f"{least.converged:.1f} % of {least.grid.size}.",
             style="bold",
         )
-        console.print(tables.region_table(region, maps))
-        console.print(tables.legend(region, maps), style="dim")
+        console.print(study.region_table(region, maps))
+        console.print(study.legend(region, maps), style="dim")
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, target, figure)
         return screen.DONE
 
-    def _question(self) -> RegionQuestion:
-        """Which maps are made, in SI units.
+    def _region(self) -> Region:
+        """The maps, in SI units.
 
         Raises:
             ArgumentError: If a limit is not positive.
         """
         from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.studies.region import RegionQuestion
+        from grosmc_mj.studies.region import Region
 
         options = ("angle", "rate", "position", "speed")
         for name in options:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ArgumentError(f"--{name} {value:g} must be finite and positive")
-        return RegionQuestion(
-            system=self.target,
+        return Region(
+            target=self.target,
             points=self.points,
             duration=self.duration,
             axes=self.axes,
@@ -137,5 +136,5 @@ class RegionCommand(Command):
                 surface=self.surface,  # pyright: ignore[reportArgumentType]
             ),
             controllers=self.controllers,
-            screen=self.screen,
+            screen=self.screen,  # pyright: ignore[reportArgumentType]
         )

@@ -14,7 +14,7 @@ from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.tolerance import Setting, Tolerance, Tolerances
+    from grosmc_mj.studies.tolerance import Setting, Tolerance
 
 _MOST_SEEDS = 1000
 
@@ -35,8 +35,8 @@ class ToleranceCommand(Command):
     Attributes:
         target: A system, which means its bench, a case, or a case file; without a loop of its own
             it is studied on its system's bench.
-        laws: Laws to study, such as lqr, implicit or "implicit, predicted"; all by default, but for
-            the rivals.
+        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
+            file; all by default, but for the rivals.
         rivals: Study lqi, pid, adrc and adaptive, too.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
         every_end: Confirm both ends of each answer in MuJoCo, under every condition.
@@ -44,9 +44,7 @@ class ToleranceCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    laws: Annotated[
-        tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: all)")
-    ] = ()
+    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
     seeds: Annotated[int, arg(metavar="N")] = 4
     every_end: Annotated[bool, FlagCreatePairsOff] = False
@@ -60,56 +58,58 @@ class ToleranceCommand(Command):
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
         studied = setting(self.target, self.laws, rivals=self.rivals)
-        rows: dict[int, list[Tolerance]] = {}
+        answers: dict[int, list[Tolerance]] = {}
         size = len(studied.imperfections) * len(studied.conditions)
 
-        def study() -> Tolerances:
-            return studied.of_rows([row for _, own in sorted(rows.items()) for row in own])
+        def rows() -> list[Tolerance]:
+            return [row for _, own in sorted(answers.items()) for row in own]
 
         with (
-            screen.kept_on_interrupt(lambda: self._write(studied, study(), complete=False)),
+            screen.kept_on_interrupt(lambda: self._write(studied, rows(), complete=False)),
             screen.progress(len(studied.laws) * size, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
             for index, own in tolerances_of_laws(
                 studied, self.seeds, executor, screen.notice, every=self.every_end
             ):
-                rows[index] = own
+                answers[index] = own
                 advance(studied.laws[index].name, size)
-        files = self._write(studied, study(), complete=True)
-        self._answer(study())
+        files = self._write(studied, rows(), complete=True)
+        self._answer(rows())
         screen.say_files(screen.console(), *files)
         return screen.DONE
 
-    def _write(self, studied: Setting, study: Tolerances, *, complete: bool) -> tuple[Path, ...]:
+    def _write(
+        self, studied: Setting, rows: list[Tolerance], *, complete: bool
+    ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.tolerance_tables import tolerance_document, write_tolerance_figure
+        from grosmc_mj.studies.tolerance import tolerance_document, write_tolerance_figure
 
-        if not study.tolerances:
+        if not rows:
             return ()
         target = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-        write_json(target, tolerance_document(studied, study, self.seeds, complete=complete))
-        return target, write_tolerance_figure(study, target.with_suffix(".png"))
+        write_json(target, tolerance_document(studied, rows, self.seeds, complete=complete))
+        return target, write_tolerance_figure(studied, rows, target.with_suffix(".png"))
 
-    def _answer(self, study: Tolerances) -> None:
+    def _answer(self, rows: list[Tolerance]) -> None:
         """Print which law breaks first, which keep the bench, and how much each law stands."""
-        from grosmc_mj.studies import tolerance_tables as tables
+        from grosmc_mj.studies import tolerance as study
 
         console, wide = screen.console(), screen.wide_console()
-        console.print(tables.verdict(study), style="bold", markup=False)
-        for line in tables.notes(study):
+        console.print(study.verdict(rows), style="bold", markup=False)
+        for line in study.notes(rows):
             console.print(line, markup=False)
-        least = tables.least_table(study, "The least over the conditions kept ideally")
+        least = study.least_table(rows, "The least over the conditions kept ideally")
         if self.verbose:
             wide.print(least)
-            wide.print(tables.every_answer(study))
+            wide.print(study.every_answer(rows))
         else:
-            table, left = tables.in_width(least)
+            table, left = study.in_width(least)
             console.print(table)
             if left:
-                said = f"No room for: {'; '.join(left)}; --verbose has all."
-                console.print(said, style="dim", markup=False)
-        checked, differing = tables.confirmed(study)
+                words = f"No room for: {'; '.join(left)}; --verbose has all."
+                console.print(words, style="dim", markup=False)
+        checked, differing = study.confirmed(rows)
         if checked:
             console.print(f"MuJoCo was asked about {checked} answers: {differing} differ.")

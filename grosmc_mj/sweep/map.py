@@ -1,4 +1,4 @@
-"""Figures of a campaign: passed and failed runs, and the scale of the uncertainty."""
+"""Map of passed and failed runs over two uncertain numbers, with the premises."""
 
 from __future__ import annotations
 
@@ -15,18 +15,24 @@ from matplotlib.patches import Patch
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.results.figure import board, in_lines, write_figure
-from grosmc_mj.results.palette import BLACK, FAILED_SHADE, OPTIMUM, SKY, VERMILION, law_styles
+from grosmc_mj.results.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity
-from grosmc_mj.sweep.findings import NO_PROOF, Findings
-from grosmc_mj.sweep.folder import Folder
+from grosmc_mj.sweep.findings import Findings
 from grosmc_mj.sweep.promise import premise_grid, speaks_of
-from grosmc_mj.sweep.radius import Radius
+from grosmc_mj.sweep.radius import Radius, draw_radius
+from grosmc_mj.sweep.store import Folder
 
 _MAP_SIZE, _RADIUS_SIZE = (4.4, 4.1), (5.2, 4.9)
+
+
 # Runs that a map shows, and points of the premise's margin along each axis.
 _MOST_POINTS, _GRID = 4096, 7
+
+
 _EDGE, _HATCH = "#117733", "//"
+
+
 # A colour and a marker for what became of a run; the later lie above.
 _MARKS: Mapping[str, tuple[str, str]] = {
     "passed": (SKY, "o"),
@@ -70,7 +76,7 @@ def write_figures(
     if (pair := map_axes(campaign, found, axes)) is not None:
         shown = pass_map_of(campaign, folder, pair)
         count = len(next(iter(shown.runs.values()))[0])
-        words = f"{title}: all requirements ({found.looked_at._replace(runs=count).words})"
+        words = f"{title}: all requirements ({found.sampled._replace(runs=count).words})"
         figures["map"] = draw_pass_map(shown, words, found.sampled.footnote)
     if reached:
         plants = max(search.plants for search in reached)
@@ -162,64 +168,3 @@ def _draw_premises(axes: Axes, x: Array, y: Array, margin: Array) -> dict[str, A
         axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)
         entries["boundary"] = Line2D([], [], color=_EDGE, lw=2, label="premise's boundary")
     return entries
-
-
-def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
-    """A panel a law, a mark a scale that was tried."""
-    styles = law_styles(search.controller for search in searches)
-    with board(len(searches), _RADIUS_SIZE, title, NO_PROOF) as drawn:
-        for axes, search in zip(drawn.panels, searches, strict=True):
-            style = styles[search.controller]
-            _draw_looks(axes, search, style.colour)
-            _draw_radii(axes, search, style.colour)
-            axes.set_title(in_lines(style.label), pad=18)
-            axes.set_xlabel("scale of the uncertainty (1 as configured)")
-            axes.set_ylabel("least margin found over its limit")
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
-    return drawn.figure
-
-
-def _draw_looks(axes: Axes, search: Radius, colour: str) -> None:
-    """The least margin at each scale."""
-    scales = np.array([look.scale for look in search.looks])
-    least = np.array([look.least for look in search.looks])
-    diverged = least == -np.inf
-    low, high = (end(least[~diverged], initial=0.0) for end in (np.min, np.max))
-    height = (high - low) or 1.0
-    low, high = low - 0.12 * height, high + 0.12 * height
-    # A run that did not complete has no least margin: its mark lies on the lower edge.
-    shown = np.where(diverged, low, least)
-    axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
-    axes.axhline(0, color=OPTIMUM, lw=1.0, zorder=1)
-    axes.plot(scales, shown, color=colour, lw=1.2, zorder=2)
-    for mask, marker, face, label in (
-        (least >= 0, "o", colour, "no failure found"),
-        ((least < 0) & ~diverged, "o", "white", "failure found"),
-        (diverged, "v", "white", "a run did not complete"),
-    ):
-        if mask.any():
-            axes.plot(
-                scales[mask], shown[mask], ls="", marker=marker, mfc=face, mec=colour, mew=1.6,
-                ms=7, label=label, zorder=5, clip_on=False,
-            )  # fmt: skip
-    axes.set_ylim(low, high)
-    axes.set_xlim(0, 1.06 * max(scales[-1], search.promised.scale or 0.0) or 1.0)
-
-
-def _draw_radii(axes: Axes, search: Radius, colour: str) -> None:
-    """The radii as lines, in words in the legend."""
-    promised, note = search.promised.scale, search.promised.note
-    reached = f"no failure found up to {search.found:.3g}"
-    promises = "premises promise no radius" if promised is None else f"promised: {promised:.3g}"
-    kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
-    if search.left is not None:
-        kept += f", leaves it at {search.left.scale:.3g}"
-    for at, words, line in (
-        (search.found, reached, {"lw": 2.2, "color": colour}),
-        (promised, f"{promises}: {note}", {"lw": 1.8, "color": OPTIMUM, "ls": (0, (4, 2))}),
-        (search.stayed, kept, {"lw": 1.6, "color": OPTIMUM, "ls": ":"}),
-    ):
-        if at:
-            axes.axvline(at, zorder=3, label=in_lines(words, 52), **line)
-        elif line["lw"] != 1.6:
-            axes.plot([], [], ls="", label=in_lines(words, 52))

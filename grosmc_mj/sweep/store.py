@@ -1,0 +1,568 @@
+"""The folder of a campaign: its manifest, its parts, each complete or absent, and their work."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.executors import Executor, Notice
+from grosmc_mj.experiments.file.reading import read_text, resolved_text
+from grosmc_mj.experiments.file.user_code import named_in, sources
+from grosmc_mj.experiments.metrics import METRICS
+from grosmc_mj.files import cannot_write, written_aside
+from grosmc_mj.results.document import git_revision, write_json
+from grosmc_mj.results.result import result
+from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.family import SCREENING
+from grosmc_mj.sweep.runs import MARGIN, Outcomes
+from grosmc_mj.sweep.screening import UNSCREENED, Screening, screened_all, screening_of
+from grosmc_mj.versions import DECISIVE, versions
+
+MANIFEST = "manifest.json"
+NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
+# Of manifests and parts.
+SCHEMA_VERSION = 3
+# The content of the hash: the place of a case file does not decide.
+_HASHED = ("configuration", "model", "sources", "versions")
+# A file system that has no locks.
+_NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+_OURS, _CHECKSUM = b"grosmc_mj", "sha256"
+# Number of runs done and, by law, the share of these that keeps everything so far.
+Advance = Callable[[int, dict[str, float]], object]
+# User modules that this process has imported for campaigns: folder and hash of each.
+_imported: dict[str, tuple[str, str]] = {}
+
+
+def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
+    """A result of a campaign, with its configuration and seed."""
+    return result(kind, configuration_of(campaign), seed=campaign.specification.seed, **fields)
+
+
+# ---- the manifest: all that decides the results
+
+
+def manifest_of(campaign: Campaign) -> dict[str, Any]:
+    """The manifest of a campaign, as plain values."""
+    content = {
+        "configuration": configuration_of(campaign),
+        # SHA-256 of the plant without uncertainty: of its compiled model, or of its parameters.
+        "model": campaign.plant.digest,
+        "sources": _sources(campaign.specification),
+        "versions": versions(DECISIVE),
+    }
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "hash": _hash(content),
+        **content,
+        "question": campaign.specification.document(),
+        "git_revision": git_revision(),
+    }
+
+
+def configuration_of(campaign: Campaign) -> dict[str, Any]:
+    """All that decides the results, but for code and model."""
+    specification = campaign.specification
+    return {
+        "runs": specification.runs,
+        "seed": specification.seed,
+        "sampler": specification.sampler,
+        "shard": specification.shard,
+        **({"screen": specification.screen} if specification.screen != "none" else {}),
+        "controllers": list(campaign.laws),
+        "control_period": campaign.experiment.settings.control_period,
+        "duration": campaign.duration,
+        "uncertain": {
+            number.name: f"{number.distribution.words}; nominal {number.nominal:.17g}; "
+            f"unit {number.unit}"
+            for number in campaign.family.quantities
+        },
+        "file": json.loads(json.dumps(campaign.experiment.document())),
+    }
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest in a folder, whose hash is that of its content.
+
+    Raises:
+        SetupError: If there is none, or another one.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}")
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        same = content["hash"] == _hash({key: content[key] for key in _HASHED})
+        if same and isinstance(content["question"], dict):
+            return content
+    raise SetupError(
+        f"{path} is damaged, or of another version of grosmc_mj: its hash is not that of its "
+        "content; run the campaign again in another folder"
+    )
+
+
+def _hash(content: Mapping[str, Any]) -> str:
+    """SHA-256 of plain values, whatever their order."""
+    versioned = {"schema_version": SCHEMA_VERSION, **content}
+    text = json.dumps(versioned, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _sources(specification: Specification) -> dict[str, str]:
+    """SHA-256 of the user's own Python that the case file would import, by file."""
+    return sources(named_in(specification.file), Path(specification.folder))
+
+
+def _changed(there: Mapping[str, Any], now: Mapping[str, Any], *keys: str) -> str:
+    """The leaves under some keys that are not the same."""
+    old, new = (dict(flat({key: side.get(key) for key in keys})) for side in (there, now))
+    return "; ".join(
+        f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
+        f"{new.get(key, 'nothing')} now"
+        for key in dict.fromkeys([*old, *new])
+        if old.get(key) != new.get(key)
+    )
+
+
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """The leaves of nested plain values, each with its path."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from flat(item, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            yield from flat(item, f"{key} {index + 1}")
+    else:
+        yield key, value
+
+
+def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Specification) -> None:
+    """Refuse Python that is not the recorded one, before any of it is imported.
+
+    Args:
+        folder: Of the campaign.
+        there: Its manifest.
+        specification: Whose case file would have it imported.
+
+    Raises:
+        ArgumentError: If a file is not the recorded one, or there are more or fewer.
+    """
+    if changed := _changed(there, {"sources": _sources(specification)}, "sources"):
+        raise ArgumentError(f"{folder} was begun with other Python: {changed}")
+
+
+def _compared(
+    there: Mapping[str, Any], campaign: Campaign, refusal: Callable[[str], str]
+) -> list[str]:
+    """The packages that have other versions now; with these, the bytes of a model say nothing.
+
+    Raises:
+        ArgumentError: If anything else that decides the results is not the same.
+    """
+    now = manifest_of(campaign)
+    others = _changed(there, now, "versions")
+    if changed := _changed(there, now, "configuration", *([] if others else ["model"]), "sources"):
+        raise ArgumentError(refusal(changed))
+    return others.split("; ") if others else []
+
+
+# ---- the parts
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The folder of a campaign.
+
+    Attributes:
+        path: The folder.
+    """
+
+    path: Path
+
+    def part(self, index: int) -> Path:
+        """The file of a part."""
+        return self.path / "parts" / f"part-{index:07d}.parquet"
+
+    def missing(self, campaign: Campaign) -> list[int]:
+        """Numbers of the parts that are not there."""
+        numbers = range(campaign.specification.shards)
+        return [index for index in numbers if not self.part(index).exists()]
+
+    @property
+    def begun(self) -> bool:
+        """Whether a campaign is there."""
+        return (self.path / MANIFEST).exists()
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes from adding parts until the end; it ends with the process, too.
+
+        Raises:
+            SetupError: If another process holds it, or it cannot be written.
+        """
+        path = self.path / ".lock"
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = path.open("a+b", buffering=0)
+        except OSError as error:
+            raise cannot_write(path, error) from error
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SetupError(
+                    f"{self.path}: another grosmc-mj campaign adds parts to it: wait for its end, "
+                    "or take another --out"
+                ) from None
+            except OSError as error:
+                if error.errno not in _NO_LOCKS:
+                    raise cannot_write(path, error) from error
+            yield
+
+    def begin(self, campaign: Campaign, *, resume: bool) -> list[str]:
+        """Write the manifest, or compare it with the one there and verify all parts that are there.
+
+        Returns:
+            A line about each package of a complete campaign that has another version now.
+
+        Raises:
+            ArgumentError: If the folder has another campaign, has this one and ``resume`` is not
+                wanted, or parts are missing that other versions would have.
+            SetupError: If it cannot be written, or parts there are not those of the campaign.
+        """
+        some = any(self.part(0).parent.glob("part-*.parquet"))
+        if not self.begun:
+            if some:
+                raise ArgumentError(f"{self.path} has parts without a {MANIFEST}: take another")
+            write_json(self.path / MANIFEST, manifest_of(campaign))
+            return []
+        others = _compared(
+            read_manifest(self.path),
+            campaign,
+            lambda changed: f"{self.path} has another campaign: {changed}; take another --out",
+        )
+        if not resume and some:
+            raise ArgumentError(
+                f"{self.path} has this campaign already: --resume runs what is missing of it"
+            )
+        if others and self.missing(campaign):
+            raise ArgumentError(
+                f"{self.path} is not complete and was begun with other versions: "
+                f"{'; '.join(others)}; install those to go on"
+            )
+        for _ in self.tables(campaign, range(campaign.specification.shards)):
+            pass
+        # Files of parts that were never finished.
+        for left in self.part(0).parent.glob(".part-*.part.parquet"):
+            with contextlib.suppress(OSError):
+                left.unlink()
+        return [f"{line}: the campaign was run with that" for line in others]
+
+    def write(self, index: int, table: pa.Table) -> None:
+        """Write a part aside and rename it.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        # A worker that was given up may still be at the same part: each has a file of its own.
+        with written_aside(self.part(index)) as part, part.open("wb") as file:
+            pq.write_table(table, file, compression="zstd")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def tables(self, campaign: Campaign, indices: Iterable[int]) -> Iterator[pa.Table]:
+        """The rows of those parts that are there, each verified as it is read.
+
+        Raises:
+            SetupError: If a part is damaged, or is of another campaign or place.
+        """
+        bound_to = read_manifest(self.path)["hash"]
+        for index in indices:
+            if self.part(index).exists():
+                yield _verified(self.part(index), campaign, bound_to, index)
+
+    def columns(
+        self, campaign: Campaign, names: Sequence[str], indices: Iterable[int]
+    ) -> dict[str, dict[str, Array]]:
+        """Columns of some parts by controller and name, in the order of the runs; {} for no part.
+
+        Raises:
+            SetupError: If a part is not as it must be.
+        """
+        tables = [table.select(list(names)) for table in self.tables(campaign, indices)]
+        columns: dict[str, dict[str, Array]] = {}
+        for law in campaign.laws if tables else ():
+            own = pa.concat_tables([_rows_of(campaign, table, law) for table in tables])
+            columns[law] = {name: own[name].to_numpy() for name in names}
+        return columns
+
+
+def _rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
+    """One controller's rows of a part."""
+    runs = table.num_rows // len(campaign.laws)
+    return table.slice(list(campaign.laws).index(controller) * runs, runs)
+
+
+def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Outcomes]) -> pa.Table:
+    """The rows of a part: the runs of one controller after those of another.
+
+    The schema's metadata binds them to their campaign and has nothing of when or where they were
+    computed, so that a part that is run again is the same to the last byte.
+
+    Args:
+        campaign: The campaign.
+        bound_to: Hash of its manifest.
+        index: Number of the part.
+        runs: Outcomes of its plants, by controller.
+    """
+    schema = _schema(campaign)
+    rows = [[pa.array(of[field.name], field.type) for field in schema] for of in runs]
+    table = pa.concat_tables([pa.Table.from_arrays(arrays, schema=schema) for arrays in rows])
+    noted = _noted(campaign, bound_to, index)
+    checked = {**noted, _CHECKSUM: checksum(table, noted)}
+    return table.replace_schema_metadata({_OURS: json.dumps(checked)})
+
+
+def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
+    """SHA-256 of all rows, of the columns' names, types and units, and of the notes.
+
+    It is taken of the values as 64-bit little-endian numbers and as JSON texts, so that neither
+    compression nor the layout of a file has a say; every NaN is the same one.
+    """
+    columns = [
+        [field.name, str(field.type), (field.metadata or {}).get(b"unit", b"").decode()]
+        for field in table.schema
+    ]
+    head = {**noted, "columns": columns, "rows": table.num_rows}
+    digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for column in table.columns:
+        if pa.types.is_floating(column.type):
+            values = column.to_numpy().astype("<f8")
+            values[np.isnan(values)] = np.nan
+            digest.update(values.tobytes())
+        elif pa.types.is_integer(column.type):
+            digest.update(column.to_numpy().astype("<i8").tobytes())
+        else:
+            digest.update(json.dumps(column.to_pylist()).encode())
+    return digest.hexdigest()
+
+
+def _noted(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
+    """The campaign and the place of a part."""
+    ids = campaign.specification.ids(index)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "campaign": bound_to,
+        "part": index,
+        "first": ids.start,
+        "count": len(ids),
+    }
+
+
+def _schema(campaign: Campaign) -> pa.Schema:
+    """Columns of a part, with their types and units."""
+    error = next(iter(campaign.laws.values())).designed.error
+    units = {
+        "output": error.units[error.output_rows[0]],
+        "input": error.system.inputs[0].unit,
+        "sliding": "of the law's surface",
+    }
+    columns = {"id": "", "controller": ""}
+    columns |= {number.name: number.unit for number in campaign.family.quantities}
+    columns |= {name: units.get(unit, unit) for name, unit in METRICS.items()}
+    columns |= {MARGIN + limit.key: limit.unit for limit in campaign.requirements}
+    columns |= {"relative": "1", "order": "1", "status": "", "ended": "s"}
+    columns |= SCREENING if campaign.specification.screen != "none" else {}
+    kinds: dict[str, Any] = dict.fromkeys(("controller", "status", "judged_by"), pa.string())
+    kinds |= dict.fromkeys(("id", "overturned", "drawn"), pa.int64())
+    return pa.schema(
+        pa.field(name, kinds.get(name, pa.float64()), metadata={"unit": unit})
+        for name, unit in columns.items()
+    )
+
+
+def _verified(file: Path, campaign: Campaign, bound_to: str, index: int) -> pa.Table:
+    """The rows of a part, once they are known to be those of this part of this campaign."""
+    noted = _noted(campaign, bound_to, index)
+    refused = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)
+    with contextlib.suppress(*refused), np.errstate(invalid="ignore"):
+        # Of files alone: a pipe would never end.
+        table = pq.ParquetFile(file).read() if file.is_file() else pa.table({})
+        written = json.loads((table.schema.metadata or {})[_OURS])
+        if written == {**noted, _CHECKSUM: checksum(table, noted)}:
+            return table
+    raise SetupError(
+        f"{file} is damaged, or is not part {index} of this campaign: remove it, and --resume runs "
+        "it again"
+    )
+
+
+# ---- the work
+
+
+def run_missing(
+    campaign: Campaign, folder: Folder, executor: Executor, notice: Notice, advance: Advance
+) -> int:
+    """Run the parts that are missing.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept, begun.
+        executor: Runs them.
+        notice: Called with a line about each worker that died, and why nothing is screened.
+        advance: Called after each part.
+
+    Returns:
+        How often a part had to be run again.
+
+    Raises:
+        GrosmcError: If a part cannot be run; those that were finished stay.
+    """
+    parts, total, runs, again = folder.missing(campaign), Counter[str](), 0, 0
+    screening = screening_of(campaign) if parts else UNSCREENED
+    if screening.why_not:
+        notice(f"No run is screened by equations: {screening.why_not}.")
+    work = shards_of(campaign, folder, executor.threads_per_worker, screening)
+    with contextlib.closing(executor.run(work, parts, notice)) as done:
+        for finished in done:
+            again += finished.attempts - 1
+            count = len(campaign.specification.ids(finished.index))
+            total, runs = total + Counter(finished.report), runs + count
+            advance(count * len(campaign.laws), {law: total[law] / runs for law in campaign.laws})
+    return again
+
+
+def shards_of(
+    campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
+) -> partial[dict[str, int]]:
+    """The work of each part of a campaign that was begun in a folder, by its number.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it was begun.
+        threads: Of each worker; 0 for all cores.
+        screening: How far equations may judge its runs.
+    """
+    bound_to, path = read_manifest(folder.path)["hash"], str(folder.path.resolve())
+    shard = partial(run_shard, path, campaign.specification, bound_to)
+    return partial(shard, threads=threads, screening=screening)
+
+
+def run_shard(
+    folder: str,
+    specification: Specification,
+    bound_to: str,
+    index: int,
+    threads: int = 0,
+    screening: Screening = UNSCREENED,
+) -> dict[str, int]:
+    """Run a part and write it.
+
+    Args:
+        folder: Of the campaign, under the same path for all that work at it.
+        specification: Of the campaign: nothing is built from the folder's content.
+        bound_to: Hash of its manifest, which the folder's must have.
+        index: Number of the part.
+        threads: 0 for all cores.
+        screening: How far equations may judge its runs.
+
+    Returns:
+        How many runs keep everything, by controller.
+
+    Raises:
+        GrosmcError: If the folder is not that of the campaign, or cannot be written.
+    """
+    campaign = open_campaign(folder, specification, bound_to)
+    runs = screened_all(campaign, screening, campaign.laws, specification.ids(index), threads)
+    Folder(Path(folder)).write(index, part_table(campaign, bound_to, index, runs))
+    return {
+        law: int((of["relative"] >= 0).sum()) for law, of in zip(campaign.laws, runs, strict=True)
+    }
+
+
+def open_campaign(folder: str, specification: Specification, bound_to: str) -> Campaign:
+    """The campaign of a specification, designed once in a process, to add parts to its folder.
+
+    Raises:
+        GrosmcError: If the folder is of another one, or it would not be computed here as it was
+            there.
+    """
+    # A worker may outlive a folder and meet another campaign under its name.
+    if read_manifest(Path(folder))["hash"] != bound_to:
+        raise ArgumentError(f"{folder} has another campaign than the one that was begun in it")
+    return _opened(folder, specification, bound_to)
+
+
+@lru_cache(maxsize=4)
+def _opened(folder: str, specification: Specification, _bound_to: str) -> Campaign:
+    campaign, others = _built(Path(folder), read_manifest(Path(folder)), specification)
+    if others:
+        raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(others)}")
+    return campaign
+
+
+def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign, list[str]]:
+    """The campaign that a folder describes, to read its runs.
+
+    The folder is data: no Python is imported but that beside the case file that the user names,
+    and that only if it is the recorded one.
+
+    Args:
+        folder: Of the campaign.
+        case_file: Where its case file is now, with the files that it names.
+
+    Returns:
+        The campaign, and a line about each package that has another version now.
+
+    Raises:
+        GrosmcError: If there is none, or its configuration cannot be had here.
+    """
+    manifest = read_manifest(folder)
+    specification = Specification.of_document(manifest["question"])
+    if case_file is not None:
+        if specification.text not in (resolved_text(case_file), read_text(case_file)):
+            raise ArgumentError(
+                f"{case_file} is not the case file of {folder}: its text is another"
+            )
+        specification = replace(specification, folder=str(case_file.parent.resolve()))
+    elif named := named_in(specification.file):
+        raise ArgumentError(
+            f"{folder}: its case file names Python, {', '.join(named)}, and a folder's is not "
+            "imported: give a case file of your own with the same text, beside which that lies, "
+            "by --case-file"
+        )
+    campaign, others = _built(folder, manifest, specification)
+    return campaign, [f"{line}: bits may differ" for line in others]
+
+
+def _built(
+    folder: Path, manifest: Mapping[str, Any], specification: Specification
+) -> tuple[Campaign, list[str]]:
+    """The campaign of a specification, if it is the manifest's, and packages of other versions."""
+    refuse_other_code(folder, manifest, specification)
+    # A worker may have kept modules of these names from another campaign of its life.
+    for file, content in manifest["sources"].items():
+        name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        source = (specification.folder, content)
+        if _imported.setdefault(name, source) != source:
+            sys.modules.pop(name, None)
+            _imported[name] = source
+    campaign = Campaign.of(specification)
+    refusal = f"{folder} was begun with something else: {{}}".format
+    return campaign, _compared(manifest, campaign, refusal)
