@@ -78,7 +78,7 @@ def run(*arguments: str) -> int:
 def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
     """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
     measured = Measured(value, "something short")
-    plants = {
+    plants: dict[PlantName, PlantFinding] = {
         plant: PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
         for plant in claim.plants
     }
