@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from mutation import NUMBERS, TEXTS, of_lines, replaced
+from mutation import NUMBERS, TEXTS
 from trial import TIMES, trial
 
 pytestmark = pytest.mark.slow
@@ -52,7 +52,6 @@ epsilon = 2
 _VALUE = re.compile(r'(?<==")[^"]*(?=")')
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _ELEMENT = re.compile(r"<(\w+)[^<>]*/>")
-_END = re.compile(r"(?<=/>)")
 _ELEMENTS = (
     '<freejoint/>', '<joint type="ball"/>', '<joint type="slide" axis="0 0 0"/>', "<nothing/>",
     '<geom type="mesh" mesh="none"/>', '<include file="robot.xml"/>', '<include file="/dev/zero"/>',
@@ -68,14 +67,18 @@ def mutated(text: str, rng: random.Random) -> tuple[str, str]:
     if kind == "cut":
         return kind, text[: rng.randrange(len(text))]
     if kind == "line":
-        return kind, of_lines(text, rng, "cut")
-    pattern, new = {
-        "value": (_VALUE, rng.choice((*TEXTS, *NUMBERS)).replace('"', "'").replace("<", "")),
-        "number": (_NUMBER, rng.choice([one for one in NUMBERS if one[0] not in '"[{'])),
-        "element": (_ELEMENT, ""),
-        "added": (_END, rng.choice(_ELEMENTS)),
+        lines = text.splitlines(keepends=True)
+        del lines[rng.randrange(len(lines))]
+        return kind, "".join(lines)
+    pattern = {"value": _VALUE, "number": _NUMBER}.get(kind, _ELEMENT)
+    place = rng.choice(list(pattern.finditer(text)))
+    new = {
+        "value": rng.choice((*TEXTS, *NUMBERS)).replace('"', "'").replace("<", ""),
+        "number": rng.choice([each for each in NUMBERS if each[0] not in '"[{']),
+        "element": "",
+        "added": place[0] + rng.choice(_ELEMENTS),
     }[kind]
-    return kind, replaced(pattern, text, rng, new)
+    return kind, text[: place.start()] + new + text[place.end() :]
 
 
 def test_mutated_models(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
