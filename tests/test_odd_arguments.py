@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import tempfile
 from collections.abc import Callable
@@ -74,23 +75,9 @@ def task() -> gm.Task:
     return gm.Task(analytic(), error, gm.control.Setpoint(1.0), np.eye(2), 1.0)
 
 
-def uncertainty(**changes: Any) -> gm.Uncertainty:
-    given: dict[str, Any] = {
-        "scales": {"J": (1.0, 3.0)},
-        "wrench": (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        "region": (1.2, 1.2),
-        "reaching_rate": 0.2,
-    }
-    return gm.Uncertainty(**{**given, **changes})
-
-
 @cache
 def recorded() -> gm.Trajectory:
     return gm.simulate(servo(), lqr_law(), [0.0, 0.0], duration=0.002)
-
-
-def take() -> gm.films.Take:
-    return gm.films.Take("lqr", "black", recorded())
 
 
 @cache
@@ -98,37 +85,50 @@ def state_task() -> gm.Task:
     return gm.control.state_task(servo(), np.eye(2), 1.0)
 
 
-def bounded(declared: gm.control.StateUncertainty) -> gm.Controller:
-    return gm.control.state_grosmc(state_task(), declared)
-
-
 @cache
 def saved() -> Path:
-    folder = Path(tempfile.mkdtemp())
-    return recorded().save(folder / "run.npz")
+    return recorded().save(Path(tempfile.mkdtemp()) / "run.npz")
 
 
-def built(part: Callable[..., Any]) -> Callable[..., Any]:
-    """Makes a part of a machine, and the servo with it."""
-    return lambda **given: servo().edited(part(**given)).model
+def then(make: Callable[..., Any], use: Callable[[Any], Any]) -> Callable[..., Any]:
+    """A function or class whose mistakes may show only where its value is used."""
+
+    def used(**arguments: Any) -> Any:
+        return use(make(**arguments))
+
+    used.__signature__ = inspect.signature(make)
+    return used
+
+
+def part(kind: Callable[..., Any], **needed: Any) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """A part of a machine, and the servo with it."""
+    return then(kind, lambda made: servo().edited(made).model), needed
+
+
+def run_of(plant: Any, law: Any) -> gm.Trajectory:
+    return gm.simulate(plant, law, [0.0, 0.0], duration=0.002)
 
 
 def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
-    """Public functions and classes, each with arguments that it takes."""
-    plain = {"plant": servo(), "controller": lqr_law(), "x0": [0.0, 0.0], "duration": 0.002}
+    """Public functions and classes with what they need; all that they take is tried."""
     x, b = sp.symbols("x b")
+    run = {"plant": servo(), "controller": lqr_law(), "x0": [0.0, 0.0], "duration": 0.002}
+    weights = {"Q": np.eye(2), "R": 1.0}
     chain = {"states": {"x": "m"}, "inputs": {"u": "N"}, "f": [-b * x], "g": [1], "h": [x]}
     signals = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.equations}
-    weights = {"Q": np.eye(2), "R": 1.0}
+    uncertainty: dict[str, Any] = {
+        "scales": {"J": (1.0, 3.0)}, "wrench": (0, 0, 0, 0, 1.0, 0), "region": (1.2, 1.2),
+        "reaching_rate": 0.2,
+    }  # fmt: skip
+    fields = ("name", "law", "parameters", "memory", "design")
+    lqr = {name: getattr(lqr_law(), name) for name in fields}
+    control_, machine, loop = gm.control, gm.machine, gm.loop
+    weight = {"body": "rotor", "mass": 0.1, "damping": 0.1, "at": (0, 0, 0.1)}
     return {
-        "simulate": (
-            gm.simulate,
-            {**plain, "control_period": None, "timestep": None, "disturbances": ()}
-            | {"engine": "native", "record": True, "threads": 1},
-        ),
+        "simulate": (gm.simulate, run),
         "simulate of equations": (
             gm.simulate,
-            {**plain, "plant": analytic(), "timestep": 1e-3, "engine": "python"},
+            {**run, "plant": analytic(), "timestep": 1e-3, "engine": "python"},
         ),
         "custom_controller": (
             gm.custom_controller,
@@ -140,216 +140,126 @@ def valid_calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "load_trajectory": (gm.load_trajectory, {"path": saved()}),
         "state_task": (
-            lambda **given: gm.control.linear_lqr(gm.control.state_task(**given)),
-            {"plant": servo(), **weights, "reference": None, "model": None},
+            then(control_.state_task, control_.linear_lqr),
+            {"plant": servo(), **weights},
         ),
         "StateUncertainty": (
-            lambda **given: gm.control.state_grosmc(
-                state_task(), gm.control.StateUncertainty(**given)
+            then(
+                control_.StateUncertainty,
+                lambda declared: control_.state_grosmc(state_task(), declared),
             ),
-            {"body": "rotor", "mass": 2.0, "length": 1.0, "force": 0.1, "reaching_rate": 0.2}
-            | {"push": 1.0, "scales": {}},
+            {"body": "rotor", "mass": 2.0, "force": 0.1, "reaching_rate": 0.2, "push": 1.0},
         ),
         "state_grosmc": (
-            gm.control.state_grosmc,
-            {"task": state_task(), "uncertainty": gm.control.StateUncertainty(), "G": None}
-            | {"limit": None},
+            control_.state_grosmc,
+            {"task": state_task(), "uncertainty": control_.StateUncertainty()},
         ),
-        "linear_lqr": (gm.control.linear_lqr, {"task": state_task()}),
+        "linear_lqr": (control_.linear_lqr, {"task": state_task()}),
         "realized": (
-            gm.control.realized,
+            control_.realized,
             {"controller": lqr_law(), "realization": gm.Realization()},
         ),
-        "chapter_controller": (
-            gm.chapter_controller,
-            {"name": "lqr", "nominal": analytic(), "realization": gm.Realization()}
-            | {"case": "nominal"},
-        ),
+        "chapter_controller": (gm.chapter_controller, {"name": "lqr", "nominal": analytic()}),
         "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **weights}),
-        "linearize": (gm.physics.linearize, {"plant": servo(), "x": None, "u": 0.0}),
-        "Computing": (gm.loop.Computing, {"delay": 1e-3, "jitter": 0.0, "missed": 0.1}),
-        "Sensor": (
-            gm.loop.Sensor,
-            {"of": "rotor angle", "resolution": 1e-3, "noise": 1e-3, "bias": 0.0, "drift": 0.0}
-            | {"delay": 0.0, "period": 0.0},
-        ),
-        "Estimator": (
-            gm.loop.Estimator,
-            {"of": "rotor speed", "law": "eso", "bandwidth": 50.0, "time_constant": None}
-            | {"slope": None, "load": None, "settled": True},
-        ),
-        "Actuator": (
-            gm.loop.Actuator,
-            {"of": "current", "delay": 0.0, "resolution": 0.0, "limit": 1.0, "rate_limit": 10.0}
-            | {"lag": 1e-3, "order": 1, "dead_zone": 0.0},
-        ),
-        "Loop": (
-            gm.loop.Loop,
-            {"computing": gm.loop.Computing(), "sensors": (), "estimators": ()}
-            | {"actuators": (), "seed": 0},
-        ),
+        "linearize": (gm.physics.linearize, {"plant": servo()}),
+        "Computing": (loop.Computing, {"delay": 1e-3}),
+        "Sensor": (loop.Sensor, {"of": "rotor angle", "resolution": 1e-3}),
+        "Estimator": (loop.Estimator, {"of": "rotor speed", "law": "eso", "bandwidth": 50.0}),
+        "Actuator": (loop.Actuator, {"of": "current"}),
+        "Loop": (loop.Loop, {}),
         "in_loop": (
-            gm.loop.in_loop,
-            {"controller": lqr_law(), "loop": gm.loop.Loop(), "system": SERVO}
-            | {"control_period": 1e-3, "timestep": 1e-3, "predict": False, "run": 0}
-            | {"known": None},
+            loop.in_loop,
+            {"controller": lqr_law(), "loop": loop.Loop(), "system": SERVO}
+            | {"control_period": 1e-3, "timestep": 1e-3},
         ),
         "load_model": (gm.physics.load_model, {"name": "servo"}),
-        "find_switching": (gm.control.find_switching, {"name": "sign"}),
-        "setpoints": (lambda degree: gm.control.setpoints(degree), {"degree": 2}),
+        "find_switching": (control_.find_switching, {"name": "sign"}),
+        "setpoints": (lambda degree: control_.setpoints(degree), {"degree": 2}),
         "reference": (
-            gm.control.reference,
-            {"outputs": [sp.sin(gm.control.TIME)], "degrees": (2,)},
+            control_.reference,
+            {"outputs": [sp.sin(control_.TIME)], "degrees": (2,)},
         ),
-        "affine_plant": (
-            gm.affine_plant,
-            {"name": "chain", **chain, "parameters": {"b": 1.0}, "region": True, "where": ""}
-            | {"near": None},
-        ),
-        "feedback_linearization": (
-            gm.feedback_linearization,
-            {"equations": SERVO.equations, "h": None},
-        ),
+        "affine_plant": (gm.affine_plant, {"name": "chain", **chain, "parameters": {"b": 1.0}}),
+        "feedback_linearization": (gm.feedback_linearization, {"equations": SERVO.equations}),
         "linearized_lqr": (gm.linearized_lqr, {"task": task(), "name": "fl-lqr"}),
         "computed_torque_pd": (
-            gm.control.computed_torque_pd,
+            control_.computed_torque_pd,
             {"task": task(), "frequency": 1.0, "damping": 1.0},
         ),
         "regulating_grosmc": (
             gm.regulating_grosmc,
-            {"task": task(), "uncertainty": uncertainty(), "G": None},
+            {"task": task(), "uncertainty": gm.Uncertainty(**uncertainty)},
         ),
-        "tracking_grosmc": (
-            gm.tracking_grosmc,
-            {"task": task(), "k": 1.0, "epsilon": 1.0, "G": None},
-        ),
+        "tracking_grosmc": (gm.tracking_grosmc, {"task": task(), "k": 1.0, "epsilon": 1.0}),
         "judge": (gm.judge, {"target": "servo/nominal"}),
         "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
-        "MujocoPlant.load": (
-            gm.MujocoPlant.load,
-            {"name": "servo", "edits": (), "timestep": None, "integrator": None},
-        ),
-        "MujocoPlant": (
-            gm.MujocoPlant,
-            {"system": SERVO, "spec": load_spec("servo"), "edits": (), "timestep": None},
-        ),
+        "MujocoPlant.load": (gm.MujocoPlant.load, {"name": "servo"}),
+        "MujocoPlant": (gm.MujocoPlant, {"system": SERVO, "spec": load_spec("servo")}),
         "MujocoPlant.edited": (
             lambda edit: servo().edited(edit).model,
             {"edit": gm.BodyEdit("rotor", 2.0)},
         ),
-        "Robot.from_mjcf": (
-            gm.Robot.from_mjcf,
-            {"model": ROBOT, "joints": None, "actuators": None, "timestep": None}
-            | {"integrator": None},
-        ),
+        "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ROBOT}),
         "Constant": (gm.simulation.Constant, {}),
         "Pulse": (gm.Pulse, {"start": 0.1, "stop": 0.2}),
-        "SineFrom": (gm.simulation.SineFrom, {"frequency": 1.0, "onset": 0.0, "phase": 0.0}),
-        "Disturbance": (
-            gm.Disturbance,
-            {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0), "profile": gm.simulation.Constant()},
-        ),
-        "BodyEdit": (gm.BodyEdit, {"body": "rotor", "mass_scale": 2.0, "length_scale": 1.0}),
+        "SineFrom": (gm.simulation.SineFrom, {"frequency": 1.0}),
+        "Disturbance": (gm.Disturbance, {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0)}),
+        "BodyEdit": (gm.BodyEdit, {"body": "rotor"}),
         "AddedMass": (gm.AddedMass, {"body": "rotor", "mass": 2.0, "position": (0, 0, 0)}),
-        "JointEdit": (
-            gm.JointEdit,
-            {"joint": "hinge", "damping": 1.0, "friction": None, "armature": None},
+        "JointEdit": (gm.JointEdit, {"joint": "hinge", "damping": 1.0}),
+        "Transmission": part(
+            machine.Transmission, joint="shaft", inertia=0.01, stiffness=100.0, damping=0.01,
+            backlash=1e-3, friction=0.01,
         ),
-        "Transmission": (
-            built(gm.machine.Transmission),
-            {"joint": "shaft", "inertia": 0.01, "stiffness": 100.0, "damping": 0.01}
-            | {"backlash": 1e-3, "friction": 0.01, "added": True},
+        "LuGre": part(
+            machine.LuGre, joint="shaft", coulomb=0.1, static=0.2, stiffness=100.0, damping=0.1
         ),
-        "LuGre": (
-            built(gm.machine.LuGre),
-            {"joint": "shaft", "coulomb": 0.1, "static": 0.2, "stiffness": 100.0}
-            | {"damping": 0.1, "stribeck": 0.05},
+        "Stop": part(machine.Stop, joint="shaft", low=-1.0, high=1.0),
+        "Motor": part(
+            machine.Motor, input="current", constant=0.01, resistance=2.0, inductance=1e-2,
+            ratio=70.0, voltage=24.0, current=4.0, thermal_resistance=5.0, heat_capacity=2.0,
         ),
-        "Stop": (
-            built(gm.machine.Stop),
-            {"joint": "shaft", "low": -1.0, "high": 1.0, "restitution": 0.3, "duration": 0.02},
+        "SwingingLoad": part(machine.SwingingLoad, **weight, length=0.2),
+        "SlidingLoad": part(machine.SlidingLoad, **weight, stiffness=10.0),
+        "Wall": part(
+            machine.Wall, body="rotor", radius=0.1, at=(0, 0, 0.1), point=(0, 0, -1.0),
+            normal=(0, 0, 1),
         ),
-        "Motor": (
-            built(gm.machine.Motor),
-            {"input": "current", "constant": 0.01, "resistance": 2.0, "inductance": 1e-2}
-            | {"ratio": 70.0, "efficiency": 0.6, "voltage": 24.0, "current": 4.0}
-            | {"inertia": 1e-6, "cogging": 1e-3, "cogging_periods": 12.0, "added": True}
-            | {"thermal_resistance": 5.0, "heat_capacity": 2.0, "bandwidth": 0.0},
-        ),
-        "SwingingLoad": (
-            built(gm.machine.SwingingLoad),
-            {"body": "rotor", "mass": 0.1, "length": 0.2, "damping": 0.01, "at": (0, 0, 0.1)},
-        ),
-        "SlidingLoad": (
-            built(gm.machine.SlidingLoad),
-            {"body": "rotor", "mass": 0.1, "stiffness": 10.0, "damping": 0.1, "at": (0, 0, 0.1)},
-        ),
-        "Wall": (
-            built(gm.machine.Wall),
-            {"body": "rotor", "radius": 0.1, "at": (0, 0, 0.1), "point": (0, 0, -1.0)}
-            | {"normal": (0, 0, 1), "restitution": 0.2, "duration": 0.02},
-        ),
-        "Realization": (
-            gm.Realization,
-            {"switching": gm.control.find_switching("sign"), "control_period": None},
-        ),
+        "Realization": (gm.Realization, {}),
         "Task": (
             gm.Task,
-            {
-                "plant": analytic(),
-                "error": task().error,
-                "reference": gm.control.Setpoint(1.0),
-                **weights,
-            },
+            {"plant": analytic(), "error": task().error, "reference": control_.Setpoint(1.0)}
+            | weights,
         ),
-        "Uncertainty": (
-            uncertainty,
-            {"scales": {"J": (1.0, 3.0)}, "wrench": (0, 0, 0, 0, 1.0, 0), "region": (1.2, 1.2)}
-            | {"reaching_rate": 0.2},
-        ),
+        "Uncertainty": (gm.Uncertainty, uncertainty),
         "ErrorCoordinates": (
-            lambda **given: gm.control.ErrorCoordinates(**given).linearization,
-            {"system": SERVO, "reference": gm.control.setpoints(2), "sign": 1, "outputs": None},
+            then(control_.ErrorCoordinates, lambda error: error.linearization),
+            {"system": SERVO, "reference": control_.setpoints(2)},
         ),
-        "Controller": (
-            lambda **given: gm.simulate(servo(), gm.Controller(**given), [0, 0], duration=0.002),
-            {"name": "lqr", "law": lqr_law().law, "parameters": lqr_law().parameters}
-            | {"memory": lqr_law().memory, "design": lqr_law().design},
-        ),
+        "Controller": (then(gm.Controller, lambda made: run_of(servo(), made)), lqr),
         "System": (
             gm.plants.System,
             {"name": "rotor", "title": "Rotor", **signals, "bodies": ("rotor",)},
         ),
         "AnalyticPlant": (
-            lambda **given: gm.simulate(
-                gm.AnalyticPlant(**given), lqr_law(), [0, 0], duration=0.002
-            ),
+            then(gm.AnalyticPlant, lambda plant: run_of(plant, lqr_law())),
             {"system": SERVO, "parameters": analytic().parameters, "variant": "corrected"},
         ),
         "Setpoint": (
-            lambda value: gm.Task(
-                analytic(), task().error, gm.control.Setpoint(value), np.eye(2), 1.0
+            then(
+                control_.Setpoint,
+                lambda value: gm.Task(analytic(), task().error, value, np.eye(2), 1.0),
             ),
             {"value": 1.0},
         ),
-        "Format": (
-            gm.films.Format,
-            {"width": 640, "height": 360, "fps": 30, "speed": 1.0, "camera": None, "start": 0.0},
-        ),
-        "Take": (
-            gm.films.Take,
-            {"label": "lqr", "colour": "black", "run": recorded(), "ghost": None},
-        ),
+        "Format": (gm.films.Format, {}),
+        "Take": (gm.films.Take, {"label": "lqr", "colour": "black", "run": recorded()}),
         "Film": (
             gm.films.Film,
-            {
-                "title": "lqr",
-                "model": servo().model,
-                "takes": (take(),),
-            }
-            | {"format": gm.films.Format()},
+            {"title": "lqr", "model": servo().model}
+            | {"takes": (gm.films.Take("lqr", "black", recorded()),)},
         ),
-    }
+    }  # fmt: skip
 
 
 ROBOT = """
@@ -358,11 +268,19 @@ ROBOT = """
 <actuator><motor name="motor" joint="hinge"/></actuator></mujoco>
 """
 CALLS = valid_calls()
+# What the package gives itself: of a robot, of a law in its loop, of a search for a reference.
+INSIDE = {"System: joints", "System: actuators", "Controller: loop"}
+INSIDE |= {"ErrorCoordinates: guess", "ErrorCoordinates: unit"}
 ODD_CALLS = [
     pytest.param(name, argument, id=f"{name}: {argument}")
-    for name, (_, valid) in CALLS.items()
-    for argument in valid
+    for name, (call, _) in CALLS.items()
+    for argument in inspect.signature(call).parameters
+    if f"{name}: {argument}" not in INSIDE
 ]
+# Some arguments take these of the odd values; nobody takes a NaN, a date, a set, a mask, rows of
+# different lengths, an object.
+TAKEN = {"negative", "tiny", "huge", "infinite", "integer beyond floats", "text", "empty"}
+TAKEN |= {"None", "empty list", "dict", "function", "class", "true"}
 
 
 def test_every_public_name_is_called() -> None:
@@ -387,39 +305,14 @@ def test_the_valid_call_is_valid(name: str) -> None:
 def test_an_odd_argument_is_refused_in_one_line_or_taken(name: str, argument: str) -> None:
     call, valid = CALLS[name]
     for odd, value in ODD.items():
+        said = ""
         try:
             call(**{**valid, argument: value})
-            continue
         except gm.GrosmcError as error:
-            one_line = len(str(error)) > 0 and "\n" not in str(error)
-            said = "" if one_line else "more than one line"
+            said = "no line" if not str(error) or "\n" in str(error) else ""
         except Exception as error:
             said = type(error).__name__
+        else:
+            said = "" if odd in TAKEN else "is taken"
         if said:
             pytest.fail(f"{argument} = {odd}: {said}")
-
-
-# What an argument takes of the odd values, where it takes any.
-NUMBERS = {"negative", "tiny", "huge", "infinite", "integer beyond floats"}
-TEXTS = {"text", "empty"}
-OPTIONAL = {"None", "empty list", "dict", "function", "class", "true"}
-
-
-def test_what_is_no_number_no_text_and_no_option_is_never_taken() -> None:
-    """Nothing comes of a NaN, a date, a set, a mask, rows of different lengths, an object."""
-    taken = {
-        odd
-        for call, valid in CALLS.values()
-        for argument in valid
-        for odd in ODD.keys() - NUMBERS - TEXTS - OPTIONAL
-        if accepts(call, {**valid, argument: ODD[odd]})
-    }
-    assert not taken
-
-
-def accepts(call: Callable[..., Any], arguments: dict[str, Any]) -> bool:
-    try:
-        call(**arguments)
-    except gm.GrosmcError:
-        return False
-    return True

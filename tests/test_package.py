@@ -21,25 +21,18 @@ from grosmc_mj.films.film import Format
 README = Path(__file__).parents[1] / "README.md"
 
 
-def python(program: str) -> str:
-    """What a program prints in a process of its own."""
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("grosmc_mj", ("mujoco", "numba", "scipy", "matplotlib")),
+        ("grosmc_mj.cli", ("mujoco", "numba")),
+    ],
+)
+def test_what_an_import_leaves_out(module: str, heavy: tuple[str, ...]) -> None:
+    program = f"import sys, {module}; print([n for n in {heavy} if n in sys.modules])"
     command = [sys.executable, "-c", program]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-
-
-def test_import_loads_neither_mujoco_nor_numba() -> None:
-    program = (
-        "import sys, grosmc_mj; "
-        "print([n for n in ('mujoco', 'numba', 'scipy', 'matplotlib') if n in sys.modules])"
-    )
-    assert python(program) == "[]"
-
-
-def test_the_command_line_s_help_loads_neither_mujoco_nor_numba() -> None:
-    program = (
-        "import sys, grosmc_mj.cli; print([n for n in ('mujoco', 'numba') if n in sys.modules])"
-    )
-    assert python(program) == "[]"
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("place", ["", "control", "simulation", "films", "environments"])
@@ -51,9 +44,6 @@ def test_every_public_name_is_there_and_documented(place: str) -> None:
 
 def test_the_front_door_has_about_25_names() -> None:
     assert len([name for name in grosmc_mj.__all__ if not ismodule(getattr(grosmc_mj, name))]) < 30
-
-
-def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="attribute nothing"):
         _ = grosmc_mj.nothing  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -87,11 +77,6 @@ def test_the_readme_s_example_file_is_kept(tmp_path: Path) -> None:
     assert all(judgement.kept for judgement in grosmc_mj.judge(tmp_path / "mine.toml"))
 
 
-def test_the_readme_s_picture_is_in_the_repository() -> None:
-    for picture in re.findall(r"!\[[^\]]*\]\(([^)]*)\)", README.read_text(encoding="utf-8")):
-        assert (README.parent / picture).is_file()
-
-
 def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None:
     (experiment,) = select_experiments(["servo"], "case1")
     table = results_table([experiment.run(plant, "lqr") for plant in ("physics", "corrected")])
@@ -106,12 +91,7 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
     write_text("results", readme, results)
     wanted = ["before", "<!-- results -->", *rows, "<!-- /results -->", "after", ""]
     assert readme.read_text() == "\n".join(wanted)
-
-
-def test_a_readme_without_marks_is_refused_and_kept(tmp_path: Path) -> None:
-    readme, results = tmp_path / "README.md", tmp_path / "validation.json"
     readme.write_text("nothing here")
-    results.write_text(json.dumps({"runs": []}))
     with pytest.raises(SetupError, match="has no <!-- results -->"):
         write_text("results", readme, results)
     assert readme.read_text() == "nothing here"

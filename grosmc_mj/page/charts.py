@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from grosmc_mj.page.reading import Curve, Curves, Panel
-from grosmc_mj.results.palette import BLUE, FAILED, GREEN, KEPT, OTHERS, PLANTS, VERMILION
+from grosmc_mj.results.palette import BLUE, COLOURS, FAILED, GREEN, KEPT, OTHERS, PLANTS, VERMILION
 from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart
 
 # Plotly's figure: data, layout, and its height.
@@ -77,7 +77,7 @@ def _lines(chart: LineChart) -> Figure:
     up = _kind([*(y for line in chart.lines for y in line.y), *limits])
     data = []
     for index, line in enumerate(chart.lines):
-        colours: Any = _SHADES[index % len(_SHADES)]
+        colours: Any = COLOURS.get(line.name, _SHADES[index % len(_SHADES)])
         symbols: Any = _SYMBOLS[index % len(_SYMBOLS)]
         if line.good:
             colours = [KEPT if good else FAILED for good in line.good]

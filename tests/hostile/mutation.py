@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Callable
+from functools import partial
 
 # What stands where a number should, or is no number that anything should be.
 NUMBERS = (
@@ -46,7 +47,7 @@ def mutant(text: str, rng: random.Random, canary: str) -> tuple[str, str]:
     return kind, changed
 
 
-def _replaced(pattern: re.Pattern[str], text: str, rng: random.Random, new: str) -> str:
+def replaced(pattern: re.Pattern[str], text: str, rng: random.Random, new: str) -> str:
     """One of the places that a pattern finds, replaced."""
     found = list(pattern.finditer(text))
     if not found:
@@ -55,26 +56,13 @@ def _replaced(pattern: re.Pattern[str], text: str, rng: random.Random, new: str)
     return text[: place.start()] + new + text[place.end() :]
 
 
-def _cut(text: str, rng: random.Random) -> str:
-    return text[: rng.randrange(len(text))]
-
-
-def _without_line(text: str, rng: random.Random) -> str:
-    lines = text.splitlines(keepends=True)
-    del lines[rng.randrange(len(lines))]
-    return "".join(lines)
-
-
-def _with_line_twice(text: str, rng: random.Random) -> str:
-    lines = text.splitlines(keepends=True)
-    index = rng.randrange(len(lines))
-    return "".join([*lines[: index + 1], lines[index], *lines[index + 1 :]])
-
-
-def _with_lines_swapped(text: str, rng: random.Random) -> str:
+def of_lines(text: str, rng: random.Random, how: str) -> str:
+    """A line left out, twice, or in another one's place."""
     lines = text.splitlines(keepends=True)
     i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
-    lines[i], lines[j] = lines[j], lines[i]
+    if how == "swap":
+        lines[i], lines[j] = lines[j], lines[i]
+    lines[i : i + 1] = {"cut": [], "double": [lines[i]] * 2}.get(how, [lines[i]])
     return "".join(lines)
 
 
@@ -85,48 +73,33 @@ def _noise(text: str, rng: random.Random) -> str:
     return "".join(letters)
 
 
-def _key(text: str, rng: random.Random) -> str:
-    names = (
-        "law",
-        "name",
-        "model",
-        "plant",
-        "x" * 5000,
-        '"\\u001b"',
-        "k",
-        "Q",
-        "reference",
-        '"a.b"',
-    )
-    return _replaced(_KEY, text, rng, rng.choice(names))
-
-
-def _header(text: str, rng: random.Random) -> str:
-    headers = (
-        "[plant]",
-        "[[plant]]",
-        "[run]",
-        "[[edit]]",
-        "[task]",
-        "[[uncertain]]",
-        "[x]",
-        "[[[x]]]",
-    )
-    return _replaced(_HEADER, text, rng, rng.choice(headers))
-
-
+_NAMES = ("law", "name", "model", "plant", "x" * 5000, '"\\u001b"', "k", "Q", "reference", '"a.b"')
+_HEADERS = (
+    "[plant]",
+    "[[plant]]",
+    "[run]",
+    "[[edit]]",
+    "[task]",
+    "[[uncertain]]",
+    "[x]",
+    "[[[x]]]",
+)
+_PLACES = {
+    "key": (_KEY, _NAMES),
+    "header": (_HEADER, _HEADERS),
+    "number": (_NUMBER, NUMBERS),
+    "text": (_TEXT, tuple(f'"{text}"' for text in TEXTS)),
+    "text as number": (_TEXT, NUMBERS),
+    "quantity": (_QUANTITY, tuple(number for number in NUMBERS if number[0].isalnum())),
+}
 MUTATIONS: dict[str, Callable[[str, random.Random], str]] = {
-    "cut": _cut,
-    "line left out": _without_line,
-    "line twice": _with_line_twice,
-    "lines swapped": _with_lines_swapped,
+    "end": lambda text, rng: text[: rng.randrange(len(text))],
     "noise": _noise,
-    "key": _key,
-    "header": _header,
-    "number": lambda text, rng: _replaced(_NUMBER, text, rng, rng.choice(NUMBERS)),
-    "text": lambda text, rng: _replaced(_TEXT, text, rng, f'"{rng.choice(TEXTS)}"'),
-    "text as number": lambda text, rng: _replaced(_TEXT, text, rng, rng.choice(NUMBERS)),
-    "quantity": lambda text, rng: _replaced(
-        _QUANTITY, text, rng, rng.choice([each for each in NUMBERS if each[0].isalnum()])
-    ),
+    **{how: partial(of_lines, how=how) for how in ("cut", "double", "swap")},
+    **{
+        kind: lambda text, rng, pattern=pattern, new=new: replaced(
+            pattern, text, rng, rng.choice(new)
+        )
+        for kind, (pattern, new) in _PLACES.items()
+    },
 }

@@ -6,7 +6,7 @@ import json
 import os
 import random
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,10 @@ _ODD: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-def asked(file: Path, folder: Path, seed: int = 5) -> list[Any]:
+Damage = Callable[[Path, random.Random, str], object]
+
+
+def command(file: Path, folder: Path, seed: int = 5) -> list[Any]:
     """The campaign's command line."""
     sizes = ("--runs", _RUNS, "--shard", _SHARD, "--seed", seed, "--no-figures")
     return ["campaign", file, *sizes, "--screen", "equations", "--out", folder]
@@ -42,46 +45,63 @@ def part(folder: Path, rng: random.Random) -> Path:
     return rng.choice(sorted((folder / "parts").glob("*.parquet")))
 
 
-def leaf(folder: Path, rng: random.Random, canary: str) -> None:
-    """Another value somewhere in the manifest."""
-    path = folder / "manifest.json"
-    content = json.loads(path.read_text())
-    places = list(leaves(content))
-    table, key = rng.choice(places)
-    value = rng.choice(_ODD)
-    table[key] = value.replace("CANARY", code(canary)) if isinstance(value, str) else value
-    path.write_text(json.dumps(content))
+def manifest_or_part(folder: Path, rng: random.Random) -> Path:
+    return rng.choice((folder / "manifest.json", part(folder, rng)))
 
 
-def leaves(value: Any) -> Any:
+def leaves(value: Any) -> Iterator[tuple[Any, Any]]:
     """Where the values of nested tables are."""
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, item in items:
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
         yield value, key
         if isinstance(item, (dict, list)):
             yield from leaves(item)
 
 
-def text_of_the_question(folder: Path, rng: random.Random, canary: str) -> None:
+def leaf(content: Any, rng: random.Random, canary: str) -> None:
+    """Another value somewhere in the manifest."""
+    table, key = rng.choice(list(leaves(content)))
+    value = rng.choice(_ODD)
+    table[key] = value.replace("CANARY", code(canary)) if isinstance(value, str) else value
+
+
+def text_of_the_question(content: Any, rng: random.Random, canary: str) -> None:
     """A case file that would execute something."""
-    path = folder / "manifest.json"
-    content = json.loads(path.read_text())
     text = content["question"]["text"]
     task = f"[task]\nreference = ['''sin(\"{code(canary)}\")''']\n"
-    content["question"]["text"] = rng.choice((
-        text.replace('law = "lqr"', 'law = "canary:law"', 1), text + task,
-    ))  # fmt: skip
-    path.write_text(json.dumps(content))
+    law = text.replace('law = "lqr"', 'law = "canary:law"', 1)
+    content["question"]["text"] = rng.choice((law, text + task))
 
 
-def cut(folder: Path, rng: random.Random, canary: str) -> None:
+def in_manifest(change: Callable[[Any, random.Random, str], None]) -> Damage:
+    """A manifest with other values."""
+
+    def rewrite(folder: Path, rng: random.Random, canary: str) -> None:
+        path = folder / "manifest.json"
+        content = json.loads(path.read_text())
+        change(content, rng, canary)
+        path.write_text(json.dumps(content))
+
+    return rewrite
+
+
+def in_part(change: Callable[[pa.Table, random.Random], pa.Table]) -> Damage:
+    """A part with other rows or columns, and all that it says of itself."""
+
+    def rewrite(folder: Path, rng: random.Random, _: str) -> None:
+        path = part(folder, rng)
+        table = pq.read_table(path)
+        pq.write_table(change(table, rng).replace_schema_metadata(table.schema.metadata), path)
+
+    return rewrite
+
+
+def cut(folder: Path, rng: random.Random, _: str) -> None:
     """A file that ends too early."""
-    path = rng.choice((folder / "manifest.json", part(folder, rng)))
-    content = path.read_bytes()
-    path.write_bytes(content[: rng.randrange(len(content))])
+    path = manifest_or_part(folder, rng)
+    path.write_bytes(path.read_bytes()[: rng.randrange(path.stat().st_size)])
 
 
-def flipped(folder: Path, rng: random.Random, canary: str) -> None:
+def flipped(folder: Path, rng: random.Random, _: str) -> None:
     """A bit that is another."""
     path = part(folder, rng)
     content = bytearray(path.read_bytes())
@@ -89,15 +109,13 @@ def flipped(folder: Path, rng: random.Random, canary: str) -> None:
     path.write_bytes(content)
 
 
-def noise(folder: Path, rng: random.Random, canary: str) -> None:
+def noise(folder: Path, rng: random.Random, _: str) -> None:
     """A file of something else."""
-    path = rng.choice((folder / "manifest.json", part(folder, rng)))
-    path.write_bytes(
-        rng.choice((b"", b"\0" * 99, rng.randbytes(500), b"[" * 3000, b"{}", b"1", b"nan"))
-    )
+    others = (b"", b"\0" * 99, rng.randbytes(500), b"[" * 3000, b"{}", b"1", b"nan")
+    manifest_or_part(folder, rng).write_bytes(rng.choice(others))
 
 
-def swapped(folder: Path, rng: random.Random, canary: str) -> None:
+def swapped(folder: Path, rng: random.Random, _: str) -> None:
     """Two parts in each other's place."""
     first, second = rng.sample(sorted((folder / "parts").glob("*.parquet")), 2)
     content = first.read_bytes()
@@ -105,21 +123,10 @@ def swapped(folder: Path, rng: random.Random, canary: str) -> None:
     second.write_bytes(content)
 
 
-def of_another_seed(folder: Path, rng: random.Random, canary: str) -> None:
+def of_another_seed(folder: Path, rng: random.Random, _: str) -> None:
     """A part of the same campaign with other numbers."""
     mine = part(folder, rng)
     shutil.copy(folder.with_name("other") / "parts" / mine.name, mine)
-
-
-def rewritten(change: Callable[[pa.Table, random.Random], pa.Table]) -> Callable[..., None]:
-    """A part with other rows or columns, and all that it says of itself."""
-
-    def rewrite(folder: Path, rng: random.Random, canary: str) -> None:
-        path = part(folder, rng)
-        table = pq.read_table(path)
-        pq.write_table(change(table, rng).replace_schema_metadata(table.schema.metadata), path)
-
-    return rewrite
 
 
 def permuted(table: pa.Table, rng: random.Random) -> pa.Table:
@@ -129,22 +136,13 @@ def permuted(table: pa.Table, rng: random.Random) -> pa.Table:
     return table.take(order)
 
 
-def without_column(table: pa.Table, rng: random.Random) -> pa.Table:
-    return table.drop_columns([rng.choice(table.column_names)])
-
-
-def better(table: pa.Table, rng: random.Random) -> pa.Table:
+def better(table: pa.Table, _: random.Random) -> pa.Table:
     """Every margin as if it were kept."""
     index = table.column_names.index("relative")
     return table.set_column(index, table.field(index), pa.array([1.0] * table.num_rows))
 
 
-def missing(folder: Path, rng: random.Random, canary: str) -> None:
-    """A file that is not there."""
-    rng.choice((folder / "manifest.json", part(folder, rng), folder / "results.json")).unlink()
-
-
-def link(folder: Path, rng: random.Random, canary: str) -> None:
+def link(folder: Path, rng: random.Random, _: str) -> None:
     """A link in place of a file that is written."""
     elsewhere = folder.with_name("elsewhere")
     elsewhere.write_text("somebody's")
@@ -153,25 +151,27 @@ def link(folder: Path, rng: random.Random, canary: str) -> None:
     target.symlink_to(rng.choice((elsewhere, Path("/dev/zero"), folder / "nowhere")))
 
 
-def in_the_way(folder: Path, rng: random.Random, canary: str) -> None:
+def in_the_way(folder: Path, rng: random.Random, _: str) -> None:
     """A folder or a pipe in place of a file."""
     target = rng.choice((folder / "manifest.json", part(folder, rng), folder / ".lock"))
     target.unlink()
     rng.choice((Path.mkdir, os.mkfifo))(target)
 
 
-DAMAGES: dict[str, Callable[[Path, random.Random, str], None]] = {
-    "leaf": leaf,
-    "text": text_of_the_question,
+DAMAGES: dict[str, Damage] = {
+    "leaf": in_manifest(leaf),
+    "text": in_manifest(text_of_the_question),
     "cut": cut,
     "flipped": flipped,
     "noise": noise,
     "swapped": swapped,
     "other seed": of_another_seed,
-    "permuted": rewritten(permuted),
-    "column": rewritten(without_column),
-    "better": rewritten(better),
-    "missing": missing,
+    "permuted": in_part(permuted),
+    "column": in_part(lambda table, rng: table.drop_columns([rng.choice(table.column_names)])),
+    "better": in_part(better),
+    "missing": lambda folder, rng, _: rng.choice(
+        (manifest_or_part(folder, rng), folder / "results.json")
+    ).unlink(),
     "link": link,
     "in the way": in_the_way,
 }
@@ -202,7 +202,7 @@ def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[s
     with trial(capfd, tmp_path) as hostile:
         for folder, seed in ((whole, 5), (tmp_path / "other", 6)):
             with pytest.raises(SystemExit) as stop:
-                cli.main([str(each) for each in asked(file, folder, seed)])
+                cli.main([str(word) for word in command(file, folder, seed)])
             assert stop.value.code == cli.DONE
         truth = json.loads((whole / "results.json").read_text())
         tried = 0
@@ -212,7 +212,7 @@ def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[s
             shutil.copytree(whole, damaged)
             DAMAGES[kind](damaged, rng, str(hostile.canary))
             (damaged / "results.json").unlink(missing_ok=True) if rng.random() < 0.5 else None
-            resumed = [*asked(file, damaged), "--resume"]
+            resumed = [*command(file, damaged), "--resume"]
             replayed = ["campaign", damaged, "--replay", rng.randrange(_RUNS), "--no-figures"]
             for arguments in (replayed, resumed):
                 what = f"{kind} {index} {arguments[0]}"

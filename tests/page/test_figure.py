@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import TwoSlopeNorm, rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.page.charts import chart_figure
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import figure_written, labelled_below
-from grosmc_mj.results.palette import COLOURS, OTHERS, law_styles
+from grosmc_mj.results.heat_map import heat_map
+from grosmc_mj.results.palette import COLOURS, FAILED, KEPT, OTHERS, law_styles
+from grosmc_mj.results.result import CellChart, LineChart, Series
 
 
 def test_png_and_svg_are_written_together_or_not_at_all(
@@ -32,7 +36,7 @@ def test_png_and_svg_are_written_together_or_not_at_all(
     assert not list(tmp_path.iterdir())
     with figure_written(path, (1, 1)):
         pass
-    assert {each.name for each in tmp_path.iterdir()} == {"a.png", "a.svg"}
+    assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
 
 
 def test_a_signal_that_switches_at_every_sample_jumps_and_a_wave_does_not() -> None:
@@ -42,13 +46,40 @@ def test_a_signal_that_switches_at_every_sample_jumps_and_a_wave_does_not() -> N
     assert not jumps(np.zeros(1))
 
 
-def test_laws_without_a_colour_take_the_others_in_turn() -> None:
+def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit() -> None:
+    """In figures, where white is the limit, and in lighter shades on the page."""
+    axis = Figure().subplots()
+    for larger_is_better, expected in ((False, (KEPT, FAILED)), (True, (FAILED, KEPT))):
+        image = heat_map(
+            axis, {(0, 0): (0.0, "0"), (0, 1): (4.0, "4")}, ["law"], ["a", "b"],
+            TwoSlopeNorm(1.0, 0.0, 4.0), larger_is_better=larger_is_better,
+        )  # fmt: skip
+        low, limit, high = image.cmap(image.norm([0.0, 1.0, 4.0]))[:, :3]
+        assert [*low, *limit, *high] == pytest.approx(
+            [*to_rgb(expected[0]), 1, 1, 1, *to_rgb(expected[1])], abs=5e-3
+        )
+    cells = {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}
+    (heat,) = chart_figure(CellChart.of("kept", cells, 2.0))["data"]
+    assert (heat["zmin"], heat["zmax"]) == (-2.0, 2.0)
+    for shade, meant in ((heat["colorscale"][0], KEPT), (heat["colorscale"][-1], FAILED)):
+        hue, saturation, _ = rgb_to_hsv(to_rgb(shade[1]))
+        assert hue == pytest.approx(rgb_to_hsv(to_rgb(meant))[0], abs=0.02)
+        assert saturation > 0.3
+
+
+def test_laws_have_the_same_colour_wherever_they_are_drawn() -> None:
+    """Those without one of their own take the others in turn."""
     styles = law_styles(["lqr", "mine", "grosmc", "yours", "mine"])
-    assert [each.colour for each in styles.values()] == [
+    assert [style.colour for style in styles.values()] == [
         COLOURS["lqr"], OTHERS[0], COLOURS["grosmc"], OTHERS[1],
     ]  # fmt: skip
-    assert [each.label for each in styles.values()] == ["LQR", "mine", "GROSMC", "yours"]
-    assert len({each.line for each in styles.values()}) == 4
+    assert [style.label for style in styles.values()] == ["LQR", "mine", "GROSMC", "yours"]
+    assert len({style.line for style in styles.values()}) == 4
+    lines = [Series(name=law, x=[0.0], y=[1.0]) for law in ("grosmc", "lqr", "mine")]
+    drawn = chart_figure(LineChart(name="J", titles=("x", "y"), lines=lines))["data"]
+    colours = [line["marker"]["color"] for line in drawn]
+    assert colours[:2] == [COLOURS["grosmc"], COLOURS["lqr"]]
+    assert len(set(colours)) == 3
 
 
 @pytest.mark.parametrize("long", [0, 1, 2, 3])

@@ -158,6 +158,22 @@ def test_the_first_screen_tells_how_each_law_stands_in_each_case(tmp_path: Path)
     assert page.answers[0].verdict == "not kept"
 
 
+def test_a_law_of_which_nothing_is_required_stands_by_the_record(tmp_path: Path) -> None:
+    """It keeps nothing: its mark is another one, and it is not counted."""
+    standings = [
+        {"case": "servo/case1", "law": "lqr", "required": False, "words": "as before", **more}
+        for more in ({}, {"case": "servo/case2", "breaks_at": "record"})
+    ] + [{"case": "servo/case1", "law": "grosmc"}]
+    content = {**DOCUMENTS["run"], "kind": "validation", "standings": standings}
+    write_document(tmp_path / "validation.json", content)
+    _, text = page_of(tmp_path)
+    marks = re.findall(r'data-law="(\w+)"><span class="mark ([\w-]+)">(.)</span>', text)
+    assert marks == [
+        ("LQR", "measured", "•"), ("GROSMC", "kept", "✓"), ("LQR", "not-kept", "✗"),
+    ]  # fmt: skip
+    assert "All requirements are kept by GROSMC in 1 of 1." in text
+
+
 def test_an_interrupted_result_is_named(tmp_path: Path) -> None:
     write_document(tmp_path / "ladder.json", {**LADDER, "complete": False})
     assert "1 of the results were interrupted and are not complete" in page_of(tmp_path)[1]

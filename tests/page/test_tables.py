@@ -9,6 +9,7 @@ from rich.console import Console
 from grosmc_mj.results.tables import (
     WIDTH,
     Table,
+    markdown_table,
     names,
     number,
     numbers,
@@ -66,3 +67,13 @@ def test_a_unit_has_the_prefix_that_its_number_is_read_with() -> None:
     assert prefixed("rad", 0.2) == ("mrad", 1e3)
     assert prefixed("m", 1e-3) == ("mm", 1e3)
     assert prefixed("m", 3e-5) == prefixed("m", 3e-9) == ("µm", 1e6)
+
+
+def test_numbers_stand_at_the_right_and_bars_stay_bars() -> None:
+    columns = [*words("law"), *numbers("max |u|"), *words("")]
+    assert markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
+        r"| law | max \|u\| |  |",
+        "|---|---:|---|",
+        r"| lqr | 1 N | \|s\| > 0 |",
+        "| pid |  |  |",
+    ]
