@@ -74,7 +74,7 @@ def causes_table(findings: Sequence[Finding]) -> Table:
     rows = [(cause, ", ".join(ids), str(len(ids))) for cause, ids in causes.items()]
     columns = [
         Column(header="not supported since", width=50, cut=True),
-        Column(header="statements", width=44, cut=True),
+        Column(header="statements", width=42, cut=True),
         *numbers(""),
     ]
     return table("", columns, sorted(rows, key=lambda row: -int(row[2])))
