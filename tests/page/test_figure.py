@@ -54,7 +54,8 @@ def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit() -> None
             axis, {(0, 0): (0.0, "0"), (0, 1): (4.0, "4")}, ["law"], ["a", "b"],
             TwoSlopeNorm(1.0, 0.0, 4.0), larger_is_better=larger_is_better,
         )  # fmt: skip
-        low, limit, high = image.cmap(image.norm([0.0, 1.0, 4.0]))[:, :3]
+        shares = image.norm(np.array([0.0, 1.0, 4.0]))
+        low, limit, high = np.asarray(image.cmap(shares))[:, :3]
         assert [*low, *limit, *high] == pytest.approx(
             [*to_rgb(expected[0]), 1, 1, 1, *to_rgb(expected[1])], abs=5e-3
         )
