@@ -15,7 +15,7 @@ from grosmc_mj.arrays import Array
 
 # Of eq. (57): inertia without the payload at q = 0, its change with sin q, arm and gravity.
 INERTIA, CABLE, LENGTH, GRAVITY = 0.095, 0.06, 0.5, 9.8
-# What the log hides: payload [kg] (0.02 in the chapter), viscous friction [N m s/rad].
+# The numbers that the log hides: payload [kg] (0.02 in the chapter), viscous friction [N m s/rad].
 PAYLOAD, DAMPING = 0.0634, 0.0217
 NOISE, SAMPLING, FINE, SECONDS = 1e-3, 2e-3, 1e-4, 4.0
 

@@ -1,4 +1,4 @@
-"""What runs of a case do over time: panels of curves, drawn as a figure or written as a document.
+"""The runs of a case over time: panels of curves, drawn as a figure or written as a document.
 
 A panel is one quantity with its unit: outputs, distance from the optimum, s, input, what is unseen.
 """

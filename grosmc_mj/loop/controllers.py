@@ -187,10 +187,10 @@ def relooped(controller: Controller, loop: Loop, run: int = 0) -> Controller:
         run: Number of the run.
 
     Raises:
-        ArgumentError: If a part does not fit.
+        ArgumentError: If it is in none, or a part does not fit.
     """
-    of = controller.loop
-    assert of is not None
+    if (of := controller.loop) is None:
+        raise ArgumentError(f"{controller.name} is in no loop")
     return in_loop(
         replace(controller, loop=None), loop, of.system, control_period=of.period,
         timestep=of.timestep, predict=of.predicts, run=run, known=of.known,

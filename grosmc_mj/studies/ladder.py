@@ -145,7 +145,7 @@ class Climb(BaseModel):
 
     @property
     def key(self) -> tuple[str, str, str, bool]:
-        """What tells it from others: law, rung, condition, together."""
+        """Its key among the others: law, rung, condition, together."""
         return self.law, self.rung, self.condition, self.together
 
     @property
@@ -162,7 +162,7 @@ class Climb(BaseModel):
 
     @property
     def reason(self) -> str:
-        """What breaks, in words."""
+        """The requirement that breaks, and by how much, in words."""
         if self.impossible or self.tightest == ENDED:
             return self.impossible or ENDED
         used = self.share_of_the_tightest_limit

@@ -92,7 +92,7 @@ def read_claims(path: Path) -> list[Claim]:
 
 
 def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any], dict[str, Any]]:
-    """What a table names of the measurements, as MODULE.FUNCTION, and its arguments."""
+    """The measurement that a table names as MODULE.FUNCTION, with its arguments."""
     arguments = dict(table)
     module, _, name = arguments.pop("function").partition(".")
     function = getattr(import_module(f"grosmc_mj.chapter.claims.measurements.{module}"), name)

@@ -281,7 +281,7 @@ def _in_loop(experiment: Experiment) -> list[str]:
 
 
 def _on_its_machine(experiment: Experiment) -> list[str]:
-    """What the machine has that neither laws nor equations know; stars mark assumed numbers."""
+    """The parts of the machine that neither laws nor equations know; * marks assumed numbers."""
     from grosmc_mj.experiments.file.parts import MACHINE_PARTS, MACHINE_UNITS, unit_of
 
     tables = [(kind, t) for kind in MACHINE_PARTS for t in _tables_of(experiment, kind)]
