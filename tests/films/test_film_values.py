@@ -12,8 +12,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from hand_written import tip
 from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case, run_on
-from two_link_oracle import TwoLinkParameters, tip
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
@@ -472,7 +472,7 @@ def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
     ghost = np.asarray(arm.takes[0].ghost)
     np.testing.assert_allclose(ghost, expected[:, None], rtol=0, atol=1e-9)
     two = case_film("two_link_arm", "nominal", replace(SMALL, fps=3))
-    p = TwoLinkParameters.from_model(plant("two_link_arm").model)
+    p = plant("two_link_arm").parameters
     for take in two.takes:
         assert take.ghost is not None
         # The elbow stays on the side that the run is on.
