@@ -130,6 +130,9 @@ def test_nobody_is_kept_out(browser: Any, page_file: Path, scheme: str) -> None:
 
 def test_a_narrow_screen_scrolls_in_one_direction(browser: Any, page_file: Path) -> None:
     shown = Seen(browser, page_file, viewport=NARROW)
+    shown.page.evaluate(
+        "() => document.querySelectorAll('details').forEach((fold) => { fold.open = true; })"
+    )
     wide = shown.page.evaluate("() => document.documentElement.scrollWidth")
     assert wide <= NARROW["width"]
 
