@@ -141,7 +141,7 @@ def _summary(
         )
     counts = Counter(answer.verdict for answer in answers)
     verdicts = ", ".join(f"{counts[each]} {each}" for each in VERDICTS if counts[each])
-    sentences.append(f"Of {len(answers)} answers: {verdicts}.")
+    sentences.append(f"Answers: {verdicts}.")
     if unfinished := sum(not _result(each).complete for each in results):
         sentences.append(f"{unfinished} of the results were interrupted and are not complete.")
     return sentences
