@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import math
 from collections import Counter
@@ -24,6 +26,7 @@ from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, run_on
+from grosmc_mj.files import written_aside
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop, in_loop
 from grosmc_mj.machine import (
@@ -377,27 +380,44 @@ def ladder(
     )
 
 
-def kept_rows(studied: Ladder, path: Path) -> list[Climb]:
-    """The rows of an interrupted ladder of the same file by the same versions; none without it.
+@dataclass(frozen=True)
+class Cells:
+    """Finished rows of a ladder, a file each, so that a killed ladder goes on where it was.
 
-    Raises:
-        ArgumentError: If the result is another one's.
+    A file is named by all that its row depends on: that of another file, law or version is another.
+
+    Attributes:
+        folder: Where they lie.
+        ladder: Configuration of the ladder and versions, as JSON.
     """
-    if not path.is_file():
-        return []
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        own = json.loads(json_text([studied.configuration(), versions()]))
-        same = [document["configuration"], document["versions"]] == own
-        rows = [Climb.model_validate(row) for row in document["climbs"]]
-    except (OSError, ValueError, LookupError, TypeError):
-        same, rows = False, []
-    if not same:
-        raise ArgumentError(
-            f"{path} is no ladder of this file by these versions: leave out --resume, or choose "
-            "another --out"
-        )
-    return rows
+
+    folder: Path
+    ladder: str
+
+    @classmethod
+    def of(cls, studied: Ladder, folder: Path) -> Cells:
+        """The cells of a ladder in a folder."""
+        return cls(folder, json_text([studied.configuration(), versions()]))
+
+    def read(self, *key: str | bool) -> Climb | None:
+        """The row with a key; None if it is not there, or cannot be read."""
+        with contextlib.suppress(OSError, ValueError):
+            return Climb.model_validate(json.loads(self._path(key).read_text(encoding="utf-8")))
+        return None
+
+    def write(self, row: Climb) -> None:
+        """Write a row aside and rename it.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        with written_aside(self._path(row.key)) as part:
+            # Not by `json_text`: what is infinite must come back as it was.
+            part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
+
+    def _path(self, key: tuple[str | bool, ...]) -> Path:
+        name = hashlib.sha256(json.dumps([self.ladder, key]).encode()).hexdigest()
+        return self.folder / f"{name[:32]}.json"
 
 
 # The reduction: a run as a row
