@@ -37,7 +37,7 @@ COMMANDS = (
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
     "list CASE --verbose",
     "view arm/case9 --controller lqr --speed 0",
-    "study region servo/case9 --points 0 --duration 0.01 --rate -10 --screen none --out OUT",
+    "study region servo/case9 --points 0 --duration 0.01 --limits -10 1 --out OUT",
     "study switching banana --nothing --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
     "diff OUT CASE --junit OUT/junit.xml --out OUT --verbose",
