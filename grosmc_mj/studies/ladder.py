@@ -54,7 +54,7 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.studies.figures import write_cells
+from grosmc_mj.studies.figures import cell_charts
 from grosmc_mj.studies.studied import (
     UNDER_LOAD,
     Condition,
@@ -76,6 +76,7 @@ LEGEND = (
     "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
     "never: it does not settle; -: there is no such law."
 )
+NOTE = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
 CLAIMS = "Which claim falls, and on which rung"
 _TITLES = {
     True: "Each rung on top of the others",
@@ -673,35 +674,27 @@ def assumed_text(studied: Ladder) -> str:
     return f"* rests on numbers that are assumed: {', '.join(rungs)}." if rungs else ""
 
 
-def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[tuple[str, bool], CellChart]:
+def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[str, CellChart]:
     """A map for each condition, climbing and alone: below zero is kept, then decades beyond."""
-    titles = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
-    maps = {}
-    for condition in studied.conditions:
-        for together in (True, False):
-            cells = {}
-            for row in rows:
-                own = (row.condition, row.together) == (condition.name, together)
-                if own and not row.impossible:
-                    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
-                    redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
-                    value = -0.5 * _MOST if row.kept else redness
-                    cells[row.law, titles[row.rung]] = (value, row.share_text, row.reason)
-            if cells:
-                name = f"{_TITLES[together]} ({condition.name}: {condition.title})"
-                maps[condition.name, together] = CellChart.of(name, cells, _MOST)
-    return maps
+    rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
+    cells = []
+    for row in rows:
+        if not row.impossible:
+            beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
+            redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
+            value = -0.5 * _MOST if row.kept else redness
+            place = (_map_key(row.condition, row.together), row.law, rungs[row.rung])
+            cells.append((*place, value, row.share_text, row.reason))
+    titles = {
+        _map_key(condition.name, together): f"{title} ({condition.name}: {condition.title})"
+        for condition in studied.conditions
+        for together, title in _TITLES.items()
+    }
+    return cell_charts(titles, cells, _MOST)
 
 
-def write_ladder_figure(studied: Ladder, rows: Sequence[Climb], path: Path) -> Path:
-    """Draw the maps of all conditions; the SVG lies beside the PNG.
-
-    Raises:
-        SetupError: If a file cannot be written.
-    """
-    note = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
-    title = f"{studied.target}: where each law breaks"
-    return write_cells(path, title, list(charts(studied, rows).values()), note)
+def _map_key(condition: str, together: bool) -> str:
+    return f"{condition}, {'climbing' if together else 'alone'}"
 
 
 def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
@@ -710,11 +703,11 @@ def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
     shares = [
         Sheet(table=share_table(studied, rows, first.name, together=together), charts=[chart])
         for together in (True, False)
-        if (chart := maps.get((first.name, together)))
+        if (chart := maps.get(_map_key(first.name, together)))
     ]
     tables = [deviation_table(studied, rows)]
     tables += [x for c in studied.conditions if (x := claims_table(studied, rows, c.name))]
-    under = [chart for c in loads if (chart := maps.get((c.name, True)))]
+    under = [chart for c in loads if (chart := maps.get(_map_key(c.name, True)))]
     loaded = [Sheet(table=load_table(studied, rows), charts=under)] if loads else []
     return [*shares, *loaded, *(Sheet(table=x) for x in tables)]
 

@@ -41,7 +41,7 @@ COMMANDS = (
     "study switching banana --nothing --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
     "diff OUT CASE --junit OUT/junit.xml --out OUT --verbose",
-    "study tolerance servo/case9 --laws lqr nothing --seeds 0 --every-end --out OUT",
+    "study tolerance servo/case9 --laws lqr nothing --seeds 0 --out OUT",
     "bench --integrator heun --rounds 0",
     "validate nothing/case9 --control-period 0.001 --timestep 0 --out OUT",
     "replay OUT 0 --case nothing",

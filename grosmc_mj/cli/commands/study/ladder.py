@@ -97,13 +97,16 @@ class LadderCommand(Command):
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.ladder import ladder_document, write_ladder_figure
+        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies.figures import write_cells
 
         if not rows:
             return ()
         target = self._path(studied)
-        write_json(target, ladder_document(studied, rows, complete=complete))
-        return target, write_ladder_figure(studied, rows, target.with_suffix(".png"))
+        write_json(target, ladder.ladder_document(studied, rows, complete=complete))
+        title, maps = f"{studied.target}: where each law breaks", ladder.charts(studied, rows)
+        figure = target.with_suffix(".png")
+        return target, write_cells(figure, title, list(maps.values()), ladder.NOTE)
 
     def _film(self, studied: Ladder, law: StudiedLaw, rows: list[Climb]) -> Path:
         """Write the film; returns where it is."""
