@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,22 @@ _COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY, BLACK, "#888888")
 _MARKERS = "osDv^P"
 # An axis whose largest number is so many times the smallest is logarithmic.
 _FAR = 10.0
+
+
+def cell_charts(
+    titles: Mapping[str, str], cells: Iterable[tuple[str, str, str, float, str, str]], most: float
+) -> dict[str, CellChart]:
+    """A chart for each title that has cells, by its key.
+
+    Args:
+        titles: Of the charts, by key.
+        cells: Key, row, column, value, text and why of each.
+        most: Of the values.
+    """
+    charts: dict[str, dict[tuple[str, str], tuple[float, str, str]]] = {}
+    for key, row, column, value, text, why in cells:
+        charts.setdefault(key, {})[row, column] = (value, text, why)
+    return {k: CellChart.of(title, charts[k], most) for k, title in titles.items() if k in charts}
 
 
 def write_cells(path: Path, title: str, charts: Sequence[CellChart], note: str) -> Path:

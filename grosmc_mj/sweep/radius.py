@@ -22,10 +22,11 @@ from grosmc_mj.results.result import (
     finite,
 )
 from grosmc_mj.results.tables import Table, names, numbers, table, text
-from grosmc_mj.sweep.campaign import Campaign, largest_passing
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.search import largest_passing
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
 RADIUS = "radius.json"

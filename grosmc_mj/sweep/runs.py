@@ -75,7 +75,7 @@ class Outcomes:
             a limit, -inf for runs that ended early; ``order``, by which a worse run is told from a
             better one, finite: ``relative``, which has no lower bound where a run never settles; of
             runs that ended early the earlier is the worse; ``status``, in lower case; ``ended``, up
-            to when the run is valid [s].
+            to when the run is valid [s]; ``last``, the last state, (n, states).
         impossible: By number of the row: why there can be no such run.
     """
 
@@ -163,7 +163,8 @@ def run_rows(
     columns |= {"status": np.full(count, IMPOSSIBLE, object), "ended": np.zeros(count)}
     for runs in groups.values():
         for name, values in _run_group(experiment, list(runs.values()), limits, threads).items():
-            columns.setdefault(name, np.full(count, np.nan))[list(runs)] = values
+            empty = np.full((count, *values.shape[1:]), np.nan)
+            columns.setdefault(name, empty)[list(runs)] = values
     return Outcomes(limits, columns, impossible)
 
 
@@ -292,6 +293,7 @@ def columns_of(
         "order": np.where(completed, order, -_CUT / (1 + ended)),
         "status": words,
         "ended": ended,
+        "last": last,
     }
 
 
