@@ -226,6 +226,12 @@ def test_adaptive_gain_falls_to_its_least_and_no_further_when_nothing_pushes() -
     assert np.all(np.diff(gains) <= 0)
 
 
+def test_the_layer_is_its_width_over_what_rho_moves_s_by_in_a_sample() -> None:
+    """phi = -(k s + g rho sat(s / (width h g rho)))."""
+    phi = second_sample("boundary-layer", [H, 100 * H], 3.0, 5.0, gain=0.5, width=4.0)
+    np.testing.assert_allclose(phi, [-3 * H - 1 / 4.0, -300 * H - 2.5], rtol=1e-12)
+
+
 def test_the_estimating_law_is_bounded_by_rho_times_its_gain() -> None:
     """Far away, but for the estimate, which at first takes all of s for the work of w."""
     phi = second_sample("implicit-estimate", 10.0, 0.0, 5.0, gain=2.0)
