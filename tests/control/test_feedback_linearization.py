@@ -307,6 +307,13 @@ def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign
         np.testing.assert_allclose(alpha, sign * np.array([x[0] * x[2], x[1] - x[2]]), rtol=1e-15)
         by_hand = [[2 + math.sin(x[2]), x[0]], [1, 3 + x[1] * x[1]]]
         np.testing.assert_allclose(E, sign * np.array(by_hand), rtol=1e-15)
+        # The feedback makes z_i^(r_i) = v_i of it, and gives v back.
+        v, u, back = np.array([0.7, -1.3]), np.zeros(2), np.zeros(2)
+        memory = SimpleNamespace(undefined=0.0)
+        error.feedback(0.0, x, v, memory, p, u)
+        np.testing.assert_allclose(alpha + E @ u, v, rtol=0, atol=1e-12)
+        error.virtual_input(0.0, x, u, memory, p, back)
+        np.testing.assert_allclose(back, v, rtol=0, atol=1e-12)
 
 
 def test_jacobian_of_two_outputs_is_that_of_the_plant() -> None:
