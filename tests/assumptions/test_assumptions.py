@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shipped import ARM_G, cases, find_case, run_case, task_of
+from shipped import ARM_G, find_case, run_case, task_of
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
@@ -310,39 +310,31 @@ def test_premises_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("system", "case", "name"),
-    [("servo", "case1", "switching gain"), ("arm", "case1", "epsilon")],
-)
-def test_law_without_gain_fails_with_advice_that_can_be_followed(
-    system: str, case: str, name: str
-) -> None:
+@pytest.mark.parametrize(("system", "name"), [("servo", "switching gain"), ("arm", "epsilon")])
+def test_law_without_gain_fails_with_advice_that_can_be_followed(system: str, name: str) -> None:
     fault = next(each for each in FAULTS if each.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_experiment(system, case))
+    found = audit(Laboratory(Settings(), fault), find_experiment(system, "case1"))
     failed = premise(found, name)
-    assert not failed.holds
     assert failed.along is not None
     # Without a gain the margin is minus what is required.
     assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
-    json_text(audit_document(found))
-    audit_table(found)
+    assert audit_table(found).rows
     assert list(worst_points(found))
-    assert failed.restores
     # No multiple of a zero gain restores anything.
+    assert failed.restores
     assert "inf" not in failed.restores
 
 
 @pytest.mark.slow
 @each_system
 def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) -> None:
-    for case in cases(system):
-        found = chapter_audit(system, case.name)
-        content = json.loads(json_text(audit_document(found)))
-        assert (content["system"], content["case"]) == (system, case.name)
-        for written, each in zip(content["premises"], found.premises, strict=True):
-            margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
-            assert written["holds"] == (min(margins) >= 0) == each.holds
-            assert bool(written["restored_by"]) <= (not each.holds)
+    found = chapter_audit(system, "case1")
+    content = json.loads(json_text(audit_document(found)))
+    assert (content["system"], content["case"]) == (system, "case1")
+    for written, each in zip(content["premises"], found.premises, strict=True):
+        margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
+        assert written["holds"] == (min(margins) >= 0) == each.holds
+        assert bool(written["restored_by"]) <= (not each.holds)
 
 
 @pytest.mark.parametrize(
@@ -375,11 +367,8 @@ def test_command_says_where_the_premise_fails(
     said = capsys.readouterr().out
     assert "FAILS" in said
     assert "case1: epsilon: worst in the region at t =" in said
-    written = json.loads((tmp_path / "premises_arm.json").read_text(encoding="utf-8"))
-    (document,) = written["premises"]
-    failed = [each["name"] for each in document["premises"] if not each["holds"]]
-    assert failed == ["epsilon"]
-    assert written["versions"]
+    (document,) = json.loads((tmp_path / "premises_arm.json").read_text())["premises"]
+    assert [each["name"] for each in document["premises"] if not each["holds"]] == ["epsilon"]
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
