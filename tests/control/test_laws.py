@@ -155,8 +155,9 @@ def free_sliding(plant: Any, ctl: Controller, design: str, period: float) -> flo
     """Largest |s| of a nominal run when nothing switches: the surface's own error."""
     free = {"eta": 0.0, "gamma0": 0.0, "gamma1": 0.0, "k": 0.0, "epsilon": 0.0}
     smooth, x0 = replace(ctl, parameters=replace(ctl.parameters, **free)), of_design(design).case.x0
-    periods = {"control_period": period, "timestep": period}
-    run = simulate(plant, smooth, x0, duration=2.0, engine="python", **periods)
+    run = simulate(
+        plant, smooth, x0, duration=2.0, control_period=period, timestep=period, engine="python"
+    )
     assert run.sliding is not None
     return float(np.abs(run.sliding).max())
 

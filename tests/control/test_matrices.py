@@ -64,7 +64,8 @@ def test_solve_is_that_of_linear_equations(m: int) -> None:
         for E in (random.normal(size=(m, m)), ordered, tiny):
             before, expected = E.copy(), np.linalg.solve(E, b)
             tolerance = 1e-14 * np.linalg.cond(E) * np.abs(expected).max()
-            np.testing.assert_allclose(solution(E.ravel(), b), expected, rtol=0, atol=tolerance)
+            x: Any = solution(E.ravel(), b)
+            np.testing.assert_allclose(x, expected, rtol=0, atol=tolerance)
             np.testing.assert_array_equal(E, before)
 
 
@@ -91,8 +92,8 @@ def test_compiled_code_computes_the_same_to_the_last_bit(m: int) -> None:
             solve(flat, here),
         )
         np.testing.assert_array_equal(there, here)
-    assert compiled(K, (math.nan,) * m**2, values, there)[-1] is False
-    assert compiled(K, (0.0,) * m**2, values, there)[-1] is False
+    for entry in (math.nan, 0.0):
+        assert compiled(np.eye(m), (entry,) * m**2, (1.0,) * m, np.ones(m))[-1] is False
 
 
 @pytest.mark.parametrize("decades", [0, 8])

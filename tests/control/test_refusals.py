@@ -165,7 +165,7 @@ REFUSED: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: on_arm(adaptive, 1.0, math.inf), ArgumentError, "adaptation"),
     (lambda: on_arm(adaptive, 0.0, 1.0), ArgumentError, "frequency"),
     (lambda: on_arm(lqi, 1.0, limit=0.0), ArgumentError, "limit"),
-    (lambda: lqi(None, 1.0), ArgumentError, "task"),  # pyright: ignore[reportArgumentType]
+    (lambda: lqi(None, 1.0), ArgumentError, "task"),
     (
         lambda: adaptive(task_of("cart_pendulum"), 1.0, 1.0),
         PremiseError,
@@ -201,7 +201,7 @@ REFUSED: list[tuple[Callable[[], Any], type[Exception], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("make", "error", "words"), REFUSED, ids=lambda row: "")
+@pytest.mark.parametrize(("make", "error", "words"), REFUSED)
 def test_it_is_refused_in_one_line(
     make: Callable[[], Any], error: type[Exception], words: str
 ) -> None:

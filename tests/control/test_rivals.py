@@ -193,6 +193,9 @@ def test_lyapunov_function_falls_as_s_K_D_s(design: str, wrong: dict[str, float]
     linear, m, p = plant.system.parametrization, len(plant.system.inputs), law.parameters
     assert linear is not None
     found = run(design, law, 0.4, plant, timestep=period, disturbances=[LOADS[design]])
+    # Nominally both poles are at -Lambda, as long as the inertia stays what it is.
+    q_d = law.coordinates.reference(0.0, p.reference)[::3]
+    np.testing.assert_allclose(p.damping, 2.0 * linear.inertia(np.array(q_d), p.plant), rtol=1e-12)
     # The body's torque is one on every joint before it; T_d of the servo is in amperes.
     theta = np.array(linear.nominal(plant.parameters))
     theta[-m:] = LOADS[design].wrench[4] / (p.plant.Kt if design == "servo" else 1.0)
