@@ -348,7 +348,7 @@ def test_a_force_is_an_arrow_in_its_direction_as_long_as_it_is_large(name: str) 
 
 @pytest.mark.parametrize("torque", [(0, 2, 0), (0, -2, 0), (0, 0, 2), (1.2, 1.6, 0)])
 def test_a_torque_is_an_arc_about_its_axis_right_handed(name: str, torque: Any) -> None:
-    axis, angles = np.array(torque) / 2.0, []
+    axis, centre, angles = np.array(torque) / 2.0, np.zeros(3), []
     for part in (1.0, 0.5):
         pieces, body = marks(name, [0, 0, 0, *2 * part * axis], (0.0, 2.0))
         *capsules, (kind, head, direction, _) = pieces
@@ -438,7 +438,7 @@ def test_curves_are_the_recorded_signals_with_their_units() -> None:
     ):  # fmt: skip
         words, curves = curves_of(shown)
         assert words == title
-        for (time, values, _), column in zip(curves, columns, strict=True):
+        for (time, values, _), column in zip(curves, map(np.asarray, columns), strict=True):
             np.testing.assert_array_equal(values, column)
             np.testing.assert_array_equal(time, whole.time[: len(column)])
 
