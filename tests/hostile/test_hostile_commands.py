@@ -9,7 +9,7 @@ import pytest
 from mutation import NUMBERS, TEXTS
 from trial import TIMES, trial
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 CASE = """
 [plant]

@@ -12,7 +12,7 @@ from trial import TIMES, trial
 
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 # Mutants of each file; those of files whose laws take long to design are fewer.
 CHEAP, DEAR = 12 * TIMES, 1 * TIMES

@@ -10,7 +10,7 @@ import pytest
 from mutation import NUMBERS, TEXTS
 from trial import TIMES, trial
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 MODEL = """<mujoco model="two">
   <compiler angle="radian" autolimits="true"/>

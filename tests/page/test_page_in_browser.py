@@ -21,6 +21,7 @@ WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 400, "height": 740}
 
 pytestmark = [
     pytest.mark.render,
+    pytest.mark.apart,
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
 ]
 

@@ -110,7 +110,7 @@ def executors() -> list[Any]:
     return [
         "batch",
         pytest.param("processes", marks=pytest.mark.slow),
-        pytest.param("dask", marks=pytest.mark.slow),
+        pytest.param("dask", marks=[pytest.mark.slow, pytest.mark.apart]),
     ]
 
 
