@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import hypothesis
 import numpy as np
 import pytest
+from commands import run
 
 import grosmc_mj
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
@@ -76,14 +76,6 @@ def hear_interrupts() -> None:
     raises KeyboardInterrupt only where it finds the default handler.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def run(*arguments: object) -> int:
-    """Exit code of the command line, in this process."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(argument) for argument in arguments])
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
 
 
 class Stored(NamedTuple):

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from conftest import Store, Stored, hear_interrupts, run
+from commands import run
+from conftest import Store, Stored, hear_interrupts
 from rich.cells import cell_len
 
 from grosmc_mj import cli
