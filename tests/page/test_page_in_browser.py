@@ -24,6 +24,7 @@ DRAWN = (
 )
 pytestmark = [
     pytest.mark.render,
+    pytest.mark.apart,
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
 ]
 
