@@ -19,7 +19,7 @@ from grosmc_mj.results.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity
 from grosmc_mj.sweep.findings import Findings
-from grosmc_mj.sweep.promise import premise_grid, speaks_of
+from grosmc_mj.sweep.promise import premise_grid
 from grosmc_mj.sweep.radius import Radius, draw_radius
 from grosmc_mj.sweep.store import Folder
 
@@ -112,10 +112,11 @@ def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quanti
     shards = range(min(specification.shards, -(-_MOST_POINTS // specification.shard)))
     names, factors = [axis.name for axis in axes], [axis.shown_unit[1] for axis in axes]
     columns, runs, premises = folder.columns(campaign, [*names, "relative"], shards), {}, {}
+    spoken = all(axis.in_premises for axis in axes)
     for law in campaign.judged:
         x, y = (campaign.as_run(axis, columns[law][axis.name]) for axis in axes)
         runs[law] = (x * factors[0], y * factors[1], columns[law]["relative"])
-        grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
+        grid = premise_grid(campaign, law, axes, _GRID) if spoken else None
         if grid is not None:
             premises[law] = (grid[0] * factors[0], grid[1] * factors[1], grid[2])
     first, second = (f"{axis.name} [{axis.shown_unit[0]}]".removesuffix(" []") for axis in axes)
