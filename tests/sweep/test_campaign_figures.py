@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from grosmc_mj.sweep.findings import NO_PROOF
-from grosmc_mj.sweep.map import PassMap, draw_pass_map
+from grosmc_mj.sweep.map import PassMap, write_pass_map
 from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Look, Radius, draw_radius
+from grosmc_mj.sweep.radius import Look, Radius, chart
 
 INF = math.inf
 TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
@@ -40,8 +43,18 @@ def searched(promised: float | None = 1.5, least: Any = (0.5, 0.1, -0.2, -INF)) 
     return Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
 
 
-def panels(figure: Any) -> Any:
-    return figure.subfigs[0].axes
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[[PassMap], Any]:
+    """Draws a map."""
+    figures: list[Figure] = []
+    write = lambda figure, _: figures.append(figure)  # noqa: E731
+    monkeypatch.setattr("grosmc_mj.results.figure.write_figure", write)
+
+    def draw(shown: PassMap) -> Figure:
+        write_pass_map(Path("map.png"), shown, TITLE, NO_PROOF)
+        return figures[-1]
+
+    return draw
 
 
 def entries(legend: Any) -> list[str]:
@@ -49,12 +62,12 @@ def entries(legend: Any) -> list[str]:
     return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
 
 
-def test_every_run_is_marked_by_its_outcome() -> None:
+def test_every_run_is_marked_by_its_outcome(drawn: Callable[[PassMap], Any]) -> None:
     shown = pass_map()
-    figure = draw_pass_map(shown, TITLE, NO_PROOF)
-    assert figure.subfigs[0].get_suptitle().replace("\n", " ") == TITLE
-    assert NO_PROOF in figure.texts[0].get_text().replace("\n", " ")
-    first, second = panels(figure)
+    figure = drawn(shown)
+    assert figure.get_suptitle().replace("\n", " ") == TITLE
+    assert NO_PROOF in figure.get_supxlabel().replace("\n", " ")
+    first, second = figure.axes
     marks = {each.get_label(): each for each in first.collections}
     masks = {
         "passed": MARGINS >= 0,
@@ -71,33 +84,29 @@ def test_every_run_is_marked_by_its_outcome() -> None:
     assert (first.get_xlabel(), first.get_ylabel()) == ("mass scale of pole", "start angle [deg]")
 
 
-def test_the_premise_is_drawn_where_it_begins_to_fail() -> None:
-    figure = draw_pass_map(pass_map(grosmc=premise(2.1)), TITLE, NO_PROOF)
-    hatched, line = panels(figure)[0].collections[3:]
+def test_the_premise_is_drawn_where_it_begins_to_fail(drawn: Callable[[PassMap], Any]) -> None:
+    figure = drawn(pass_map(grosmc=premise(2.1)))
+    hatched, line = figure.axes[0].collections[3:]
     # Between the columns of the grid the margin is linear, as the contour is.
     np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
     assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
-    everywhere = draw_pass_map(pass_map(grosmc=premise(9.0)), TITLE, NO_PROOF)
-    assert len(panels(everywhere)[0].collections) == 3
-    assert entries(everywhere.subfigs[0].legends[0])[-1] == "the premises hold all over the map"
+    everywhere = drawn(pass_map(grosmc=premise(9.0)))
+    assert len(everywhere.axes[0].collections) == 3
+    assert entries(everywhere.legends[0])[-1] == "the premises hold all over the map"
     endless = premise(2.5)
     endless[2][:, -3:] = -INF
-    line = panels(draw_pass_map(pass_map(grosmc=endless), TITLE, ""))[0].collections[-1]
+    line = drawn(pass_map(grosmc=endless)).axes[0].collections[-1]
     np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
 
 
 def test_a_radius_is_drawn_beside_the_promise() -> None:
-    (panel,) = panels(draw_radius([searched()], TITLE))
-    lines = {each.get_label().replace("\n", " "): each for each in panel.lines}
-    data = {label: [list(row) for row in line.get_data()] for label, line in lines.items()}
-    assert data["no failure found"] == [[1, 2], [0.5, 0.1]]
-    assert data["failure found"][0] == [3, 4]
-    # A run that did not complete lies below all others.
-    assert data["failure found"][1] == [-0.2, pytest.approx(-0.24)]
-    assert data["no failure found up to 2"][0] == [2, 2]
-    assert data["promised: 1.5: a note"][0] == [1.5, 1.5]
-    assert data["|s| keeps the promised bound up to 2, leaves it at 3"][0] == [2, 2]
-    (panel,) = panels(draw_radius([searched(None, (-1.0, -1.0))], TITLE))
-    words = entries(panel.get_legend())
-    assert "no failure found up to 0" in words
-    assert "premises promise no radius: a note" in words
+    shown = chart(searched())
+    assert shown.name == "GROSMC: no failure up to 2, promised 1.5"
+    (line,) = shown.lines
+    assert [*line.x] == [1, 2, 3, 4]
+    # A run that did not complete has no margin.
+    assert [*line.y] == [0.5, 0.1, -0.2, None]
+    assert [*line.good] == [True, True, False, False]
+    assert (shown.limit, [*shown.marks]) == (0.0, [2, 1.5])
+    never = chart(searched(None, (-1.0, -1.0)))
+    assert (never.name, [*never.marks]) == ("GROSMC: no failure up to 0", [])
