@@ -40,6 +40,7 @@ from grosmc_mj.machine import (
     Wall,
 )
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (
     KEPT,
@@ -54,7 +55,6 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.studies.figures import cell_charts
 from grosmc_mj.studies.studied import (
     UNDER_LOAD,
     Condition,

@@ -28,11 +28,11 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.fields import Positive, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, Signal, System
+from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.results.result import MEASURED, Answer, GridChart, Letter, Sheet, Value, result
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.studies.figures import write_panels
 from grosmc_mj.sweep.agreement import model_mismatch
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
@@ -624,12 +624,11 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
     settings, system = region.experiments[1].settings, region.system
     keys = ("case", "title", "source", "edits", "disturbances")
     documents = [case_document(experiment.case) for experiment in region.experiments]
-    least = {x.controller: x for x in sorted(maps, key=lambda law_map: -law_map.converged)}
-    shares = {
-        law: "every start" if x.converged == 100
-        else f"{number(x.converged)} % of the starts in {x.case.name}"
-        for law, x in ((law, least[law]) for law in dict.fromkeys(x.controller for x in maps))
-    }  # fmt: skip
+    shares = {}
+    for law in dict.fromkeys(law_map.controller for law_map in maps):
+        least = min((x for x in maps if x.controller == law), key=lambda x: x.converged)
+        part = f"{number(least.converged)} % of the starts in {least.case.name}"
+        shares[law] = "every start" if least.converged == 100 else part
     return result(
         "region",
         {

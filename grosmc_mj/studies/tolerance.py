@@ -21,6 +21,7 @@ from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.loop import Loop
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
+from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import (
     MEASURED,
@@ -41,7 +42,6 @@ from grosmc_mj.results.tables import (
     table,
     words,
 )
-from grosmc_mj.studies.figures import cell_charts
 from grosmc_mj.studies.studied import (
     Condition,
     StudiedLaw,

@@ -177,11 +177,6 @@ class PromisedFamily:
         return low, f"over {region}{left}"
 
 
-def speaks_of(quantity: Quantity) -> bool:
-    """Whether premises depend on a number: on the plant's and on how large a disturbance is."""
-    return quantity.of_plant or quantity.quantity == "amplitude"
-
-
 def promise(campaign: Campaign, controller: str) -> Promise:
     """How far the premises of a controller reach, or why nobody knows."""
     band = None

@@ -19,9 +19,9 @@ from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Batch, Processes
 from grosmc_mj.loop import Loop
+from grosmc_mj.results.charts import write_cells
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
-from grosmc_mj.studies.figures import write_cells
 from grosmc_mj.studies.studied import Condition, judgeable_in
 from grosmc_mj.studies.tolerance import (
     BEYOND,

@@ -96,9 +96,9 @@ class LadderCommand(Command):
 
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
+        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import ladder
-        from grosmc_mj.studies.figures import write_cells
 
         if not rows:
             return ()

@@ -79,9 +79,9 @@ class ToleranceCommand(Command):
         self, studied: Setting, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
+        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import tolerance as study
-        from grosmc_mj.studies.figures import write_cells
 
         if not rows:
             return ()
