@@ -39,7 +39,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip(str(error))
     write_film(folder, film.read_bytes())
     path = folder / "report.html"
-    write_page(read_results([folder]), [folder], path, lambda file, most: None)
+    write_page(read_results([folder]), [folder], path)
     return path
 
 

@@ -102,10 +102,7 @@ def _slowest_approach(
         case = varied(system, "reaching", 1.0, *(ends if index < 4 else inner))
         law = lab.controller(case, plant, "grosmc")
         own = law.parameters.eta if rate is None else rate
-        places = (
-            (random.uniform(-1, 1, 2) * region, random.uniform(0, 2))
-            for _ in range(_STATES)
-        )
+        places = ((random.uniform(-1, 1, 2) * region, random.uniform(0, 2)) for _ in range(_STATES))
         worst = max(worst, approach(law, lab.plant(case, plant).derivative, places, wrench))
     assert own is not None
     note = f"{_PLANTS} plants x {_STATES} states"
