@@ -141,7 +141,7 @@ def test_every_command_has_a_summary_takes_verbose_and_its_help_names_its_option
         assert "verbose" in command.__dataclass_fields__
     for arguments, words in (
         ("", f"usage: grosmc-mj {' '.join(COMMANDS)}"),
-        ("validate", "SYSTEM/CASE --verbose --engine --control-period --timestep --out"),
+        ("validate", "SYSTEM/CASE --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
         ("study", "switching region tolerance ladder"),
     ):

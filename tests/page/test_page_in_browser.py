@@ -38,7 +38,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., An
     film, path = folder / "made.mp4", folder / "report.html"
     subprocess.run([find_ffmpeg().path, *VIDEO.split(), film], check=True)
     write_film(folder, film.read_bytes())
-    write_page(read_results([folder]), [folder], path, lambda file, most: None)
+    write_page(read_results([folder]), [folder], path)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
 

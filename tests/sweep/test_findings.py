@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,9 +33,9 @@ from grosmc_mj.sweep.findings import (
     results_document,
     sensitivity_table,
 )
-from grosmc_mj.sweep.map import PassMap, draw_pass_map
+from grosmc_mj.sweep.map import PassMap, write_pass_map
 from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Look, Radius, draw_radius
+from grosmc_mj.sweep.radius import Look, Radius, chart
 from grosmc_mj.sweep.statistics import (
     Sensitivity,
     margin_summary,
@@ -239,12 +240,22 @@ TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 
-def drawn(**premises: Any) -> Any:
-    """The map of eight runs under two laws, and the points of the runs."""
-    x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
-    laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
-    titles = ("mass scale of pole", "start angle [deg]")
-    return draw_pass_map(PassMap(titles, laws, premises), TITLE, NO_PROOF), np.stack([x, y], axis=1)
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """Draws the map of eight runs under two laws; returns it and the points of the runs."""
+    figures: list[Any] = []
+    monkeypatch.setattr(
+        "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)
+    )
+
+    def draw(**premises: Any) -> Any:
+        x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
+        laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
+        titles = ("mass scale of pole", "start angle [deg]")
+        write_pass_map(Path("map.png"), PassMap(titles, laws, premises), TITLE, NO_PROOF)
+        return figures[-1], np.stack([x, y], axis=1)
+
+    return draw
 
 
 def entries(legend: Any) -> list[str]:
@@ -252,9 +263,9 @@ def entries(legend: Any) -> list[str]:
     return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
 
 
-def test_every_run_is_marked_by_its_outcome() -> None:
+def test_every_run_is_marked_by_its_outcome(drawn: Callable[..., Any]) -> None:
     figure, points = drawn()
-    first, second = figure.subfigs[0].axes
+    first, second = figure.axes
     marks = {mark.get_label(): mark for mark in first.collections}
     masks = {
         "passed": MARGINS >= 0,
@@ -277,18 +288,18 @@ def premise(offset: float) -> Any:
     return x, y, np.tile(offset - x, (5, 1))
 
 
-def test_the_premise_is_drawn_where_it_begins_to_fail() -> None:
+def test_the_premise_is_drawn_where_it_begins_to_fail(drawn: Callable[..., Any]) -> None:
     figure, _ = drawn(grosmc=premise(2.1))
-    hatched, line = figure.subfigs[0].axes[0].collections[3:]
+    hatched, line = figure.axes[0].collections[3:]
     # Between the columns of the grid the margin is linear, as the contour is.
     np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
     assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
     everywhere, _ = drawn(grosmc=premise(9.0))
-    assert len(everywhere.subfigs[0].axes[0].collections) == 3
-    assert entries(everywhere.subfigs[0].legends[0])[-1] == "the premises hold all over the map"
+    assert len(everywhere.axes[0].collections) == 3
+    assert entries(everywhere.legends[0])[-1] == "the premises hold all over the map"
     endless = premise(2.5)
     endless[2][:, -3:] = -INF
-    line = drawn(grosmc=endless)[0].subfigs[0].axes[0].collections[-1]
+    line = drawn(grosmc=endless)[0].axes[0].collections[-1]
     np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
 
 
@@ -300,17 +311,13 @@ def test_a_radius_is_drawn_beside_the_promise(promised: float | None, least: Any
         for scale, margin in enumerate(least, start=1)
     ]
     search = Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
-    (panel,) = draw_radius([search], TITLE).subfigs[0].axes
+    shown = chart(search)
+    (line,) = shown.lines
+    # A run that did not complete has no margin.
+    assert [*line.y] == [margin if margin > -INF else None for margin in least]
+    assert [*line.good] == [margin >= 0 for margin in least]
     if promised is None:
-        words = entries(panel.get_legend())
-        assert "no failure found up to 0" in words
-        assert "premises promise no radius: a note" in words
+        assert (shown.name, [*shown.marks]) == ("GROSMC: no failure up to 0", [])
         return
-    lines = {line.get_label().replace("\n", " "): line for line in panel.lines}
-    data = {label: [list(row) for row in line.get_data()] for label, line in lines.items()}
-    assert data["no failure found"] == [[1, 2], [0.5, 0.1]]
-    # A run that did not complete lies below all others.
-    assert data["failure found"] == [[3, 4], [-0.2, pytest.approx(-0.24)]]
-    assert data["no failure found up to 2"][0] == [2, 2]
-    assert data["promised: 1.5: a note"][0] == [1.5, 1.5]
-    assert data["|s| keeps the promised bound up to 2, leaves it at 3"][0] == [2, 2]
+    assert shown.name == "GROSMC: no failure up to 2, promised 1.5"
+    assert ([*line.x], shown.limit, [*shown.marks]) == ([1, 2, 3, 4], 0.0, [2, 1.5])
