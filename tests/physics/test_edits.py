@@ -42,15 +42,6 @@ def saved(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-def forward(model: mujoco.MjModel, *q: float) -> tuple[Array, Array]:
-    """Mass matrix and bias at rest."""
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    data.qpos[:] = q
-    mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, full)
-    return full, data.qfrc_bias
-
-
 # The body stays similar to itself, and the others as they are
 
 
@@ -80,22 +71,6 @@ def test_a_body_is_scaled_with_what_is_drawn_and_attached_and_nothing_else(
         for field in ("body_iquat", "geom_type", "dof_damping", "dof_armature", "tendon_armature",
                       "actuator_gear"):  # fmt: skip
             np.testing.assert_array_equal(getattr(after, field), getattr(before, field))
-
-
-@pytest.mark.parametrize(("a", "b"), [(2.0, 1.25), (4.0, 0.5), (0.25, 4.0)])
-def test_scaled_bodies_are_those_of_the_chapter_s_formulas(a: float, b: float) -> None:
-    """A rod has m l^2/3; the arm M(q) = J + m l^2 + M_c (1 + sin q) and G = m g l cos q."""
-    model, m, length = edited("cart_pendulum", BodyEdit("pole", a, b)), 0.2 * a, b
-    np.testing.assert_allclose(model.body("pole").inertia[:2], m * length**2 / 12, rtol=1e-14)
-    np.testing.assert_allclose(model.site("tip").pos, [0, 0, length], rtol=1e-14)
-    assert forward(model, 0.0, 0.4)[0][1, 1] == pytest.approx(m * length**2 / 3, rel=1e-13)
-    model, m, length = edited("arm", BodyEdit("link", a, b)), 0.02 * a, 0.5 * b
-    for q in np.linspace(-4.5, 1.5, 13):
-        M, gravity = forward(model, q)
-        # The cable's direction loses digits as its length goes to zero at pi/2.
-        inertia = 0.035 + m * length**2 + 0.06 * (1 + math.sin(q))
-        assert M[0, 0] == pytest.approx(inertia, abs=1e-12)
-        assert gravity[0] == pytest.approx(m * 9.8 * length * math.cos(q), abs=1e-12)
 
 
 def test_edits_touch_neither_the_spec_nor_the_nominal_plant(name: str) -> None:
@@ -377,29 +352,23 @@ def test_models_that_run_have_nothing_that_is_only_drawn(plant: MujocoPlant) -> 
 # A ball that falls on a floor, with a part that is only drawn and gives the ball its inertia, and
 # what sensors see.
 FALLING = """
-<mujoco model="falling">
-  <compiler angle="radian"/>
-  <option density="1000"/>
+<mujoco model="falling"><compiler angle="radian"/><option density="1000"/>
   <asset><material name="red" rgba="1 0 0 1"/></asset>
+  <default><default class="air"><geom contype="0" conaffinity="0"/></default></default>
   <worldbody>
     <camera name="seen"/> <camera name="film"/> <light name="sun"/>
     <geom name="floor" type="plane" size="1 1 1" material="red"/>
-    <geom name="picture" type="box" size="1 1 1" contype="0" conaffinity="0" material="red"/>
-    <body name="ball" pos="0 0 0.4">
-      <joint name="slide" type="slide" axis="0 0 1"/>
+    <geom name="picture" class="air" type="box" size="1 1 1" material="red"/>
+    <body name="ball" pos="0 0 0.4"><joint name="slide" type="slide" axis="0 0 1"/>
       <geom name="touching" size="0.1" mass="0.3"/>
-      <geom name="drawn" type="box" size="0.1 0.2 0.3" euler="1 2 3" contype="0" conaffinity="0"/>
-      <geom name="fin" type="ellipsoid" size="0.1 0.2 0.3" contype="0" conaffinity="0"
-            fluidshape="ellipsoid"/>
-      <geom name="felt" size="0.1" contype="0" conaffinity="0"/>
-      <site name="site" material="red"/>
+      <geom name="drawn" class="air" type="box" size="0.1 0.2 0.3" euler="1 2 3"/>
+      <geom name="fin" class="air" type="ellipsoid" size="0.1 0.2 0.3" fluidshape="ellipsoid"/>
+      <geom name="felt" class="air" size="0.1"/> <site name="site" material="red"/>
     </body>
   </worldbody>
   <actuator><motor name="motor" joint="slide"/></actuator>
-  <sensor>
-    <framepos objtype="geom" objname="felt"/>
-    <camprojection site="site" camera="seen"/>
-  </sensor>
+  <sensor><framepos objtype="geom" objname="felt"/>
+    <camprojection site="site" camera="seen"/></sensor>
 </mujoco>
 """
 
@@ -428,25 +397,12 @@ def test_what_acts_stays() -> None:
 
 
 # A slide and what might hold it.
-HELD = """
-<mujoco>
-  {beside}
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1" {floor}/>
-    <body name="part" pos="0 0 0.4">
-      <joint name="slide" type="slide" axis="0 0 1" {joint}/>
-      <geom name="touching" size="0.1" mass="0.3"/>
-      <site name="top"/>
-    </body>
-    <site name="hook" pos="0 0 1"/>
-  </worldbody>
-  {after}
-  <actuator><motor name="motor" joint="slide"/></actuator>
-</mujoco>
-"""
+HELD = """<mujoco>{beside}<worldbody><geom name="floor" type="plane" size="1 1 1" {floor}/>
+<body name="part" pos="0 0 0.4"><joint name="slide" type="slide" axis="0 0 1" {joint}/>
+<geom name="touching" size="0.1" mass="0.3"/><site name="top"/></body>
+<site name="hook" pos="0 0 1"/></worldbody>{after}</mujoco>"""
 TENDON = '<tendon><spatial {}><site site="top"/><site site="hook"/></spatial></tendon>'
 PAIR = '<contact><pair geom1="floor" geom2="touching"/></contact>'
-ALONE = '<option><flag contact="disable"/></option>'
 
 
 @pytest.mark.parametrize(
@@ -465,8 +421,8 @@ ALONE = '<option><flag contact="disable"/></option>'
     ],
 )
 def test_what_can_constrain(constrained: bool, parts: dict[str, str]) -> None:
-    holes = {"beside": ALONE, "floor": "", "joint": "", "after": "", **parts}
-    model = mujoco.MjModel.from_xml_string(HELD.format(**holes))
+    holes = {"beside": '<option><flag contact="disable"/></option>', "floor": "", "joint": ""}
+    model = mujoco.MjModel.from_xml_string(HELD.format(**{**holes, "after": "", **parts}))
     assert can_constrain(model) is constrained
     free = fallen(model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

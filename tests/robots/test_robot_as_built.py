@@ -16,7 +16,7 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
-from grosmc_mj.control.references import Setpoint, Setpoints, setpoints
+from grosmc_mj.control.references import Setpoint, setpoints
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import AddedMass
@@ -248,14 +248,6 @@ def test_coupled_joints_are_the_plants_and_no_laws(coupled: str, share: float) -
     np.testing.assert_array_equal(theirs, built)
     slip, free_slip = (np.abs(run[:, 0] - 2 * run[:, 1]).max() for run in (built, plain))
     assert slip < share * free_slip
-
-
-def test_a_law_holds_a_coupled_plant_where_that_agrees() -> None:
-    one = Robot.from_mjcf(TWO.format(SECOND, COMPLIANT))
-    weights = np.diag([100.0, 0.0, 100.0, 0.0])
-    law = tracking_grosmc(one.task(setpoints(2, 2), Setpoints(0.4, 0.2), weights, 1.0), 10, 5)
-    end = simulate(one.built, law, np.zeros(4), duration=4.0, control_period=2e-3).state[-1]
-    np.testing.assert_allclose(end[:2], [0.4, 0.2], atol=0.02)
 
 
 def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_held() -> None:
