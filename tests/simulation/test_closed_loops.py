@@ -84,27 +84,6 @@ def test_physics_converges_to_the_equations_at_the_order_of_its_integrator(
     np.testing.assert_allclose(np.divide(differences[:-1], differences[1:]), 2, rtol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("system", "law", "case"),
-    [
-        *((*one, "nominal") for one in CONTINUOUS),
-        ("two_link_arm", "lqr", "case1"),
-        ("two_link_arm", "pd", "case2"),
-    ],
-)
-def test_physics_under_rk4_is_the_corrected_equations_to_rounding(
-    system: str, law: str, case: str
-) -> None:
-    """Both are the same RK4, so that only the accelerations can differ, by 1e-13 or so."""
-    physics, twin = (
-        close_loop(system, law, case, duration=2.0, equations=equations)
-        for equations in (False, True)
-    )
-    # Rounding of 1e-16 a step adds up over 2000 steps; the loop is stable.
-    bound = 1e-10 if system == "two_link_arm" else 1e-11
-    np.testing.assert_allclose(physics.state, twin.state, rtol=0, atol=bound)
-
-
 # Optimality
 
 
