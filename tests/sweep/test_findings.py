@@ -300,7 +300,7 @@ def test_a_radius_is_drawn_beside_the_promise(promised: float | None, least: Any
         for scale, margin in enumerate(least, start=1)
     ]
     search = Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
-    (panel,) = draw_radius([search], TITLE).subfigs[0].axes
+    panel: Any = draw_radius([search], TITLE).subfigs[0].axes[0]
     if promised is None:
         words = entries(panel.get_legend())
         assert "no failure found up to 0" in words
