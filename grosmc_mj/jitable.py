@@ -77,11 +77,11 @@ def _check_helpers(function: Any) -> None:
     block = getattr(function, "__code__", None)
     if block is None:
         return
-    found = [function.__globals__.get(name) for name in block.co_names]
+    helpers = [function.__globals__.get(name) for name in block.co_names]
     for cell in function.__closure__ or ():
         with contextlib.suppress(ValueError):  # a cell that is still empty
-            found.append(cell.cell_contents)
-    for helper in found:
+            helpers.append(cell.cell_contents)
+    for helper in helpers:
         options, source = getattr(helper, "targetoptions", None), source_of(helper)
         if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
             options["boundscheck"] = True

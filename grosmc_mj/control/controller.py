@@ -153,8 +153,8 @@ class Controller:
         p = self.parameters
         if not isinstance(p, Sampled) or p.period == control_period:
             return self
-        made = self.design.numbers_at if self.design else None
-        numbers = {} if made is None else made(control_period)
+        numbers_of = self.design.numbers_at if self.design else None
+        numbers = {} if numbers_of is None else numbers_of(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
 
     def begin(self) -> tuple[Memory, Workspace | None]:

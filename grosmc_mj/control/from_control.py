@@ -45,21 +45,21 @@ def from_control(
             f"{name} is a {type(sys).__name__}, must be a StateSpace or TransferFunction of "
             "python-control"
         )
-    error, found = like.designed.error, _sampled(sys, period, name)
+    error, system = like.designed.error, _sampled(sys, period, name)
     outputs, inputs = len(error.output_rows), error.inputs
-    if (shape := found["D"].shape) != (inputs, outputs):
+    if (shape := system["D"].shape) != (inputs, outputs):
         raise ArgumentError(
             f"{name} has {shape[1]} inputs and {shape[0]} outputs, must see "
             f"{outputs} errors and give {inputs} inputs of {error.system.name}"
         )
-    order = len(found["A"])
+    order = len(system["A"])
     # e = C z of the outputs' errors, with their sign.
     C = -float(error.sign) * np.eye(error.size)[list(error.output_rows)]
     dynamics = Dynamics(
-        K=-found["D"] @ C,
-        H=-found["C"],
-        F=found["A"],
-        G=found["B"] @ C,
+        K=-system["D"] @ C,
+        H=-system["C"],
+        F=system["A"],
+        G=system["B"] @ C,
         L=np.zeros((order, inputs)),
         start=np.zeros((order, error.size)),
     )
@@ -71,9 +71,9 @@ def from_control(
     return replace(law, design=replace(law.designed, **source))
 
 
-def is_linear_system(found: Any) -> bool:
+def is_linear_system(value: Any) -> bool:
     """Whether something is a state space or a transfer function of python-control."""
-    kinds = {f"{kind.__module__.split('.')[0]}.{kind.__name__}" for kind in type(found).__mro__}
+    kinds = {f"{kind.__module__.split('.')[0]}.{kind.__name__}" for kind in type(value).__mro__}
     return bool(kinds & {"control.StateSpace", "control.TransferFunction"})
 
 
@@ -88,14 +88,14 @@ def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
         )
     # A transfer function of several inputs needs slycot for this; an improper one has none.
     try:
-        found = control.sample_system(sys, period, method="tustin") if continuous else sys
-        made: Any = control.ss(found)
+        sampled = control.sample_system(sys, period, method="tustin") if continuous else sys
+        system: Any = control.ss(sampled)
     except (ImportError, ValueError, control.ControlMIMONotImplemented) as error:
         raise ArgumentError(
             f"{name}: its state space cannot be made ({' '.join(str(error).split())}): of an "
             "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
-    A, B, C, D = (np.asarray(part, float) for part in (made.A, made.B, made.C, made.D))
+    A, B, C, D = (np.asarray(part, float) for part in (system.A, system.B, system.C, system.D))
     if not len(A):
         A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
     return {key: np.ascontiguousarray(M) for key, M in zip("ABCD", (A, B, C, D), strict=True)}

@@ -58,6 +58,15 @@ def norm_of_product(G: Any, E: Any) -> float:
 
 
 @jitable
+def divide(E: Any, b: Any) -> bool:
+    """``solve`` of one equation, which compiles in a tenth of its time."""
+    if not 0.0 < abs(E[0]) < math.inf:
+        return False
+    b[0] = b[0] / E[0]
+    return True
+
+
+@jitable
 def solve(E: Any, b: Any) -> bool:
     """Replace b (m,) by E^-1 b, by elimination; False if E is singular, whatever its units.
 
@@ -67,11 +76,6 @@ def solve(E: Any, b: Any) -> bool:
     and V. Manousiouthakis, the same journal 32, 1987.
     """
     m = len(b)
-    if m == 1:
-        if not 0.0 < abs(E[0]) < math.inf:
-            return False
-        b[0] = b[0] / E[0]
-        return True
     rows = np.zeros((m, 2 * m + 1))  # E, the identity and b, in units in which E has entries of one
     for i in range(m):
         size = 0.0

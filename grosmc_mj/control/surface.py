@@ -85,10 +85,10 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     Raises:
         GainError: If G does not fit B or G B is singular.
     """
-    given, G = G, np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
+    argument, G = G, np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
     if G.shape != B.T.shape or not np.all(np.isfinite(G)):
         rows, columns = B.T.shape
-        raise GainError(f"G = {shown(given)} must be {rows} x {columns} finite numbers")
+        raise GainError(f"G = {shown(argument)} must be {rows} x {columns} finite numbers")
     least = np.linalg.svd(G @ B, compute_uv=False).min()
     # Against what G and B could give: a 1x1 G B has no condition number worth the name.
     if not least > 1e-12 * np.linalg.norm(G) * np.linalg.norm(B):

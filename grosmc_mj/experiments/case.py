@@ -141,28 +141,28 @@ def case_of(
 
 
 def state_of(
-    given: Mapping[str, Any], system: System, where: str, rest: Sequence[float] | None = None
+    values: Mapping[str, Any], system: System, where: str, rest: Sequence[float] | None = None
 ) -> tuple[float, ...]:
     """A state from values by the states' names; the others are those of ``rest``, or zero.
 
     Raises:
         ArgumentError: If a state is unknown, or a unit does not fit; it begins with ``where``.
     """
-    x = [0.0] * len(system.states) if rest is None else [float(each) for each in rest]
-    for index, value in states_of(given, system, where).items():
+    x = [0.0] * len(system.states) if rest is None else [float(number) for number in rest]
+    for index, value in states_of(values, system, where).items():
         x[index] = value
     return tuple(x)
 
 
-def states_of(given: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
+def states_of(values: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
     """Values of states, by their indices, from values by their names; raises as ``state_of``."""
-    names, found, mistakes = [state.name for state in system.states], {}, Mistakes()
-    for name, value in given.items():
+    names, by_index, mistakes = [state.name for state in system.states], {}, Mistakes()
+    for name, value in values.items():
         with mistakes.gathered(f"{where}: " + (f"{name}: " if name in names else "")):
             require_known("state", name, names)
-            found[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
+            by_index[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
     mistakes.refuse()
-    return found
+    return by_index
 
 
 def edits_of(file: CaseFile, system: System, *, known: bool) -> tuple[Edit, ...]:

@@ -28,10 +28,10 @@ def find_experiments(target: str) -> list[Experiment]:
         ArgumentError: If there is none, or a file is wrong, in one line.
     """
     files = shipped_files()
-    found = [name for name in files if name.split("/")[0] == target]
-    if not found:
+    cases = [name for name in files if name.split("/")[0] == target]
+    if not cases:
         return [_shipped(files[target]) if target in files else Experiment.load(target)]
-    return [_shipped(files[name]) for name in sorted(found, key=case_order)]
+    return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
 
 
 def find_experiment(system: str, case: str) -> Experiment:
@@ -41,7 +41,10 @@ def find_experiment(system: str, case: str) -> Experiment:
         ModelError: If there is no such system.
         ArgumentError: If it has no such case.
     """
-    names = {each.case.name: each for each in find_experiments(find_system(system).name)}
+    names = {
+        experiment.case.name: experiment
+        for experiment in find_experiments(find_system(system).name)
+    }
     require_known(f"case of {system}", case, names)
     return names[case]
 
@@ -56,7 +59,7 @@ def select_experiments(systems: Sequence[str], case: str | None) -> list[Experim
     names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
     if case is not None:
         return [find_experiment(name, case) for name in names]
-    return [each for name in names for each in find_experiments(name)]
+    return [experiment for name in names for experiment in find_experiments(name)]
 
 
 @cache

@@ -152,10 +152,12 @@ def _seen_rates(run: RunResult) -> Iterator[Panel]:
 def _unseen(runs: Sequence[RunResult]) -> Iterator[Panel]:
     """Of signals that no law sees on a machine, the largest of each kind and unit."""
     signals = runs[0].trajectory.unseen
-    rows = {each: [each.of(run.trajectory.physics) for run in runs] for each in signals}
-    sizes = {each: max(float(np.abs(y).max(initial=0.0)) for y in rows[each]) for each in signals}
-    for kind, unit in itertools.product(_TELLING, dict.fromkeys(each.unit for each in signals)):
-        alike = [each for each in signals if (each.kind, each.unit) == (kind, unit)]
+    rows = {hidden: [hidden.of(run.trajectory.physics) for run in runs] for hidden in signals}
+    sizes = {
+        hidden: max(float(np.abs(y).max(initial=0.0)) for y in rows[hidden]) for hidden in signals
+    }
+    for kind, unit in itertools.product(_TELLING, dict.fromkeys(hidden.unit for hidden in signals)):
+        alike = [hidden for hidden in signals if (hidden.kind, hidden.unit) == (kind, unit)]
         if alike:
             largest = max(alike, key=lambda signal: sizes[signal])
             shown, scale = prefixed(unit, sizes[largest])
@@ -286,10 +288,10 @@ def _draw(axes: Axes, curve: Curve, styles: dict[str, LawStyle], *, several: boo
             fontsize=_MARK_SIZE, color=law.colour, rotation=40,
         )  # fmt: skip
     if jumps(values[np.isfinite(values)]):
-        found = envelope(time, values)
-        ends = (found.time, found.least, found.largest)
+        band = envelope(time, values)
+        ends = (band.time, band.least, band.largest)
         axes.fill_between(*ends, color=style["color"], alpha=0.25, lw=0)
-        time, values = found.time, found.mean
+        time, values = band.time, band.mean
     axes.plot(time, values, rasterized=True, **style)
 
 
@@ -306,7 +308,7 @@ def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
         return
     for side in axes.spines.values():
         side.set(visible=True, color=FAILED, linewidth=1.6)
-    laws = dict.fromkeys((each.limit.words, each.controller) for each in failed)
+    laws = dict.fromkeys((judgement.limit.words, judgement.controller) for judgement in failed)
     title = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
     axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
@@ -364,11 +366,11 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
         "duration": case.duration,
         "disturbances": [
             {
-                "start": each.window[0],
-                "stop": min(each.window[1], case.duration),
-                "label": each.label or f"disturbance on {each.body}",
+                "start": disturbance.window[0],
+                "stop": min(disturbance.window[1], case.duration),
+                "label": disturbance.label or f"disturbance on {disturbance.body}",
             }
-            for each in case.disturbances
+            for disturbance in case.disturbances
         ],
         "laws": {
             name: {"label": style.label, "colour": style.colour} for name, style in styles.items()
@@ -400,9 +402,9 @@ def _curve(curve: Curve) -> dict[str, Any]:
     there = np.isfinite(curve.values)
     time, values = curve.time[there], curve.values[there]
     if jumps(values) or (kept := _kept(time, values)).sum() > _MOST:
-        found = envelope(time, values)
-        limits = [_short(found.least), _short(found.largest)]
-        return {**whose, **_points(found.time, found.mean), "range": limits}
+        band = envelope(time, values)
+        limits = [_short(band.least), _short(band.largest)]
+        return {**whose, **_points(band.time, band.mean), "range": limits}
     return {**whose, **_points(time[kept], values[kept]), "range": None}
 
 

@@ -81,10 +81,10 @@ class Experiment:
         """
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
-        made = experiment_of(read_case_file(path), path)
-        for line in implausible(made.case, made.nominal.system):
+        experiment = experiment_of(read_case_file(path), path)
+        for line in implausible(experiment.case, experiment.nominal.system):
             warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
-        return made
+        return experiment
 
     @property
     def key(self) -> tuple[Path, Case]:
@@ -109,8 +109,8 @@ class Experiment:
     @property
     def plant_names(self) -> list[PlantName]:
         """The plants that they are run on."""
-        wanted = self.file.plant.compare or self.nominal.names
-        return [name for name in self.nominal.names if name in wanted]
+        compared = self.file.plant.compare or self.nominal.names
+        return [name for name in self.nominal.names if name in compared]
 
     @cached_property
     def plants(self) -> Mapping[PlantName, Plant]:
@@ -120,17 +120,17 @@ class Experiment:
     @cached_property
     def laws(self) -> Mapping[tuple[PlantName, str], Controller]:
         """The controllers, by the plant that they run on and by their names."""
-        found, mistakes = {}, {}
+        laws, mistakes = {}, {}
         for plant in self.plant_names:
             for name in self._declared:
                 try:
-                    found[plant, name] = self.law(plant, name)
+                    laws[plant, name] = self.law(plant, name)
                 except GrosmcError as error:
                     # What is wrong with the task is wrong for each of them.
                     mistakes.setdefault(str(error.__cause__ or error), str(error))
         if mistakes:
             raise MistakesError(mistakes.values())
-        return found
+        return laws
 
     @property
     def limits(self) -> Sequence[Limit]:
@@ -161,7 +161,7 @@ class Experiment:
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
         """The limits in the tables of a kind."""
         laws = [self.laws[self.plant_names[0], name] for name in self._declared]
-        found, mistakes, end = [], Mistakes(), self.file.run.duration
+        required, mistakes, end = [], Mistakes(), self.file.run.duration
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 for name in table.of or ():
@@ -176,9 +176,9 @@ class Experiment:
                 for limit in own:
                     if limit.of_initial_error:
                         require_initial_error(limit.kind, laws[0], self.case.x0)
-                found += own
+                required += own
         mistakes.refuse()
-        return found
+        return required
 
     def checked(self) -> Experiment:
         """The same, once its plants, laws and requirements are made.
@@ -201,9 +201,9 @@ class Experiment:
         """
         require_known("plant", name, self.nominal.names)
         settings = self.settings
-        made = self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
-        made.require_start(np.array(self.case.x0))
-        return made
+        plant = self.nominal.true(name, self.case.edits, settings.timestep, settings.integrator)
+        plant.require_start(np.array(self.case.x0))
+        return plant
 
     def law(self, plant: PlantName, name: str) -> Controller:
         """A controller of the file, or a law by its name, designed for a plant to run on.
@@ -224,13 +224,15 @@ class Experiment:
                 self._designs[key] = design(
                     table, self.file, self.nominal, plant, self.path.parent, period
                 )
-            made = self._designs[key]
-            made = _sampled(_realized(made, self._realization_of(table, made)), period)
+            controller = self._designs[key]
+            controller = _sampled(
+                _realized(controller, self._realization_of(table, controller)), period
+            )
             if self.case.loop is None:
-                return made
+                return controller
             # The law knows its loop if its table says so.
             return _in_loop(
-                made, self.case.loop, self.nominal.system, control_period=period,
+                controller, self.case.loop, self.nominal.system, control_period=period,
                 timestep=self.settings.timestep, predict=bool(table.predict),
             )  # fmt: skip
         except GrosmcError as error:
@@ -244,10 +246,10 @@ class Experiment:
             GrosmcError: As for ``law``.
         """
         table, period = self.file.law(name), self.settings.control_period
-        made = design(
+        controller = design(
             table, self.file, NominalPlant(nominal), "corrected", self.path.parent, period
         )
-        return _realized(made, self._realization_of(table, made))
+        return _realized(controller, self._realization_of(table, controller))
 
     @property
     def region(self) -> tuple[float, ...] | None:
@@ -262,7 +264,7 @@ class Experiment:
         laws = [self.file.law(name) for name in (*self._declared, *self.file.laws)]
         declared = (law.numbers.get("uncertainty", {}) for law in laws)
         # Those of laws on the linearization have no region.
-        return next((uncertainty(each) for each in declared if "region" in each), None)
+        return next((uncertainty(table) for table in declared if "region" in table), None)
 
     @property
     def slope(self) -> float:
@@ -274,10 +276,10 @@ class Experiment:
         """How a sliding mode law is sampled of which the file says nothing."""
         return self._realization(self.settings.switching, self.settings.surface)
 
-    def _realization_of(self, table: ControllerTable, made: Controller) -> Realization:
+    def _realization_of(self, table: ControllerTable, controller: Controller) -> Realization:
         """How a law is sampled: as its table says, unless a setting that is chosen counts."""
         own = {"switching", "surface"} & table.model_fields_set
-        if made.design is None or not made.design.switching:
+        if controller.design is None or not controller.design.switching:
             if own:
                 raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(own))}")
             return AS_PRINTED
@@ -356,12 +358,12 @@ class Experiment:
                 file and line.
         """
         where = self.nominal.truest if plant is None else plant
-        true, made = self.plant(where), self.law(where, law or self.controllers[-1])
+        true, controller = self.plant(where), self.law(where, law or self.controllers[-1])
         try:
             with blamed(self.path.parent):
                 # Compiled code does not say where a law fails, or that it does.
-                require_answer(made, np.array(self.case.x0), len(self.nominal.system.inputs))
-                return run_on(self, where, made, true)
+                require_answer(controller, np.array(self.case.x0), len(self.nominal.system.inputs))
+                return run_on(self, where, controller, true)
         except GrosmcError as error:
             raise ArgumentError(f"{self.path}: {error}") from error
 
@@ -435,7 +437,7 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
     shared = file.plant.system is not None and not named_in(file)
     task = (file.plant.system, edits_of(file, nominal.system, known=True), file.task)
     designs = _shared_designs(repr(task)) if shared else {}
-    made = Experiment(file, path, nominal, case, settings, _designs=designs)
+    experiment = Experiment(file, path, nominal, case, settings, _designs=designs)
     mistakes = Mistakes()
     if case.loop is not None:
         with mistakes.gathered():
@@ -446,13 +448,13 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
                 f"controller {table.called}: predict: there is no loop that it could know: give "
                 "the file a [computing], a [[sensor]] or an [[actuator]]"
             )
-        if made.controllers.count(table.called) > 1:
+        if experiment.controllers.count(table.called) > 1:
             mistakes.note(f"two controllers are called {table.called!r}: give one another name")
     for name in file.plant.compare or ():
         with mistakes.gathered("plant: compare: "):
             require_known("plant", name, nominal.names)
     mistakes.refuse()
-    return made
+    return experiment
 
 
 @cache

@@ -96,7 +96,7 @@ def film_of(
     errors = [result.controller.designed.error for result in results]
     # A law of the whole state holds more than the controlled coordinates: the first of these is
     # shown in place of s.
-    whole = any(isinstance(error, StateCoordinates) for error in errors)
+    of_states = any(isinstance(error, StateCoordinates) for error in errors)
     others = [i for i in range(len(system.states)) if i not in system.controlled]
     takes, names = [], names or [result.controller.name for result in results]
     styles = law_styles(names)
@@ -119,7 +119,7 @@ def film_of(
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
-        beside=others[0] if whole else None,
+        beside=others[0] if of_states else None,
     )
 
 

@@ -152,10 +152,10 @@ def _packaged(
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and np.ndim(value):
             _refuse(f"{name} = {shown(value)} must be a number")
-    given: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         name: law_number(name, value, of_states=of_states) for name, value in numbers.items()
     }
-    return maker(task, **given)
+    return maker(task, **arguments)
 
 
 def laws_of(nominal: NominalPlant) -> Laws:
@@ -205,10 +205,10 @@ def _users(
     except TypeError as error:
         _refuse(f"{table.law} cannot be called with {list(numbers) or 'no numbers'}: {error}")
     with blamed(folder):
-        made = named(*arguments, **numbers)
-    if not isinstance(made, Controller):
-        _refuse(f"{table.law} returned a {type(made).__name__}, must return a Controller")
-    return made
+        controller = named(*arguments, **numbers)
+    if not isinstance(controller, Controller):
+        _refuse(f"{table.law} returned a {type(controller).__name__}, must return a Controller")
+    return controller
 
 
 def _refuse_memory(table: ControllerTable) -> None:
@@ -217,30 +217,31 @@ def _refuse_memory(table: ControllerTable) -> None:
         _refuse("memory is of a law (t, x, memory, p, u) of your own: all others have theirs")
 
 
-def _refuse(said: str) -> NoReturn:
-    raise ArgumentError(said)
+def _refuse(message: str) -> NoReturn:
+    raise ArgumentError(message)
 
 
-def _is_law(found: Any, text: str) -> bool:
+def _is_law(function: Any, text: str) -> bool:
     """Whether a function is a law, (t, x, memory, p, u), and not one that makes a controller."""
-    if not callable(found):
+    if not callable(function):
         _refuse(
-            f"{text} is a {type(found).__name__}, must be a law (t, x, memory, p, u), a function "
-            "(nominal plant, numbers ...) -> Controller, a Controller, or a StateSpace or "
-            "TransferFunction of python-control"
+            f"{text} is a {type(function).__name__}, must be a law (t, x, memory, p, u), a "
+            "function (nominal plant, numbers ...) -> Controller, a Controller, or a StateSpace "
+            "or TransferFunction of python-control"
         )
-    names = [each.name for each in _needed(found)]
+    names = [parameter.name for parameter in _needed(function)]
     if len(names) in (4, 5) and names[:2] != ["t", "x"]:
         _refuse(f"{text} has the arguments {', '.join(names)}: a law has t, x, memory, p and u")
-    return names[:2] == ["t", "x"] and not inspect.isclass(found)
+    return names[:2] == ["t", "x"] and not inspect.isclass(function)
 
 
-def _needed(found: Any) -> list[inspect.Parameter]:
+def _needed(function: Any) -> list[inspect.Parameter]:
     """What a function must be given."""
     return [
-        each
-        for each in inspect.signature(found).parameters.values()
-        if each.default is each.empty and each.kind is each.POSITIONAL_OR_KEYWORD
+        parameter
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.default is parameter.empty
+        and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
     ]
 
 
@@ -257,8 +258,8 @@ def _state_task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, _plant: PlantName, _: Path
 ) -> Task:
     """What a law on the linearization about the operating point is designed for."""
-    wanted, system = file.task, nominal.system
-    led = wanted.reference is not None or not wanted.outputs.own or wanted.sign != 1
+    task, system = file.task, nominal.system
+    led = task.reference is not None or not task.outputs.own or task.sign != 1
     if led:
         raise ArgumentError(
             f"task: reference, outputs and sign: under {table.law} all states are held at the "
@@ -274,28 +275,28 @@ def _task(
     table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
 ) -> Task:
     """What a law is designed for."""
-    wanted = file.task
+    task = file.task
     if (robot := nominal.robot) is not None:
-        if not wanted.outputs.own or wanted.sign != 1:
+        if not task.outputs.own or task.sign != 1:
             raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
         n = robot.joints
-        held = None if nominal.at is None else [repr(each) for each in nominal.at.x[:n].tolist()]
-        moving, parameters = _reference(wanted.reference or held, (2,) * n, robot, folder)
+        held = None if nominal.at is None else [repr(angle) for angle in nominal.at.x[:n].tolist()]
+        moving, parameters = _reference(task.reference or held, (2,) * n, robot, folder)
         Q, R = _weight("Q", table, file, 2 * n), _weight("R", table, file, n)
         return robot.task(moving, parameters, Q, R)
     equations = nominal.equations(plant)
-    system, named = equations.system, wanted.outputs
+    system, named = equations.system, task.outputs
     outputs = _outputs(named, nominal, folder)
     try:
         degrees = feedback_linearization(system.equations, outputs).relative_degree
     except PremiseError as error:
         raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
     held = None if nominal.at is None else _outputs_at(nominal.at, equations, outputs)
-    moving, parameters = _reference(wanted.reference or held, degrees, equations, folder)
+    moving, parameters = _reference(task.reference or held, degrees, equations, folder)
     guess = None
     if outputs or nominal.rest is not None:
         guess = state_of(named.guess, system, "task: outputs: guess", nominal.rest)
-    error = _coordinates(system, moving, wanted.sign, outputs, guess, named.unit if outputs else "")
+    error = _coordinates(system, moving, task.sign, outputs, guess, named.unit if outputs else "")
     Q, R = _weight("Q", table, file, error.size), _weight("R", table, file, error.inputs)
     return Task(equations, error, parameters, Q, R)
 
@@ -343,12 +344,12 @@ def _outputs(
     known = OUTPUTS.get(nominal.system.name, {})
     if not is_named(of) and of not in known:
         raise ArgumentError(f"task: outputs: {unknown_name('outputs', of, ['plant', *known])}")
-    found = load_named(of, folder) if is_named(of) else known[of]
+    outputs = load_named(of, folder) if is_named(of) else known[of]
     with blamed(folder):
-        found = found() if callable(found) else found
-    if not isinstance(found, tuple) or not all(isinstance(each, sp.Expr) for each in found):
+        outputs = outputs() if callable(outputs) else outputs
+    if not isinstance(outputs, tuple) or not all(isinstance(output, sp.Expr) for output in outputs):
         _refuse(f"task: outputs: {of} must be, or return, a tuple of expressions in the states")
-    return found
+    return outputs
 
 
 def _reference(
@@ -357,17 +358,17 @@ def _reference(
     """A reference from formulas in t, or from Python; zero by default."""
     formulas = formulas or ["0"] * len(degrees)
     if len(formulas) == 1 and is_named(formulas[0]):
-        found = load_named(formulas[0], folder)
-        if inspect.isfunction(found):
+        pair = load_named(formulas[0], folder)
+        if inspect.isfunction(pair):
             with blamed(folder):
-                found = found(nominal)
-        if not (isinstance(found, tuple) and len(found) >= 2 and callable(found[0])):
+                pair = pair(nominal)
+        if not (isinstance(pair, tuple) and len(pair) >= 2 and callable(pair[0])):
             _refuse(
                 f"task: reference: {formulas[0]} must be a pair (reference, its parameters), or a "
                 "function of the nominal plant that returns it"
             )
-        moving: Any = found[0]
-        return moving, found[1]
+        moving: Any = pair[0]
+        return moving, pair[1]
     if len(formulas) != len(degrees):
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
@@ -381,4 +382,4 @@ def _reference(
 @lru_cache(maxsize=64)
 def _written(formulas: tuple[str, ...], degrees: tuple[int, ...]) -> ReferenceFunction:
     """The reference of these formulas in t."""
-    return reference([formula(each, TIME) for each in formulas], degrees)
+    return reference([formula(text, TIME) for text in formulas], degrees)

@@ -533,8 +533,8 @@ def cost_ratios(
     ended = costs.copy().view(np.recarray)
     note_costs(duration, np.array([quadratic(z, design.Q) for z in last]), 0.0, ended)
     least = np.array([design.optimal_cost(z) for z in first])
-    whole = 0.5 * (ended.of_state + ended.of_input)
-    return np.divide(whole, least, out=np.full(len(least), np.inf), where=least != 0)
+    cost = 0.5 * (ended.of_state + ended.of_input)
+    return np.divide(cost, least, out=np.full(len(least), np.inf), where=least != 0)
 
 
 # -- of recorded runs ------------------------------------------------------------------------------
@@ -611,9 +611,9 @@ def measure(
         onset: When the first disturbance begins [s].
     """
     time = comparison.time
-    wanted = [name for name in DEFINITIONS if name != "sliding_start"]
+    names = [name for name in DEFINITIONS if name != "sliding_start"]
     if len(time) < 2:
-        return {name: Metric(None, "", "ended at the start") for name in wanted}
+        return {name: Metric(None, "", "ended at the start") for name in names}
     units, u = controller.designed.error.units, run.system.input.unit
     shown = {
         "output": units[comparison.outputs[0]], "input": u, "input/s": f"{u}/s",
@@ -635,8 +635,8 @@ def measure(
         absent["overshoot"] = Metric(None, "%", "no initial error")
     absent["settling_time"] = settling(values["settling_time"])
     if not has_cart(run.system):
-        wanted.remove("cart_travel")
-    kinds = {name: DEFINITIONS[name].unit for name in wanted}
+        names.remove("cart_travel")
+    kinds = {name: DEFINITIONS[name].unit for name in names}
     return {
         name: absent.get(name) or Metric(values[name], shown.get(kind, kind))
         for name, kind in kinds.items()
@@ -681,7 +681,9 @@ def _recorded(time: Array, onset: float = math.inf, windows: Windows = NO_WINDOW
 
 def note_all(time: Array, rows: Array, known: MeterNumbers) -> Any:
     """Meters, (1,), of error, deviation, |u|, |s| and position in rows, (N, 5)."""
-    kept = [np.frombuffer(pack(each), record_dtype(each)) for each in (Meters.of(known), known)]
+    kept = [
+        np.frombuffer(pack(record), record_dtype(record)) for record in (Meters.of(known), known)
+    ]
     _noting_rows()(time, rows, *kept)
     return kept[0]
 
@@ -765,10 +767,10 @@ def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric,
         second over J* [1/s].
     """
     names = ("cost_continuous", "cost_whole", "cost_optimal")
-    continuous, whole, least = (metrics[name].value for name in names)
-    if not (continuous is not None and whole is not None and least and duration > 0):
+    continuous, total, least = (metrics[name].value for name in names)
+    if not (continuous is not None and total is not None and least and duration > 0):
         return Metric(None, "1", "no J*"), Metric(None, "1/s", "no J*")
-    rate = (whole - continuous) / (least * duration)
+    rate = (total - continuous) / (least * duration)
     return Metric(continuous / least, "1"), Metric(rate, "1/s")
 
 
@@ -780,8 +782,8 @@ def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> d
     continuous = -(z @ design.K.T)
     of_continuous = np.trapezoid(np.einsum("ti,ij,tj->t", continuous, design.R, continuous), time)
     # The whole input is held between samples: its integral is a sum.
-    whole = run.weighed.reshape(len(run.weighed), -1)
-    of_whole = float(np.einsum("ti,ij,tj->t", whole, design.R, whole) @ np.diff(time))
+    v = run.weighed.reshape(len(run.weighed), -1)
+    of_whole = float(np.einsum("ti,ij,tj->t", v, design.R, v) @ np.diff(time))
     return {
         "cost_continuous": float(0.5 * (of_state + of_continuous)),
         "cost_whole": float(0.5 * (of_state + of_whole)),

@@ -103,8 +103,8 @@ class NominalPlant:
         """
         if not isinstance(self.plant, MujocoPlant):
             return self.plant.changed(scales=self.scales).pushed(self.pushed)
-        whole = self.plant if self.robot is None else self.robot.built
-        physics = _edited(whole, edits, timestep, integrator)
+        machine = self.plant if self.robot is None else self.robot.built
+        physics = _edited(machine, edits, timestep, integrator)
         return physics if name == "physics" else physics.analytic(name)
 
 
@@ -232,32 +232,32 @@ def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:
     Raises:
         ArgumentError: If it is another kind of plant, or has other states or inputs.
     """
-    found, system = _made(text, folder), nominal.system
-    if not isinstance(found, AnalyticPlant):
+    plant, system = _made(text, folder), nominal.system
+    if not isinstance(plant, AnalyticPlant):
         raise ArgumentError(f"design: {text} is no plant as equations: make it with affine_plant")
-    for what in ("states", "inputs"):
+    for kind in ("states", "inputs"):
         theirs, ours = (
-            [(each.name, each.unit) for each in getattr(one, what)]
-            for one in (found.system, system)
+            [(signal.name, signal.unit) for signal in getattr(one, kind)]
+            for one in (plant.system, system)
         )
         if theirs != ours:
-            raise ArgumentError(f"design: {text} has the {what} {theirs}, the plant has {ours}")
-    return found
+            raise ArgumentError(f"design: {text} has the {kind} {theirs}, the plant has {ours}")
+    return plant
 
 
 def _made(text: str, folder: Path) -> Any:
     """The plant, or the robot, that ``module:name`` names."""
-    found: Any = load_named(text, folder)
-    if callable(found):
+    plant: Any = load_named(text, folder)
+    if callable(plant):
         try:
-            inspect.signature(found).bind()
+            inspect.signature(plant).bind()
         except TypeError as error:
             raise ArgumentError(f"{text} must be called without arguments: {error}") from None
         with blamed(folder):
-            found = found()
-    if not isinstance(found, (AnalyticPlant, MujocoPlant, Robot)):
+            plant = plant()
+    if not isinstance(plant, (AnalyticPlant, MujocoPlant, Robot)):
         raise ArgumentError(
-            f"{text} is a {type(found).__name__}, must be a plant: what affine_plant, MujocoPlant "
+            f"{text} is a {type(plant).__name__}, must be a plant: what affine_plant, MujocoPlant "
             "or Robot makes, or a function without arguments that returns it"
         )
-    return found
+    return plant

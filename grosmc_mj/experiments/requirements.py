@@ -165,7 +165,7 @@ def limits(
     values = {kind: value for kind, value in values.items() if value not in (None, False)}
     if not values:
         raise ArgumentError(f"nothing is required: give one of {', '.join(_KINDS)}")
-    found, mistakes = [], Mistakes()
+    required, mistakes = [], Mistakes()
     for kind, value in values.items():
         judged = surfaces if kind in _OF_SURFACE else [law.name for law in controllers]
         of = named or tuple(judged)
@@ -180,9 +180,9 @@ def limits(
             if kind == "settles_within" and table.band is not None:
                 band = _number("band", table.band, units["output"])
                 written += f" to {table.band}"
-            found.append(Limit(kind, written, number, unit, after, of, on, band=band))
+            required.append(Limit(kind, written, number, unit, after, of, on, band=band))
     mistakes.refuse()
-    return found
+    return required
 
 
 def _refuse_undefined(kind: str, error: Any, of: Sequence[str]) -> None:
@@ -270,10 +270,10 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     """The value that a limit is of, or why there is nothing to measure."""
     run, comparison, metrics = result.trajectory, result.comparison, result.metrics
     if limit.kind == "cost_ratio_below":
-        whole, least = metrics["cost_whole"].value, metrics["cost_optimal"].value
-        if whole is None or not least:
+        total, least = metrics["cost_whole"].value, metrics["cost_optimal"].value
+        if total is None or not least:
             return None, "J* is zero: the run starts where it shall end"
-        return whole / least, ""
+        return total / least, ""
     if limit.kind == "no_reaching_phase" and run.sliding is None:
         return None, "the law has no surface"
     if limit.after and comparison.time[-1] < limit.after * (1 - 1e-12):
@@ -282,8 +282,8 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     known = metrics.get("settling_time" if usual else limit.metric)
     if known is not None and limit.kind != "overshoot_below":
         return known.value, known.note
-    found = folded(*noted(run, comparison, result.case.onset, windows([limit])))
-    measured = float(found[limit.metric][0])
+    values = folded(*noted(run, comparison, result.case.onset, windows([limit])))
+    measured = float(values[limit.metric][0])
     if math.isfinite(measured):
         return measured, ""
     never = limit.kind == "settles_within"
@@ -308,18 +308,18 @@ def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list
         limits: All that there are.
         before: How long a run is a ``transient`` [s].
     """
-    told, found, notes = (1 - DWELL) * before, [], []
+    latest, judged, notes = (1 - DWELL) * before, [], []
     for limit in limits:
-        if limit.kind == "settles_within" and limit.value > told * (1 + 1e-12):
+        if limit.kind == "settles_within" and limit.value > latest * (1 + 1e-12):
             notes.append(
                 f"not judged: {limit.words}: there are {before:g} s before a run ends or a "
-                f"disturbance begins; they tell up to {told:g} s, since an error counts as settled "
-                f"after a tenth of them in the band: require that at most, or make them "
+                f"disturbance begins; they tell up to {latest:g} s, since an error counts as "
+                f"settled after a tenth of them in the band: require that at most, or make them "
                 f"{math.ceil(100 * limit.value / (1 - DWELL)) / 100:g} s at least"
             )
         else:
-            found.append(limit)
-    return found, notes
+            judged.append(limit)
+    return judged, notes
 
 
 def required(limits: Sequence[Limit], laws: Container[str]) -> tuple[Limit, ...]:
@@ -329,15 +329,15 @@ def required(limits: Sequence[Limit], laws: Container[str]) -> tuple[Limit, ...]
         limits: All that there are.
         laws: Names of those that are run.
     """
-    found: list[Limit] = []
+    chosen: list[Limit] = []
     for limit in limits:
         of = tuple(name for name in limit.of if name in laws)
         if not of:
             continue
-        same = sum(each.kind == limit.kind for each in found)
+        same = sum(other.kind == limit.kind for other in chosen)
         key = f"{limit.kind} {same + 1}" if same else limit.kind
-        found.append(limit._replace(of=of, key=key))
-    return tuple(found)
+        chosen.append(limit._replace(of=of, key=key))
+    return tuple(chosen)
 
 
 def costs_wanted(limits: Iterable[Limit]) -> bool:
@@ -347,10 +347,10 @@ def costs_wanted(limits: Iterable[Limit]) -> bool:
 
 def windows(limits: Sequence[Limit]) -> Windows:
     """What must be measured for some limits besides the usual metrics."""
-    errors = (each for each in limits if each.after or each.kind in _AFTER)
+    errors = (limit for limit in limits if limit.after or limit.kind in _AFTER)
     return Windows(
-        tuple(sorted({each.after for each in errors})),
-        tuple(sorted({each.band for each in limits if each.band is not None})),
+        tuple(sorted({limit.after for limit in errors})),
+        tuple(sorted({limit.band for limit in limits if limit.band is not None})),
     )
 
 
@@ -365,15 +365,16 @@ def margins_of(
         completed: Which runs did, (n,).
     """
     return {
-        each.key: np.where(completed, each.value - metrics[each.metric], -np.inf) for each in limits
+        limit.key: np.where(completed, limit.value - metrics[limit.metric], -np.inf)
+        for limit in limits
     }
 
 
-def judge_all(found: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:
+def judge_all(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:
     """Every requirement of every run that it is about."""
     return [
         judge(limit, result)
-        for limit in found
+        for limit in limits
         for result in results
         if result.controller.name in limit.of and result.plant in limit.on
     ]

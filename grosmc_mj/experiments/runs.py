@@ -134,7 +134,7 @@ class RunResult:
 
     def __repr__(self) -> str:
         """What was run and what came out, in five lines."""
-        kept = [each.kept for each in self.requirements]
+        kept = [item.kept for item in self.requirements]
         words = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
         until, status = self.trajectory.time[-1], self.status.name.lower()
         named = ("deviation", "settling_time", "max_input")

@@ -46,8 +46,8 @@ def results_table(results: Sequence[RunResult]) -> Table:
     rows, styles = [], []
     for result in results:
         law, ended = result.controller.name, result.status is not Status.COMPLETED
-        found = {**result.metrics, "": result.cost_shares[1]}
-        cells = [metric_cell(found.get(name)) for _, name in columns]
+        metrics = {**result.metrics, "": result.cost_shares[1]}
+        cells = [metric_cell(metrics.get(name)) for _, name in columns]
         rows.append((result.case.name, result.plant, law + (" (!)" if ended else ""), *cells))
         styles.append("red" if ended else "bold" if law == "grosmc" else "")
     return table(
@@ -78,12 +78,12 @@ LEGEND = (
 def requirements_table(judgements: Sequence[Judgement]) -> Table:
     """What was required, and whether it was kept."""
     rows = []
-    for each in judgements:
-        unit = each.limit.unit if each.limit.unit != "1" else ""
-        measured = "-" if each.measured is None else f"{number(each.measured)} {unit}".strip()
-        said = "kept" if each.kept else "FAILED" + (f": {each.note}" if each.note else "")
-        margin = number(each.margin)
-        rows.append((each.controller, each.plant, each.limit.words, measured, margin, said))
+    for item in judgements:
+        unit = item.limit.unit if item.limit.unit != "1" else ""
+        measured = "-" if item.measured is None else f"{number(item.measured)} {unit}".strip()
+        verdict = "kept" if item.kept else "FAILED" + (f": {item.note}" if item.note else "")
+        margin = number(item.margin)
+        rows.append((item.controller, item.plant, item.limit.words, measured, margin, verdict))
     return table(
         "Requirements",
         [
@@ -91,7 +91,7 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
             *numbers("measured", "margin"), *text(),
         ],
         rows,
-        styles=["" if each.kept else "red" for each in judgements],
+        styles=["" if item.kept else "red" for item in judgements],
     )  # fmt: skip
 
 

@@ -118,7 +118,7 @@ class AnalyticPlant(Plant):
         Raises:
             ModelError: If a name is unknown or a number does not fit.
         """
-        names = [each.name for each in fields(self.parameters)]
+        names = [field.name for field in fields(self.parameters)]
         for name, value in changes.items():
             require_known(f"parameter of {self.system.name}", name, names, error=ModelError)
             if not math.isfinite(real(value)):

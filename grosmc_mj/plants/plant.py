@@ -107,9 +107,9 @@ class Plant(ABC):
         state, inputs = self.operating_point(x, u)
         rates = self.derivative(state, inputs)
         if np.abs(rates).max() > AT_REST:
-            given = np.concatenate([state, inputs]).tolist()
+            point = np.concatenate([state, inputs]).tolist()
             raise ArgumentError(
-                f"{self.system.name}: [x, u] = {given} is no equilibrium: x' = {rates.tolist()}, "
+                f"{self.system.name}: [x, u] = {point} is no equilibrium: x' = {rates.tolist()}, "
                 f"must be zero within {AT_REST:g}"
             )
         return self.jacobian(state, inputs)

@@ -17,14 +17,14 @@ def in_text(formula: str) -> str:
     plain = _FUNCTION.sub(r" \1 ", _FRACTION.sub(_fraction, formula))
     plain = re.sub(r"\\ne(?![a-z])", r"\\neq", plain)
     plain = re.sub(r"\\(neq|approx|le|ge|Rightarrow|sum|int|rho|theta)(?![a-z])", r"\\\1{} ", plain)
-    said = LatexNodes2Text(math_mode="text").latex_to_text(plain)
-    said = re.sub(r"\s+([,.)\]])", r"\1", " ".join(said.split()))
-    return re.sub(r"([(\[])\s+|\s+(?=[_^])", r"\1", said)
+    text = LatexNodes2Text(math_mode="text").latex_to_text(plain)
+    text = re.sub(r"\s+([,.)\]])", r"\1", " ".join(text.split()))
+    return re.sub(r"([(\[])\s+|\s+(?=[_^])", r"\1", text)
 
 
-def _fraction(found: re.Match[str]) -> str:
+def _fraction(match: re.Match[str]) -> str:
     """A fraction in a line, its parts in brackets if they are more than one sign."""
-    above, below = found[1] or found[2], found[3] or found[4]
+    above, below = match[1] or match[2], match[3] or match[4]
     return f"{_bracketed(above)}/{_bracketed(below)} "
 
 

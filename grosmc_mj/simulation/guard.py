@@ -49,9 +49,9 @@ class Guard:
             self._library.mjb_deleteBatch(batch)
 
 
-def cannot_step(said: str) -> ModelError:
+def cannot_step(reason: str) -> ModelError:
     """Error for a message of MuJoCo's."""
-    return ModelError(f"MuJoCo cannot step the model: {' '.join(said.split())}")
+    return ModelError(f"MuJoCo cannot step the model: {' '.join(reason.split())}")
 
 
 _idle: list[Guard] = []
@@ -81,6 +81,6 @@ def _library() -> Any:
 @cache
 def c_address(name: str) -> int:
     """Of a C function of MuJoCo's."""
-    found = ctypes.cast(getattr(_library(), name), ctypes.c_void_p).value
-    assert found is not None
-    return found
+    address = ctypes.cast(getattr(_library(), name), ctypes.c_void_p).value
+    assert address is not None
+    return address

@@ -143,9 +143,9 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                     t, sample, due = sample * r.period, sample + 1, due + r.stride
                     for j in range(n):
                         r.seen[j] = x[j]
-                said = r.law(t, x, r.seen, r.memory, r.p, r.command)
-                if said != ANSWERED:
-                    clock[0], clock[2] = i, said
+                answer = r.law(t, x, r.seen, r.memory, r.p, r.command)
+                if answer != ANSWERED:
+                    clock[0], clock[2] = i, answer
                     return
                 if looped:
                     send(r.command, loop)

@@ -108,14 +108,14 @@ def prepare(
             f"timestep {h:g} s is not the model's {own:g} s: load the plant with it"
         )
     stride, period = stride_of(control_period, h)
-    for each in dict.fromkeys(controllers):
-        _require_designed_for(system, each, h, period)
+    for item in dict.fromkeys(controllers):
+        _require_designed_for(system, item, h, period)
     if duration / h > _MOST_STEPS:
         raise ArgumentError(
             f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
             f"{_MOST_STEPS:.0e} are made"
         )
-    sampled = {each: each.sampled(period) for each in dict.fromkeys(controllers)}
+    sampled = {item: item.sampled(period) for item in dict.fromkeys(controllers)}
     problem = Problem(
         plants=plants * (nsim // len(plants)),
         controllers=tuple(map(sampled.__getitem__, controllers)) * (nsim // len(controllers)),
@@ -130,8 +130,8 @@ def prepare(
         record=record,
         threads=threads,
     )
-    for each, start in zip(problem.plants, problem.x0, strict=True):
-        each.require_start(start)
+    for item, start in zip(problem.plants, problem.x0, strict=True):
+        item.require_start(start)
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
     single = not counts and given.ndim == 1 and plants[0] is plant and controllers[0] is controller
     return problem, single
@@ -173,10 +173,10 @@ def _require_designed_for(system: System, law: Controller, h: float, period: flo
         raise ArgumentError(
             f"{law.name} is designed for {designed.name}, the plant is {system.name}"
         )
-    for what, needed, used in (
+    for quantity, needed, used in (
         ("is in a loop for a timestep", law.loop and law.loop.timestep, h),
         ("is in a loop for a control period", law.loop and law.loop.period, period),
         ("is designed for a control period", own, period),
     ):
         if needed is not None and not math.isclose(needed, used, rel_tol=1e-9):
-            raise ArgumentError(f"{law.name} {what} of {needed:g} s, not {used:g} s")
+            raise ArgumentError(f"{law.name} {quantity} of {needed:g} s, not {used:g} s")

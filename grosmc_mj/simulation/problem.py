@@ -149,7 +149,7 @@ class Record:
             size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
         """
         nsim, kept = len(problem.x0), problem.steps if problem.record else 1
-        starts = [pack(each.start) if each else np.zeros(0) for each in problem.meters]
+        starts = [pack(meters.start) if meters else np.zeros(0) for meters in problem.meters]
         return cls(
             rows=np.zeros((nsim, kept + 1, problem.width + size)),
             status=np.zeros(nsim, np.int64),

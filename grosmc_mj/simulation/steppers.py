@@ -128,8 +128,8 @@ class PhysicsStepper:
         self.q, self.v, self.u = data.qpos[:n], data.qvel[:n], data.ctrl
         counts = data.warning.number
         # Between two counts is what MuJoCo notes of the last warning.
-        whole = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
-        self.warnings = np.ctypeslib.as_array(whole)
+        numbers = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
+        self.warnings = np.ctypeslib.as_array(numbers)
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
         self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
 

@@ -95,7 +95,7 @@ class Trajectory:
     def __repr__(self) -> str:
         """What it is, without its rows."""
         runs = "" if self.state.ndim == 2 else f"{len(self.state)} runs, "
-        until, ended = self.time[-1], {each.name.lower() for each in np.ravel(self.status)}
+        until, ended = self.time[-1], {status.name.lower() for status in np.ravel(self.status)}
         return (
             f"Trajectory({self.system.name}: {runs}{len(self.time)} instants, 0 to {until:g} s, "
             f"{', '.join(sorted(ended))})"

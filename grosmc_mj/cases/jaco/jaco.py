@@ -142,12 +142,12 @@ def _inverse_kinematics(robot: Robot, points: Array) -> Array:
     mujoco.mju_mat2Quat(upright, physics.named.data.site_xmat[TIP])
     rows = []
     for point in points:
-        found = qpos_from_site_pose(physics, TIP, target_pos=point, target_quat=upright)
-        if not found.success:
+        result = qpos_from_site_pose(physics, TIP, target_pos=point, target_quat=upright)
+        if not result.success:
             raise ArgumentError(
                 f"the arm cannot bring its tip to {np.round(point, 3).tolist()} m as at home: "
-                f"{found.err_norm:.2g} m off"
+                f"{result.err_norm:.2g} m off"
             )
-        physics.data.qpos[:] = found.qpos
-        rows.append(found.qpos)
+        physics.data.qpos[:] = result.qpos
+        rows.append(result.qpos)
     return np.array(rows)

@@ -21,7 +21,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
-from grosmc_mj.control.matrices import solve
+from grosmc_mj.control.matrices import divide, solve
 from grosmc_mj.errors import ArgumentError, GainError, PremiseError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
@@ -83,6 +83,7 @@ class ErrorCoordinates(OutputCoordinates):
         chains, linearizable = self.linearization, self.system.linearizable
         nonlinearity, matrix = chains.nonlinearity, chains.decoupling_matrix
         sign, highest, reference = float(self.sign), self._highest, self.reference
+        solution = divide if self.inputs == 1 else solve
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
             m = len(u)
@@ -90,7 +91,7 @@ class ErrorCoordinates(OutputCoordinates):
                 K, y_r = nonlinearity(x, p.plant), reference(t, p.reference)
                 for i in range(m):
                     u[i] = sign * v[i] - (K[i] - y_r[highest[i]])
-                if solve(matrix(x, p.plant), u):
+                if solution(matrix(x, p.plant), u):
                     return
             memory.undefined = 1.0
             for i in range(m):

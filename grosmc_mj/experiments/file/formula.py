@@ -78,9 +78,9 @@ class _Part(NamedTuple):
         return float(self.exact)
 
 
-def _converted(found: re.Match[str]) -> str:
+def _converted(match: re.Match[str]) -> str:
     """A number with a unit as the number in rad, m, s or rad/s."""
-    return repr(number_in(f"{found[1]} {found[2]}", _UNITS[found[2]]))
+    return repr(number_in(f"{match[1]} {match[2]}", _UNITS[match[2]]))
 
 
 def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:

@@ -40,7 +40,7 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
         except ValueError as error:
             raise ArgumentError(f"{name}: {error}") from None
     entries = np.ravel(np.asarray(value, object)).tolist()
-    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+    if any(isinstance(entry, bool) or not isinstance(entry, (int, float)) for entry in entries):
         raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
     if not all(map(math.isfinite, entries)):
         raise ArgumentError(f"{name} = {shown(value)} must be finite")
@@ -57,7 +57,7 @@ def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
     Raises:
         ArgumentError: If a key is missing, unknown or has a wrong value.
     """
-    keys = [each.name for each in fields(kind)]
+    keys = [item.name for item in fields(kind)]
     if not isinstance(value, dict):
         raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
     for key in value:
@@ -75,10 +75,10 @@ def weight(name: str, value: Any, size: int) -> Array:
         ArgumentError: If it does not fit.
     """
     entries = reals(value)
-    found = np.diag(entries) if entries.ndim == 1 else entries
-    found = found * np.eye(size) if found.ndim == 0 else found
-    if found.shape != (size, size) or not np.all(np.isfinite(found)):
+    matrix = np.diag(entries) if entries.ndim == 1 else entries
+    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
+    if matrix.shape != (size, size) or not np.all(np.isfinite(matrix)):
         raise ArgumentError(
             f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
         )
-    return found
+    return matrix

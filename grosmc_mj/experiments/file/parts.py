@@ -50,10 +50,10 @@ MACHINE_UNITS: dict[str, dict[str, str]] = {
 _PARTS, _UNITS = {**LOOP_PARTS, **MACHINE_PARTS}, {**LOOP_UNITS, **MACHINE_UNITS}
 
 
-def _table(kind: str, made: Any) -> type[Table]:
+def _table(kind: str, part: Any) -> type[Table]:
     """The table of a kind of part."""
-    hints, keys = get_type_hints(made), {}
-    for item in fields(made):
+    hints, keys = get_type_hints(part), {}
+    for item in fields(part):
         name, default = item.name, ... if item.default is MISSING else item.default
         if name in _UNITS[kind]:
             keys[name] = (Any, default if default is ... else None)
@@ -62,16 +62,16 @@ def _table(kind: str, made: Any) -> type[Table]:
             keys[name] = (Annotated[numbers, Three], list(default))
         else:
             # The part itself says which laws and how many states there may be.
-            written = {"law": str, "of": str | list[str] if made is Estimator else str}
+            written = {"law": str, "of": str | list[str] if part is Estimator else str}
             keys[name] = (written.get(name, hints[name]), default)
     keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
-    if made is Sensor:
+    if part is Sensor:
         # Of an encoder: steps of its resolution in a turn.
         keys["counts"] = (Annotated[int | None, Field(gt=0)], None)
-    if made is Computing:
+    if part is Computing:
         # Of noise, jitter and missed samples.
         keys["seed"] = (int, 0)
-    return create_model(f"{made.__name__}Table", __base__=Table, **keys)
+    return create_model(f"{part.__name__}Table", __base__=Table, **keys)
 
 
 TABLES: Mapping[str, type[Table]] = {kind: _table(kind, made) for kind, made in _PARTS.items()}
@@ -98,9 +98,9 @@ def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
         return unit.split(" or ")[slides]
     if "{" not in unit:
         return unit
-    what, signals = ("input", system.inputs) if kind == "actuator" else ("state", system.states)
-    units = {each.name: each.unit for each in signals}
-    require_known(what, of, units)
+    owner, signals = ("input", system.inputs) if kind == "actuator" else ("state", system.states)
+    units = {signal.name: signal.unit for signal in signals}
+    require_known(owner, of, units)
     return unit.format(units[of])
 
 
@@ -116,24 +116,24 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
     """
     if not any(getattr(file, kind) for kind in LOOP_PARTS):
         return None
-    mistakes, computer, seed, found = Mistakes(), Computing(), 0, None
+    mistakes, computer, seed, loop = Mistakes(), Computing(), 0, None
     parts: dict[str, list[Any]] = {"sensor": [], "estimator": [], "actuator": []}
     with mistakes.gathered("computing: "):
         if file.computing is not None:
             seed = file.computing.seed
             computer = Computing(**_numbers("computing", "", file.computing, system))
-    for kind, made in parts.items():
+    for kind, members in parts.items():
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
                 first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
                 numbers = _numbers(kind, first, table, system)
                 if getattr(table, "counts", None) is not None:
                     numbers["resolution"] = _step(table, system)
-                made.append(LOOP_PARTS[kind](**_written(kind, table), **numbers))
+                members.append(LOOP_PARTS[kind](**_written(kind, table), **numbers))
     with mistakes.gathered("computing: "):
-        found = Loop(computer, *map(tuple, parts.values()), seed=seed)
+        loop = Loop(computer, *map(tuple, parts.values()), seed=seed)
     mistakes.refuse()
-    return found
+    return loop
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
@@ -146,17 +146,17 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     Raises:
         GrosmcError: All numbers that do not fit.
     """
-    found: list[MachinePart] = []
+    parts: list[MachinePart] = []
     mistakes = Mistakes()
-    for kind, made in MACHINE_PARTS.items():
+    for kind, part in MACHINE_PARTS.items():
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                of = in_model(getattr(table, made.owner), made.owner, system)
+                of = in_model(getattr(table, part.owner), part.owner, system)
                 numbers = _numbers(kind, of, table, system)
-                given: dict[str, Any] = {**_written(kind, table), made.owner: of, **numbers}
-                found.append(made(**given))
+                keywords: dict[str, Any] = {**_written(kind, table), part.owner: of, **numbers}
+                parts.append(part(**keywords))
     mistakes.refuse()
-    return tuple(found)
+    return tuple(parts)
 
 
 def in_model(name: str, owner: str, system: System) -> str:
@@ -170,7 +170,7 @@ def in_model(name: str, owner: str, system: System) -> str:
     Raises:
         ArgumentError: If the system has no such input.
     """
-    inputs = [each.name for each in system.inputs]
+    inputs = [signal.name for signal in system.inputs]
     if owner != "input":
         return name
     require_known("input", name, inputs)
@@ -197,5 +197,5 @@ def _step(table: Any, system: System) -> float:
 def _written(kind: str, table: Table) -> dict[str, Any]:
     """What else it gives, as it is written."""
     written = table.model_fields_set - _UNITS[kind].keys() - {"assumed", "counts"}
-    given = {name: getattr(table, name) for name in written}
-    return {key: tuple(v) if isinstance(v, list) else v for key, v in given.items()}
+    values = {name: getattr(table, name) for name in written}
+    return {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}

@@ -169,15 +169,15 @@ def _joined(text: str, content: Content, base: str) -> str:
 
 def _sections(text: str) -> list[tuple[str, str]]:
     """A text's tables by their headers, each with the comments above it; first what has none."""
-    found: list[tuple[str, list[str]]] = [("", [])]
+    sections: list[tuple[str, list[str]]] = [("", [])]
     for line in text.splitlines():
         if line.startswith("["):
-            last, above = found[-1][1], []
+            last, above = sections[-1][1], []
             while last and last[-1].startswith("#"):
                 above.insert(0, last.pop())
-            found.append((line.split("#")[0].strip(), above))
-        found[-1][1].append(line)
-    return [(name, "\n".join(lines)) for name, lines in found]
+            sections.append((line.split("#")[0].strip(), above))
+        sections[-1][1].append(line)
+    return [(name, "\n".join(lines)) for name, lines in sections]
 
 
 def _written(content: Content) -> str:

@@ -79,9 +79,9 @@ class PlantTable(Table):
 
     @model_validator(mode="after")
     def _one_of_three(self) -> PlantTable:
-        given = [name for name in ("system", "model", "plant") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError(f"give one of system, model and plant, not {given or 'none'}")
+        sources = [name for name in ("system", "model", "plant") if getattr(self, name) is not None]
+        if len(sources) != 1:
+            raise ValueError(f"give one of system, model and plant, not {sources or 'none'}")
         if self.model is None and (self.joints or self.actuators):
             raise ValueError("joints and actuators are for a model")
         if self.system is not None and self.at is not None:
@@ -193,12 +193,12 @@ class EditTable(Table):
 
     @model_validator(mode="after")
     def _of_one_thing(self) -> EditTable:
-        given = self.model_fields_set - {_owner_of(self, _CHANGES), "known"}
-        if not given - {"at"}:
+        changes = self.model_fields_set - {_owner_of(self, _CHANGES), "known"}
+        if not changes - {"at"}:
             raise ValueError("the edit changes nothing")
-        if "added_mass" in given and given - {"added_mass", "at"}:
+        if "added_mass" in changes and changes - {"added_mass", "at"}:
             raise ValueError("added_mass and the body's own mass are two edits: write two [[edit]]")
-        if "at" in given and "added_mass" not in given:
+        if "at" in changes and "added_mass" not in changes:
             raise ValueError("at is where an added_mass is: give it one")
         if self.known and self.parameter is not None:
             raise ValueError("known is for a model: give equations of your own the numbers at once")
@@ -324,8 +324,8 @@ class ClaimTable(RequirementTable):
 def _weight(value: Any) -> Any:
     """A number, a diagonal or the rows of a matrix, of numbers."""
     rows = value if isinstance(value, list) else [value]
-    entries = [each for row in rows for each in (row if isinstance(row, list) else [row])]
-    if any(isinstance(each, bool) or not isinstance(each, (int, float)) for each in entries):
+    entries = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
+    if any(isinstance(entry, bool) or not isinstance(entry, (int, float)) for entry in entries):
         raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
     return value
 
@@ -535,13 +535,13 @@ class UncertainTable(_OwnersTable):
     @model_validator(mode="after")
     def _one_number_of_one_thing(self) -> UncertainTable:
         valid = QUANTITIES[_owner_of(self, QUANTITIES)]
-        given = sorted(set(valid) & self.model_fields_set)
-        if len(given) != 1:
+        numbers = sorted(set(valid) & self.model_fields_set)
+        if len(numbers) != 1:
             raise ValueError(
-                f"give one of {', '.join(valid)}, not {', '.join(given) or 'none'}: one "
+                f"give one of {', '.join(valid)}, not {', '.join(numbers) or 'none'}: one "
                 "[[uncertain]] is one number"
             )
-        if "at" in self.model_fields_set and given != ["added_mass"]:
+        if "at" in self.model_fields_set and numbers != ["added_mass"]:
             raise ValueError("at is where an added_mass is: give it one")
         return self
 
@@ -682,7 +682,9 @@ class CaseFile(_WithParts):
 
         What it does not say itself is that of the ``[laws.NAME]`` that it names.
         """
-        table = next((each for each in self.controller if each.called == name), None)
+        table = next(
+            (controller for controller in self.controller if controller.called == name), None
+        )
         table = table or ControllerTable(law=name)
         if (base := self.laws.get(table.law)) is None:
             return table

@@ -63,7 +63,7 @@ def find_file(name: str) -> Path:
         raise ArgumentError(f"{name} is a folder, must be a case file")
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
-    systems = dict.fromkeys(each.split("/")[0] for each in shipped)
+    systems = dict.fromkeys(case.split("/")[0] for case in shipped)
     unknown = unknown_name("case", name, [*systems, *shipped])
     raise ArgumentError(f"{unknown}, or a path that ends in .toml")
 

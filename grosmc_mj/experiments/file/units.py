@@ -78,10 +78,10 @@ def number_in(value: Any, unit: str) -> float:
         raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')
     if not isinstance(value, str):
         raise ArgumentError(f'{shown(value)} must be a number with a unit, such as "{example}"')
-    found, text = _NUMBER.fullmatch(value.strip()), shown(value, str)
-    if found is None:
+    match, text = _NUMBER.fullmatch(value.strip()), shown(value, str)
+    if match is None:
         raise ArgumentError(f'"{text}" is no number with a unit, such as "{example}"')
-    number, written = float(found[1]), found[2]
+    number, written = float(match[1]), match[2]
     if written and not _UNIT.fullmatch(written):
         raise ArgumentError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
     if not written:
@@ -140,13 +140,13 @@ def numbers_of(
     Raises:
         ArgumentError: All that do not fit.
     """
-    found, mistakes = {}, Mistakes()
+    numbers, mistakes = {}, Mistakes()
     for name in names:
         if (value := getattr(table, name)) is None:
             continue
         with mistakes.gathered():
             unit = unit_of(name)
             with mistakes.gathered(f"{name}: "):
-                found[name] = number_in(value, unit)
+                numbers[name] = number_in(value, unit)
     mistakes.refuse()
-    return found
+    return numbers

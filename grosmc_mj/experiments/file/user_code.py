@@ -53,7 +53,7 @@ def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
     """
     folder = folder.resolve()
     unseen = [text.split(":")[0] for text in named if _NAMED.fullmatch(text)]
-    seen, found = set(), {}
+    seen, hashes = set(), {}
     while unseen:
         module = unseen.pop()
         if module in seen:
@@ -61,9 +61,9 @@ def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
         seen.add(module)
         for name, file in _files(module, folder):
             content = file.read_bytes()
-            found[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
+            hashes[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
             unseen += _imports(content, name, package=file.name == "__init__.py")
-    return dict(sorted(found.items()))
+    return dict(sorted(hashes.items()))
 
 
 def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
@@ -86,16 +86,16 @@ def _imports(content: bytes, module: str, *, package: bool) -> list[str]:
     except (SyntaxError, ValueError, RecursionError):
         # A library, or what Python will refuse as well.
         return []
-    found = []
+    modules = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             # One dot is the package that a module is in.
             up = module.split(".")[: -node.level + package or None] if node.level else []
             base = ".".join([*up, *filter(None, [node.module])])
-            found += [base, *(f"{base}.{alias.name}".lstrip(".") for alias in node.names)]
-    return [name for name in found if name]
+            modules += [base, *(f"{base}.{alias.name}".lstrip(".") for alias in node.names)]
+    return [name for name in modules if name]
 
 
 def load_named(text: str, folder: Path) -> Any:
@@ -120,7 +120,7 @@ def load_named(text: str, folder: Path) -> Any:
                 f"package {error.name!r} is installed"
             ) from None
     if not hasattr(module, attribute):
-        public = [each for each in vars(module) if not each.startswith("_")]
+        public = [item for item in vars(module) if not item.startswith("_")]
         raise ArgumentError(unknown_name(f"name in {name}", attribute, public))
     return getattr(module, attribute)
 
@@ -164,8 +164,8 @@ def blamed(folder: Path) -> Iterator[None]:
 
 def _named(error: BaseException) -> str:
     """What went wrong: the error's class and message."""
-    said = str(getattr(error, "msg", error))
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+    message = str(getattr(error, "msg", error))
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
 def _place(error: BaseException, folder: Path) -> str | None:
