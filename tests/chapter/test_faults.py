@@ -24,7 +24,6 @@ from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 FAULT = {fault.name: fault for fault in FAULTS}
@@ -93,17 +92,6 @@ def test_faults_of_laws_change_what_they_say(system: str) -> None:
         assert np.all(getattr(small, name, 0) == getattr(p, name, 0))
 
 
-def test_laws_of_other_plants_believe_in_them() -> None:
-    for name in controller_names("cart_pendulum"):
-        law, p = faulty("printed a in the law", "cart_pendulum", name), sound("cart_pendulum", name)
-        assert law.parameters.plant == replace(p.parameters.plant, printed=1.0)
-    for system in ("servo", "arm"):
-        assert faulty("printed a in the law", system) is sound(system, "grosmc")
-        true = MujocoPlant.load(system, edits=find_case(system, "case2").edits).analytic()
-        law = faulty("laws know the plant", system, "grosmc", "case2")
-        assert law.parameters.plant == true.parameters != sound(system, "grosmc").parameters.plant
-
-
 @pytest.mark.parametrize(
     ("system", "case", "body"),
     [("servo", "case2", "rotor"), ("cart_pendulum", "case1", "pole"), ("arm", "case2", "link")],
@@ -120,23 +108,6 @@ def test_faults_of_edits_change_what_they_say(system: str, case: str, body: str)
     assert faulty_plant("edit dropped", system, case).analytic().parameters == nominal_plant
     twice = faulty_plant("edit done twice", system, case).model.body(body)
     assert twice.mass == pytest.approx(edit.mass_scale**2 * before.mass)
-
-
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_faults_of_physics_leave_the_model_and_the_equations_alone(system: str) -> None:
-    plant, experiment = (
-        faulty_plant("gravity upside down", system, "case1"), find_experiment(system, "case1")
-    )  # fmt: skip
-    gravity = MujocoPlant.load(system).model.opt.gravity
-    assert np.array_equal(plant.model.opt.gravity, -gravity)
-    assert gravity[2] == -9.8
-    assert plant.edits == experiment.case.edits
-    plant = faulty_plant("printed physics", system, "nominal")
-    assert isinstance(plant, AnalyticPlant)
-    assert plant.variant == ("printed" if system in ("cart_pendulum", "arm") else "corrected")
-    for name in ("gravity upside down", "edit done twice"):
-        corrected = experiment.plant("corrected")
-        assert FAULT[name].plant(corrected, experiment, "corrected") is corrected
 
 
 def test_slow_sampling_and_wrong_pushes() -> None:
