@@ -105,7 +105,7 @@ def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -
     assert known.shrunk_relative == relative(asked, *known.shrunk)
     assert known.shrunk_relative is not None
     assert known.shrunk_relative < 0
-    # A line of 16 points, refined once: a nearer plant at 1/256 of the way from the worst passes.
+    # By bisection to 1/256 of the way from the worst: a plant that is so much nearer passes.
     nominal = asked.family.nominal
     moved = (known.shrunk != nominal).astype(float)
     assert 1 <= moved.sum() <= 2
