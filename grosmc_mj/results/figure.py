@@ -81,6 +81,8 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
         for part in [parts.enter_context(written_aside(file)) for file in files]:
             metadata = {"Date": None} if part.suffix == ".svg" else {"Software": None}
             figure.savefig(part, format=part.suffix[1:], metadata=metadata)
+            # The layout of the first file is that of all.
+            figure.set_layout_engine("none")
 
 
 def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:

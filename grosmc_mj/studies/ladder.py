@@ -786,7 +786,7 @@ def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Headings and tables of each document, for ``docs/ladder.md``."""
+    """Headings and tables of each document, for ``docs/ladder_tables.md``."""
     parts: list[str] = []
     for document in documents:
         tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]

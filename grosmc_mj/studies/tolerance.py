@@ -888,7 +888,7 @@ def tolerance_document(
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """A heading and the table of each document, for ``docs/as_built.md``."""
+    """A heading and the table of each document, for ``docs/tolerance.md``."""
     parts = []
     for document in documents:
         least = Table.model_validate(document["sheets"][0]["table"])
