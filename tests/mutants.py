@@ -142,7 +142,7 @@ def attempt(mutant: MutationSpec, end: float, slow: bool) -> dict[str, Any] | No
     """Put a fault in, run the tests, take it out; None where no time is left."""
     if time.time() > end:
         return None
-    which = "not render" if slow else "not slow and not render"
+    which = "not render and not apart" if slow else "not slow and not render"
     tests = " ".join(tests_of(mutant.module_path))
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' {tests}"
     result = mutate_and_test([mutant], command, TIMEOUT)
