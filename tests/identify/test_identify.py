@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
 HEADER = "time [s],current [A],rotor angle [rad]"
 
 
+@cache
 def short(number: int, seconds: float = 4.0) -> tuple[Array, Log]:
     """The first seconds of a machine of the coverage benchmark."""
     true, log = coverage.machine(number)
@@ -230,7 +232,7 @@ def test_a_prediction_is_that_of_another_integrator(experiment: Experiment) -> N
 def test_a_fit_finds_the_machine_and_predicts_what_was_held_out(
     experiment: Experiment, tmp_path: Path
 ) -> None:
-    true, log = short(0, 6.0)
+    true, log = short(0)
     parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
     found = fit(parameters, log.between(0, 0.7), plant, **HOW)
     assert found.fitted.all()
