@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from commands import run
 from rich.cells import cell_len
 from rich.console import Console
 from shipped import SERVO_UNCERTAINTY, TWO_LINK_UNCERTAINTY
@@ -65,14 +66,6 @@ S, R, U, P, I = (
     Verdict.SUPPORTED, Verdict.REFUTED, Verdict.UNDETERMINED, Verdict.PREMISE_NOT_MET,
     Verdict.INCONCLUSIVE,
 )  # fmt: skip
-
-
-def run(*arguments: str) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
 
 
 def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import run
 from mcap_ros2.writer import Writer
 
 import grosmc_mj as gm
@@ -326,13 +327,6 @@ def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> No
     assert {"corrected", "physics", "loop", "machine"} < set(rungs)
     rows, _ = compared(rungs, log, 1.0, 1e-3)
     assert best_rung(rows) == {"rotor angle": "as it is"}
-
-
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(each) for each in arguments])
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
 
 
 def test_the_commands_write_and_say_what_they_found(
