@@ -35,7 +35,7 @@ SYSTEM := $(VENV)/.system
 unexport PYTHONDONTWRITEBYTECODE
 PIP_INSTALL := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq --no-compile
 
-.PHONY: help setup validate record test test-apart test-all test-report test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built ladder page docs clean
+.PHONY: help setup validate record test test-apart test-all test-report test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals tolerance ladder page docs clean
 
 help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-14s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -120,22 +120,22 @@ rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 
 BENCHES := servo cart_pendulum arm
 
-as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
+tolerance: $(INSTALLED)  ## Find the largest imperfections of each bench, and write the tables of docs/tolerance.md anew
 	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) --rivals &&) true
-	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
+	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/tolerance.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
-ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
+ladder: $(INSTALLED)  ## Find where each law fails on each machine, and write docs/ladder_tables.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
-	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
+	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder_tables.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md
 
 docs: $(INSTALLED)  ## Build the documentation's site in build/site, and fail where a link is broken
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet $(ARGS)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict $(ARGS)
 	@echo 'build/site/index.html'
 
 clean:  ## Remove .venv, builds and caches; keep renders/

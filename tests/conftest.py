@@ -200,3 +200,22 @@ def plant(name: str) -> MujocoPlant:
 def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
     """A controller that holds u, whatever the state."""
     return held
+
+
+@pytest.fixture(scope="session")
+def pairs(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The folder of eight servos under two LQRs, in two parts."""
+    return _run_to_its_end("pair", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def servos(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The folder of eight servos of seed 5 under LQR and GROSMC, in two parts."""
+    return _run_to_its_end("servo", tmp_path_factory, seed=5)
+
+
+def _run_to_its_end(kind: str, folders: pytest.TempPathFactory, **more: Any) -> Any:
+    import campaign_cases
+
+    declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
+    return campaign_cases.kept(declared, folders.mktemp(kind))
