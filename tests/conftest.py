@@ -28,6 +28,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.simulate import simulate
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.
@@ -132,6 +133,19 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     """What the tests of a session make once."""
     base = tmp_path_factory.getbasetemp()
     return Store((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "stored")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled(store: Store) -> None:
+    """Of several workers one compiles what all laws share; the others wait, and read the cache."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        store.folder("compiled", _compile)
+
+
+def _compile(_: Path) -> None:
+    plant = MujocoPlant.load("servo")
+    for moved in (plant, plant.analytic()):
+        simulate(moved, held(0.0), [0.0, 0.0], duration=2e-3)
 
 
 @dataclass(frozen=True)
