@@ -1,4 +1,4 @@
-"""The findings of a campaign, its tables and its figures, against the columns of its parts."""
+"""The findings of a campaign and its tables, against the columns of its parts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from campaign_cases import DEVIATION, LQR, PAIR, campaign, falling, kept, pair, servo
-from matplotlib.colors import to_hex
 from rich.console import Console
 
 from grosmc_mj.cli.commands.campaign.answer import say_findings
@@ -32,9 +31,6 @@ from grosmc_mj.sweep.findings import (
     results_document,
     sensitivity_table,
 )
-from grosmc_mj.sweep.map import PassMap, draw_pass_map
-from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Look, Radius, draw_radius
 from grosmc_mj.sweep.statistics import (
     Sensitivity,
     margin_summary,
@@ -231,86 +227,3 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
     assert [row[0] for row in of_drivers] == ["mass", "start [angle]", LONG]
     assert of_drivers[0][3].startswith("-1.00 (-1.00 .. -")
     assert of_drivers[2] == [LONG, "-", "", "-", "the parameter does not vary"]
-
-
-# Figures.
-
-TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
-MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
-
-
-def drawn(**premises: Any) -> Any:
-    """The map of eight runs under two laws, and the points of the runs."""
-    x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
-    laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
-    titles = ("mass scale of pole", "start angle [deg]")
-    return draw_pass_map(PassMap(titles, laws, premises), TITLE, NO_PROOF), np.stack([x, y], axis=1)
-
-
-def entries(legend: Any) -> list[str]:
-    """The texts of a legend, a line each."""
-    return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
-
-
-def test_every_run_is_marked_by_its_outcome() -> None:
-    figure, points = drawn()
-    first, second = figure.subfigs[0].axes
-    marks = {mark.get_label(): mark for mark in first.collections}
-    masks = {
-        "passed": MARGINS >= 0,
-        "failed": (MARGINS < 0) & (MARGINS > -INF),
-        "did not complete": MARGINS == -INF,
-    }
-    assert list(marks) == list(masks)
-    for outcome, mask in masks.items():
-        np.testing.assert_array_equal(marks[outcome].get_offsets(), points[mask])
-    assert len({to_hex(mark.get_facecolor()[0]) for mark in marks.values()}) == 3
-    assert (first.get_title(), second.get_title()) == (
-        "GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed",
-    )  # fmt: skip
-    assert (first.get_xlabel(), first.get_ylabel()) == ("mass scale of pole", "start angle [deg]")
-
-
-def premise(offset: float) -> Any:
-    """A premise that holds up to a mass scale of ``offset``, the rows being start angles."""
-    x, y = np.linspace(1, 4, 13), np.linspace(-20, 20, 5)
-    return x, y, np.tile(offset - x, (5, 1))
-
-
-def test_the_premise_is_drawn_where_it_begins_to_fail() -> None:
-    figure, _ = drawn(grosmc=premise(2.1))
-    hatched, line = figure.subfigs[0].axes[0].collections[3:]
-    # Between the columns of the grid the margin is linear, as the contour is.
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
-    assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
-    everywhere, _ = drawn(grosmc=premise(9.0))
-    assert len(everywhere.subfigs[0].axes[0].collections) == 3
-    assert entries(everywhere.subfigs[0].legends[0])[-1] == "the premises hold all over the map"
-    endless = premise(2.5)
-    endless[2][:, -3:] = -INF
-    line = drawn(grosmc=endless)[0].subfigs[0].axes[0].collections[-1]
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("promised", "least"), [(1.5, (0.5, 0.1, -0.2, -INF)), (None, (-1, -1))])
-def test_a_radius_is_drawn_beside_the_promise(promised: float | None, least: Any) -> None:
-    """Scales 1, 2 ..., of which those fail whose margin is negative; |s| leaves beyond 2."""
-    looks = [
-        Look(scale, margin, int(margin < 0), np.zeros(1), leaving=int(scale > 2))
-        for scale, margin in enumerate(least, start=1)
-    ]
-    search = Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
-    panel: Any = draw_radius([search], TITLE).subfigs[0].axes[0]
-    if promised is None:
-        words = entries(panel.get_legend())
-        assert "no failure found up to 0" in words
-        assert "premises promise no radius: a note" in words
-        return
-    lines = {line.get_label().replace("\n", " "): line for line in panel.lines}
-    data = {label: [list(row) for row in line.get_data()] for label, line in lines.items()}
-    assert data["no failure found"] == [[1, 2], [0.5, 0.1]]
-    # A run that did not complete lies below all others.
-    assert data["failure found"] == [[3, 4], [-0.2, pytest.approx(-0.24)]]
-    assert data["no failure found up to 2"][0] == [2, 2]
-    assert data["promised: 1.5: a note"][0] == [1.5, 1.5]
-    assert data["|s| keeps the promised bound up to 2, leaves it at 3"][0] == [2, 2]
