@@ -1,9 +1,10 @@
-"""The findings of a campaign and its tables, against the columns of its parts."""
+"""The findings of a campaign, its tables and its figures, against the columns of its parts."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from campaign_cases import DEVIATION, LQR, PAIR, campaign, falling, kept, pair, servo
+from matplotlib.colors import to_hex
 from rich.console import Console
 
 from grosmc_mj.cli.commands.campaign.answer import say_findings
@@ -31,6 +33,9 @@ from grosmc_mj.sweep.findings import (
     results_document,
     sensitivity_table,
 )
+from grosmc_mj.sweep.map import PassMap, write_pass_map
+from grosmc_mj.sweep.promise import Promise
+from grosmc_mj.sweep.radius import Look, Radius, chart
 from grosmc_mj.sweep.statistics import (
     Sensitivity,
     margin_summary,
@@ -227,3 +232,92 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
     assert [row[0] for row in of_drivers] == ["mass", "start [angle]", LONG]
     assert of_drivers[0][3].startswith("-1.00 (-1.00 .. -")
     assert of_drivers[2] == [LONG, "-", "", "-", "the parameter does not vary"]
+
+
+# Figures.
+
+TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
+MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """Draws the map of eight runs under two laws; returns it and the points of the runs."""
+    figures: list[Any] = []
+    monkeypatch.setattr(
+        "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)
+    )
+
+    def draw(**premises: Any) -> Any:
+        x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
+        laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
+        titles = ("mass scale of pole", "start angle [deg]")
+        write_pass_map(Path("map.png"), PassMap(titles, laws, premises), TITLE, NO_PROOF)
+        return figures[-1], np.stack([x, y], axis=1)
+
+    return draw
+
+
+def entries(legend: Any) -> list[str]:
+    """The texts of a legend, a line each."""
+    return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+
+
+def test_every_run_is_marked_by_its_outcome(drawn: Callable[..., Any]) -> None:
+    figure, points = drawn()
+    first, second = figure.axes
+    marks = {mark.get_label(): mark for mark in first.collections}
+    masks = {
+        "passed": MARGINS >= 0,
+        "failed": (MARGINS < 0) & (MARGINS > -INF),
+        "did not complete": MARGINS == -INF,
+    }
+    assert list(marks) == list(masks)
+    for outcome, mask in masks.items():
+        np.testing.assert_array_equal(marks[outcome].get_offsets(), points[mask])
+    assert len({to_hex(mark.get_facecolor()[0]) for mark in marks.values()}) == 3
+    assert (first.get_title(), second.get_title()) == (
+        "GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed",
+    )  # fmt: skip
+    assert (first.get_xlabel(), first.get_ylabel()) == ("mass scale of pole", "start angle [deg]")
+
+
+def premise(offset: float) -> Any:
+    """A premise that holds up to a mass scale of ``offset``, the rows being start angles."""
+    x, y = np.linspace(1, 4, 13), np.linspace(-20, 20, 5)
+    return x, y, np.tile(offset - x, (5, 1))
+
+
+def test_the_premise_is_drawn_where_it_begins_to_fail(drawn: Callable[..., Any]) -> None:
+    figure, _ = drawn(grosmc=premise(2.1))
+    hatched, line = figure.axes[0].collections[3:]
+    # Between the columns of the grid the margin is linear, as the contour is.
+    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
+    assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
+    everywhere, _ = drawn(grosmc=premise(9.0))
+    assert len(everywhere.axes[0].collections) == 3
+    assert entries(everywhere.legends[0])[-1] == "the premises hold all over the map"
+    endless = premise(2.5)
+    endless[2][:, -3:] = -INF
+    line = drawn(grosmc=endless)[0].axes[0].collections[-1]
+    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("promised", "least"), [(1.5, (0.5, 0.1, -0.2, -INF)), (None, (-1, -1))])
+def test_a_radius_is_drawn_beside_the_promise(promised: float | None, least: Any) -> None:
+    """Scales 1, 2 ..., of which those fail whose margin is negative; |s| leaves beyond 2."""
+    looks = [
+        Look(scale, margin, int(margin < 0), np.zeros(1), leaving=int(scale > 2))
+        for scale, margin in enumerate(least, start=1)
+    ]
+    search = Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
+    shown = chart(search)
+    (line,) = shown.lines
+    # A run that did not complete has no margin.
+    assert [*line.y] == [margin if margin > -INF else None for margin in least]
+    assert [*line.good] == [margin >= 0 for margin in least]
+    if promised is None:
+        assert (shown.name, [*shown.marks]) == ("GROSMC: no failure up to 0", [])
+        return
+    assert shown.name == "GROSMC: no failure up to 2, promised 1.5"
+    assert ([*line.x], shown.limit, [*shown.marks]) == ([1, 2, 3, 4], 0.0, [2, 1.5])

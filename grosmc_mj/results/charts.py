@@ -1,9 +1,9 @@
-"""Figures of studies, drawn from the charts of their results."""
+"""Charts of results as figures: cells, curves, maps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,23 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, TwoSlopeNorm
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import NullLocator
 
 from grosmc_mj.results.figure import figure_written, in_lines
-from grosmc_mj.results.heat_map import heat_map
-from grosmc_mj.results.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from grosmc_mj.results.palette import (
+    BLACK,
+    BLUE,
+    FAILED,
+    GREEN,
+    KEPT,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
 from grosmc_mj.results.result import CellChart, GridChart, LineChart
 
 # Inches: a cell, the names of rows, a panel of curves or of a map.
@@ -26,8 +35,26 @@ _CELL, _NAMES, _PANEL = (1.12, 0.36), 2.8, (3.8, 3.1)
 _LETTERS, _NOTE = 13, {"fontsize": 9, "x": 0.01, "ha": "left", "color": "#444444"}
 _COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY, BLACK, "#888888")
 _MARKERS = "osDv^P"
+# White is the limit; beyond this part of the scale the colour is too dark for black letters.
+_CELLS, _DARK = LinearSegmentedColormap.from_list("kept", [KEPT, "#ffffff", FAILED]), 0.6
 # An axis whose largest number is so many times the smallest is logarithmic.
 _FAR = 10.0
+
+
+def cell_charts(
+    titles: Mapping[str, str], cells: Iterable[tuple[str, str, str, float, str, str]], most: float
+) -> dict[str, CellChart]:
+    """A chart for each title that has cells, by its key.
+
+    Args:
+        titles: Of the charts, by key.
+        cells: Key, row, column, value, text and why of each.
+        most: Of the values.
+    """
+    charts: dict[str, dict[tuple[str, str], tuple[float, str, str]]] = {}
+    for key, row, column, value, text, why in cells:
+        charts.setdefault(key, {})[row, column] = (value, text, why)
+    return {k: CellChart.of(title, charts[k], most) for k, title in titles.items() if k in charts}
 
 
 def write_cells(path: Path, title: str, charts: Sequence[CellChart], note: str) -> Path:
@@ -52,18 +79,31 @@ def write_cells(path: Path, title: str, charts: Sequence[CellChart], note: str) 
         sizes = [len(chart.rows) for chart in charts]
         panels = figure.subplots(len(charts), 1, squeeze=False, height_ratios=sizes)[:, 0]
         for chart, names, panel in zip(charts, headers, panels, strict=True):
-            cells = {
-                (i, j): (math.nan if value is None else value, text)
-                for i, (values, texts) in enumerate(zip(chart.values, chart.texts, strict=True))
-                for j, (value, text) in enumerate(zip(values, texts, strict=True))
-                if text is not None
-            }
-            scale = TwoSlopeNorm(0.0, -chart.most, chart.most)
-            heat_map(panel, cells, chart.rows, names, scale, width=widest)
-            panel.set_xlim(-0.5, max(len(names), 1) - 0.5)
-            panel.set_title(chart.name, loc="left", fontsize=11.5, fontweight="bold")
+            _heat_map(panel, chart, names, widest)
         figure.supxlabel(in_lines(note, round(13 * width)), **_NOTE)
     return path
+
+
+def _heat_map(panel: Axes, chart: CellChart, names: Sequence[str], width: int) -> None:
+    """The cells of a chart in a panel with room for so many columns; no cell is grey."""
+    values = np.full((len(chart.rows), width), np.nan)
+    for i, row in enumerate(chart.values):
+        for j, value in enumerate(row):
+            values[i, j] = np.nan if value is None else value
+            colour = "white" if abs(value or 0.0) > _DARK * chart.most else BLACK
+            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", color=colour)
+    panel.imshow(values, cmap=_CELLS, vmin=-chart.most, vmax=chart.most, aspect="auto")
+    panel.set_facecolor("#eeeeee")
+    panel.set_yticks(range(len(chart.rows)), chart.rows)
+    panel.set_xticks(range(len(names)), names)
+    panel.set_xlim(-0.5, max(len(names), 1) - 0.5)
+    panel.set_xticks(np.arange(1, len(names)) - 0.5, minor=True)
+    panel.set_yticks(np.arange(1, len(chart.rows)) - 0.5, minor=True)
+    panel.grid(visible=False)
+    panel.grid(which="minor", color="white", lw=2)
+    panel.tick_params(which="both", length=0)
+    panel.spines[:].set_visible(False)
+    panel.set_title(chart.name, loc="left", fontsize=11.5, fontweight="bold")
 
 
 def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | GridChart]]) -> Path:
@@ -75,7 +115,7 @@ def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | Gri
         handles: dict[str, Artist] = {}
         for i, row in enumerate(rows):
             for panel, first, chart in zip(panels[i], rows[0], row, strict=True):
-                panel.set_title(in_lines(chart.name, 40), loc="left", fontsize=11)
+                panel.set_title(in_lines(chart.name, 36), loc="left", fontsize=11)
                 if isinstance(chart, LineChart):
                     _curves(panel, chart)
                     handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
@@ -98,6 +138,8 @@ def _curves(panel: Axes, chart: LineChart) -> None:
         if i < len(_MARKERS):
             style = {"marker": _MARKERS[i], "ms": 4, "markevery": max(1, len(y) // 10)}
         panel.plot(series.x, y, color=colour, lw=1.4, label=series.name, **style)
+        bad = [i for i, good in enumerate(series.good) if good is False]
+        panel.plot([series.x[i] for i in bad], [y[i] for i in bad], "o", color=colour, mfc="white")
     for mark in chart.marks:
         panel.axvline(mark, color=BLACK, lw=0.9, ls=(0, (2, 2)))
     if chart.limit is not None:
