@@ -203,19 +203,21 @@ def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
 
 
 @pytest.fixture(scope="session")
-def pairs(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def pairs(store: Store) -> Any:
     """The folder of eight servos under two LQRs, in two parts."""
-    return _run_to_its_end("pair", tmp_path_factory)
+    return _campaign(store, "pair")
 
 
 @pytest.fixture(scope="session")
-def servos(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def servos(store: Store) -> Any:
     """The folder of eight servos of seed 5 under LQR and GROSMC, in two parts."""
-    return _run_to_its_end("servo", tmp_path_factory, seed=5)
+    return _campaign(store, "servo", seed=5)
 
 
-def _run_to_its_end(kind: str, folders: pytest.TempPathFactory, **more: Any) -> Any:
+def _campaign(store: Store, kind: str, **more: Any) -> Any:
+    """A campaign that has run to its end."""
     import campaign_cases
 
     declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
-    return campaign_cases.kept(declared, folders.mktemp(kind))
+    path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
+    return campaign_cases.Folder(path)
