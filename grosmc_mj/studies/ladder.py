@@ -77,9 +77,9 @@ LEGEND = (
     "never: it does not settle; -: there is no such law."
 )
 NOTE = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
-CLAIMS = "Which claim falls, and on which rung"
+CLAIMS = "Rung on which each claim fails"
 _TITLES = {
-    True: "Each rung on top of the others",
+    True: "Rungs added one by one",
     False: "Each alone on the sampled plant",
 }
 # Decades beyond a limit in a chart.
@@ -624,7 +624,7 @@ def load_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
     """Laws by conditions: the complete machine."""
     own = [row for row in rows if row.together and row.rung == studied.climbing[-1].name]
     loads = "; ".join(f"{c.name}: {c.title}" for c in studied.conditions[1:])
-    title = f"The whole machine, nominally and under load ({loads})"
+    title = f"The complete machine, nominally and under load ({loads})"
     return _by_law(
         title, own, {c.name: c.name for c in studied.conditions}, lambda row: row.condition
     )

@@ -894,6 +894,6 @@ def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
         least = Table.model_validate(document["sheets"][0]["table"])
         lines = [line.replace("\n", " ") for line in least.markdown()]
         checked, differing = document["physics"].values()
-        ending = f"MuJoCo was asked about {checked} of the answers, and differs on {differing}."
+        ending = f"MuJoCo confirmed {checked - differing} of {checked} answers."
         parts.append("\n".join([f"**{document['target']}**", "", *lines, "", ending]))
     return "\n\n".join(parts)

@@ -373,12 +373,12 @@ def test_the_page_has_claims_distances_and_the_machine_under_each_condition() ->
     assert [Climb.model_validate(x) for x in document["climbs"]] == rows
     parts = ladders_text([document]).split("\n\n")
     tables = {before: part.splitlines()[2:] for before, part in itertools.pairwise(parts)}
-    assert tables["Each rung on top of the others:"] == ["| lqr | 0.5 |", "| pid | 0.5 |"]
-    loaded = f"The whole machine, nominally and under load (case1: {made.conditions[1].title}):"
+    assert tables["Rungs added one by one:"] == ["| lqr | 0.5 |", "| pid | 0.5 |"]
+    loaded = f"The complete machine, nominally and under load (case1: {made.conditions[1].title}):"
     assert tables[loaded] == ["| lqr | 0.5 | 3.25x |", "| pid | 0.5 | 3.25x |"]
     distance = "Largest distance from the nominal optimum [mrad], of the laws that follow it:"
     assert tables[distance] == ["| lqr | 12.3 |"]
-    assert tables["Which claim falls, and on which rung:"] == ["| lqr | stands |"]
+    assert tables["Rung on which each claim fails:"] == ["| lqr | stands |"]
     assert parts[-1] == "`quick`: It is quick."
     assert f"\\{assumed_text(made)}" in parts
     assert assumed_text(made) == (

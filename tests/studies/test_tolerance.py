@@ -373,7 +373,7 @@ def test_the_page_of_a_result_says_the_least_that_is_stood_ideally() -> None:
     # The other law was interrupted after its first answer.
     assert implicit[header.index("actuator limit [A]")] == "none"
     assert implicit.count("") == len(studied.imperfections) - 1
-    assert lines[-1] == "MuJoCo was asked about 20 of the answers, and differs on 0."
+    assert lines[-1] == "MuJoCo confirmed 20 of 20 answers."
     assert len(least_table(rows).rows) == 2
     assert [x["breaks_at"] for x in document["standings"]] == ["computing delay", "actuator limit"]
 

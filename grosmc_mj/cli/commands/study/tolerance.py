@@ -108,4 +108,4 @@ class ToleranceCommand(Command):
                 console.print(words, style="dim", markup=False)
         checked, differing = study.confirmed(rows)
         if checked:
-            console.print(f"MuJoCo was asked about {checked} answers: {differing} differ.")
+            console.print(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
