@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from commands import run as command
 from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
 
 from grosmc_mj import cli
@@ -334,3 +335,24 @@ def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
     written = {each["name"]: each["holds"] for each in document["premises"]}
     assert written == {each.name: each.holds for each in found.premises}
     assert not written["epsilon"]
+
+
+def test_of_torques_beyond_all_numbers_no_headroom_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    geom = '<geom size="0.02" type="capsule" fromto="0 0 0 0 0 0.3" mass="1"'
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco model="two"><worldbody><body name="upper"><joint name="a" axis="0 1 0" '
+        f'damping="0.1" armature="1e308"/>{geom}/><body name="lower" pos="0 0 0.3"><joint name="b" '
+        f'axis="0 1 0"/>{geom} contype="0" conaffinity="0"/></body></body></worldbody><actuator>'
+        '<motor name="a" joint="a" ctrlrange="-50 50"/><motor name="b" joint="b" '
+        'ctrlrange="-20 20"/></actuator></mujoco>'
+    )
+    (tmp_path / "case.toml").write_text(
+        '[plant]\nmodel = "robot.xml"\n[run]\nstart = { a = "0.1 rad" }\nduration = "0.01 s"\n'
+        '[task]\nQ = 10\nR = 1\n[[controller]]\nlaw = "grosmc"\nk = 5\nepsilon = 2\n'
+    )
+    code = command("run", tmp_path / "case.toml", "--no-figures", "--out", tmp_path)
+    said = capsys.readouterr()
+    assert (code, "unforeseen" in said.err) == (cli.DIFFERS, False)
+    assert "premise fails: torque headroom of grosmc" in said.out
