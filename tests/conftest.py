@@ -1,9 +1,13 @@
-"""What the tests of plants and physics share: the systems, and a loop without feedback."""
+"""Fixtures and hooks of all tests: the store of a session, the systems, a loop without feedback."""
 
 from __future__ import annotations
 
 import compileall
+import contextlib
+import fcntl
 import gc
+import io
+import json
 import os
 import signal
 from collections import Counter
@@ -11,11 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import hypothesis
 import numpy as np
 import pytest
+from commands import run
 
 import grosmc_mj
 from grosmc_mj.arrays import Array
@@ -73,6 +78,62 @@ def hear_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+class Stored(NamedTuple):
+    """A command that has run: its exit code, its words, and the folder of its results."""
+
+    code: int
+    said: str
+    folder: Path
+
+    def read(self, name: str) -> Any:
+        """A JSON document of its folder."""
+        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Store:
+    """Folders that are filled once a session, for all of its worker processes."""
+
+    root: Path
+
+    def folder(self, name: str, fill: Callable[[Path], object]) -> Path:
+        """The folder of this name; the first process that needs it fills it, others wait."""
+        folder, done = self.root / name, self.root / f"{name}.done"
+        self.root.mkdir(exist_ok=True)
+        with (self.root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                folder.mkdir(exist_ok=True)
+                fill(folder)
+                done.touch()
+        return folder
+
+    def command(self, *arguments: str) -> Stored:
+        """A command of the package with its ``--out``; tests only read its folder.
+
+        CI has run ``validate`` before, and names its folder in ``VALIDATED``.
+        """
+        made = os.environ.get("VALIDATED") if arguments == ("validate",) else None
+        name = "_".join(arguments).replace("/", "-")
+        folder = Path(made) if made else self.folder(name, partial(_command, arguments))
+        said = (folder / "said.txt").read_text(encoding="utf-8")
+        return Stored(int((folder / "code.txt").read_text()), said, folder)
+
+
+def _command(arguments: tuple[str, ...], folder: Path) -> None:
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        code = run(*arguments, "--out", folder)
+    (folder / "said.txt").write_text(said.getvalue(), encoding="utf-8")
+    (folder / "code.txt").write_text(str(code))
+
+
+@pytest.fixture(scope="session")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """What the tests of a session make once."""
+    base = tmp_path_factory.getbasetemp()
+    return Store((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "stored")
+
+
 @dataclass(frozen=True)
 class Input:
     """A constant input, in the unit of the plant's."""
@@ -125,3 +186,22 @@ def plant(name: str) -> MujocoPlant:
 def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
     """A controller that holds u, whatever the state."""
     return held
+
+
+@pytest.fixture(scope="session")
+def pairs(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The folder of eight servos under two LQRs, in two parts."""
+    return _run_to_its_end("pair", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def servos(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The folder of eight servos of seed 5 under LQR and GROSMC, in two parts."""
+    return _run_to_its_end("servo", tmp_path_factory, seed=5)
+
+
+def _run_to_its_end(kind: str, folders: pytest.TempPathFactory, **more: Any) -> Any:
+    import campaign_cases
+
+    declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
+    return campaign_cases.kept(declared, folders.mktemp(kind))

@@ -83,7 +83,9 @@ class Validation:
     def document(self, lab: Laboratory) -> dict[str, Any]:
         """The content of validation.json."""
         compared, kept = self.differing is not None, not self.differences
-        tables = [systems_table(self), results_table(self.results)]
+        tables = [
+            systems_table(self), deviations_table(self.results), results_table(self.results)
+        ]  # fmt: skip
         if self.agreements:
             tables.append(agreement_table(self.agreements))
         answer = Answer(

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import math
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,7 +14,8 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from conftest import hear_interrupts
+from commands import run
+from conftest import Store, Stored, hear_interrupts
 from rich.cells import cell_len
 
 from grosmc_mj import cli
@@ -39,46 +37,29 @@ METRICS = {
 }  # fmt: skip
 
 
-def run(*arguments: str) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
-
-
 def read(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "validation.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path]:
-    """One ``validate`` of everything, with what it prints in ``said.txt``.
-
-    Somebody who has just run it says in ``VALIDATED`` where that is.
-    """
-    if folder := os.environ.get("VALIDATED"):
-        return cli.DONE, Path(folder)
-    out, said = tmp_path_factory.mktemp("renders"), io.StringIO()
-    with contextlib.redirect_stdout(said):
-        code = run("validate", "--out", str(out))
-    (out / "said.txt").write_text(said.getvalue(), encoding="utf-8")
-    return code, out
+def everything(store: Store) -> Stored:
+    """One ``validate`` of everything."""
+    return store.command("validate")
 
 
 @pytest.fixture(scope="module")
-def document(everything: tuple[int, Path]) -> dict[str, Any]:
-    return read(everything[1])
+def document(everything: Stored) -> dict[str, Any]:
+    return everything.read("validation.json")
 
 
 def test_all_is_as_recorded_and_can_be_repeated(
-    everything: tuple[int, Path], document: dict[str, Any]
+    everything: Stored, document: dict[str, Any]
 ) -> None:
     result = Result.model_validate(document)
     assert (result.kind, result.complete, result.seed) == ("validation", True, 0)
     assert result.answers[0].verdict == "kept"
     assert (document["differences"], document["as_recorded"]) == ([], True)
-    assert everything[0] == cli.DONE
+    assert everything.code == cli.DONE
     assert {"python", "mujoco", "numpy", "numba"} <= set(result.versions)
     assert document["configuration"]["control_period"] == 1e-3
     assert len(document["configuration"]["cases"]) == 18
@@ -115,21 +96,20 @@ def test_every_law_stands_in_every_case_by_its_requirement_or_by_the_record(
     assert broken == {("arm/bench", "lqr"), ("cart_pendulum/bench", "lqr")}
 
 
-def test_the_answer_comes_first_and_figures_are_there(everything: tuple[int, Path]) -> None:
-    text = (everything[1] / "said.txt").read_text(encoding="utf-8")
+def test_the_answer_comes_first_and_figures_are_there(everything: Stored) -> None:
     # Films, if there are any, come after it.
-    answer, end, _ = text.partition("validation.json\n")
+    answer, end, _ = everything.said.partition("validation.json\n")
     lines = f"{answer}{end}".rstrip("\n").split("\n")
     assert lines[0].startswith("All 127 runs are as recorded")
     assert len(lines) <= 40
     assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
-    names = sorted(path.name for path in everything[1].glob("fig*"))
+    names = sorted(path.name for path in everything.folder.glob("fig*"))
     assert [name[:4] for name in names] == [f"fig{i}" for i in range(1, 9) for _ in range(2)]
-    for path in everything[1].glob("fig*.png"):
+    for path in everything.folder.glob("fig*.png"):
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.stat().st_size > 20_000
         assert "</svg>" in path.with_suffix(".svg").read_text(encoding="utf-8")
-    assert not [*everything[1].glob(".*"), *everything[1].glob("*.part")]
+    assert not [*everything.folder.glob(".*"), *everything.folder.glob("*.part")]
 
 
 def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(

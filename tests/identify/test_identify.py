@@ -341,9 +341,9 @@ def test_the_commands_write_and_say_what_they_found(
     assert run(*asked, "--out", tmp_path) == cli.DONE
     said = capsys.readouterr().out
     assert "1 of 1 parameters fitted" in said
-    document = json.loads((tmp_path / "identify_servo_bench.json").read_text())
+    document = json.loads((tmp_path / "identification_servo_bench.json").read_text())
     assert document["parameters"][0]["name"] == "rotor mass scale"
-    assert (tmp_path / "identify_servo_bench.png").is_file()
+    assert (tmp_path / "identification_servo_bench.png").is_file()
     (edit,) = Experiment.load(tmp_path / "identify_servo_bench.toml").case.edits
     assert isinstance(edit, BodyEdit)
     assert edit.mass_scale > 1.2
@@ -355,7 +355,7 @@ def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(tmp_path: Path
     """The equations of the arm have no damping: the identified case leaves them out."""
     logs = Path(gm.__file__).parent / "cases/logs"
     assert run("identify", logs / "arm.csv", "logs/arm", "--out", tmp_path) == cli.DONE
-    document = json.loads((tmp_path / "identify_arm_arm.json").read_text())
+    document = json.loads((tmp_path / "identification_arm_arm.json").read_text())
     payload, damping = document["parameters"]
     assert payload["value"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=2e-3)
     assert damping["value"] == pytest.approx(logs_made.DAMPING, rel=0.02)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
 from grosmc_mj.cli.films import FOLDER, write_with_progress
-from grosmc_mj.cli.targets import TARGET, result_name, shown_experiment
+from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
 
 # Where none are named.
@@ -51,7 +50,7 @@ class FilmCommand(Command):
         surface: printed or discrete, as for validate.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    target: Target
     controllers: Annotated[
         tuple[str, ...] | None,
         arg(
@@ -61,7 +60,7 @@ class FilmCommand(Command):
             help_behavior_hint="(default: lqr grosmc, else the last four)",
         ),
     ] = None
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    camera: OptionalName = None
     size: Annotated[str, arg(metavar="WxH")] = "1280x720"
     fps: Annotated[int, arg(metavar="N")] = 30
     speed: Annotated[float, arg(metavar="X")] = 1.0
@@ -75,10 +74,10 @@ class FilmCommand(Command):
     output: Annotated[
         Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
     ] = None
-    gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    gif: Flag = False
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    switching: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    surface: Annotated[str | None, arg(metavar="printed|discrete", help_behavior_hint="")] = None
+    switching: OptionalName = None
+    surface: OptionalSurface = None
 
     def execute(self) -> int:
         """Run, render, write."""

@@ -8,11 +8,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
     from grosmc_mj.chapter.validation import Validation
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.runs import RunResult, Settings
+    from grosmc_mj.experiments.runs import Settings
 
 
 @dataclass(frozen=True)
@@ -71,24 +70,24 @@ class ValidateCommand(Command):
     integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
     switching: Annotated[str, arg(metavar="NAME")] = "sign"
     surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: Out = Path("renders")
     claims: bool = True
     figures: bool = True
-    films: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    report: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    films: Flag = False
+    report: Flag = False
+    record: Flag = False
 
     def execute(self) -> int:
         """Run, write, compare, print."""
         from grosmc_mj.chapter.expected_results import record_expected
         from grosmc_mj.chapter.validation import Validation
+        from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.laboratory import Laboratory
-        from grosmc_mj.results.document import write_json
 
         started, settings = time.perf_counter(), self._settings()
         experiments = [one.with_settings(**settings.changes()) for one in self._selected()]
         done = Validation(settings, [one.case for one in experiments])
-        target, claims = self.out / "validation.json", self._claims(done)
+        claims = self._claims(done)
         systems = dict.fromkeys(case.system for case in done.selected)
         steps = sum(len(one.laws) for one in experiments) + len(systems) + len(claims)
         try:
@@ -100,18 +99,20 @@ class ValidateCommand(Command):
         finally:
             # What was computed is kept and shown, whatever happened since.
             if done.results:
-                try:
-                    write_json(target, done.document(Laboratory(settings)))
-                finally:
-                    _say(done, full=self.verbose)
-                self._write_curves(done.results)
-        console, figures = screen.console(), self._draw(done)
-        console.print(f"{len(figures)} figures; {time.perf_counter() - started:.1f} s", style="dim")
-        screen.say_files(console, target)
+                screen.say_result(
+                    done.document(Laboratory(settings)), self.out / "validation.json",
+                    [f"differs: {line}" for line in done.differences], full=self.verbose, brief=2,
+                )  # fmt: skip
+                for case in dict.fromkeys(result.case for result in done.results):
+                    own = [result for result in done.results if result.case == case]
+                    write_curves(own, f"{case.system}_{case.name}", self.out)
+        count = self._draw(done) if self.figures else 0
+        words = f"{count} figures; {time.perf_counter() - started:.1f} s"
+        screen.console().print(words, style="dim")
         if self.films:
-            film_results(console, done.results, settings, self.out)
+            film_results(screen.console(), done.results, settings, self.out)
         if self.report:
-            report_on(console, [self.out], self.out / REPORT)
+            report_on(screen.console(), [self.out], self.out / REPORT)
         if done.differences:
             return screen.DIFFERS
         return screen.WRONG if done.differing is None else screen.DONE
@@ -155,26 +156,15 @@ class ValidateCommand(Command):
         whole = [name for name in systems if all(case in done.selected for case in cases[name])]
         return [claim for claim in CLAIMS if claim.system in whole]
 
-    def _write_curves(self, results: Sequence[RunResult]) -> None:
-        """The curves of each case, for the page."""
-        from grosmc_mj.experiments.curves import write_curves
-
-        for case in dict.fromkeys(result.case for result in results):
-            own = [result for result in results if result.case == case]
-            write_curves(own, f"{case.system}_{case.name}", self.out)
-
-    def _draw(self, done: Validation) -> list[Path]:
-        """The figures."""
+    def _draw(self, done: Validation) -> int:
+        """Draw the figures; returns how many."""
         from grosmc_mj.chapter.figures import drawable, write_figures
 
-        if not self.figures:
-            return []
-        paths: list[Path] = []
-        with screen.progress(len(drawable(done.selected)), "figures") as advance:
+        count = len(drawable(done.selected))
+        with screen.progress(count, "figures") as advance:
             for path in write_figures(done.results, self.out):
-                paths.append(path)
                 advance(path.name)
-        return paths
+        return count
 
 
 def _compute(
@@ -197,22 +187,3 @@ def _compute(
         advance(f"{system}: analytic against physics")
     lab = Laboratory(done.settings, known=done.results)
     done.findings = judge_in_processes(lab, claims, advance)
-
-
-def _say(done: Validation, *, full: bool) -> None:
-    """The answer, and the tables."""
-    from grosmc_mj.chapter.validation import deviations_table, systems_table
-    from grosmc_mj.experiments import tables
-    from grosmc_mj.sweep.agreement import agreement_table
-
-    console = screen.console()
-    good = done.complete and done.differing is not None and not done.differences
-    screen.say_verdict(console, done.words, good=good)
-    screen.say_lines(console, [f"differs: {line}" for line in done.differences], all=full)
-    console.print(systems_table(done), deviations_table(done.results))
-    if full:
-        console = screen.wide_console()
-        console.print(*tables.results_tables(done.results), tables.LEGEND)
-        for line in tables.endings(done.results):
-            console.print(line, style="red", soft_wrap=True)
-        console.print(tables.gains_table(done.results), agreement_table(done.agreements))
