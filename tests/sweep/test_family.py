@@ -77,7 +77,7 @@ def test_a_cut_off_normal_is_scipys_truncated_one(
 def test_distributions_are_cut_off_on_one_side_or_both(
     kind: str, numbers: dict[str, Any], ends: dict[str, float]
 ) -> None:
-    ours = drawn(kind, **numbers, **ends)
+    ours = drawn(kind, "", **numbers, **ends)
     assert ours.support == (ends.get("least", -INF), ends.get("most", INF))
     assert np.all(np.isfinite(ours.quantiles(SHARES)))
     if len(ends) == 2:
@@ -90,6 +90,11 @@ def test_the_ends_of_a_range_are_its_corners() -> None:
 
 
 # Points of the unit cube.
+
+
+def correlation(points: Array) -> float:
+    """Pearson's coefficient of two columns."""
+    return float(np.asarray(np.corrcoef(points.T))[0, 1])
 
 
 @pytest.mark.parametrize("sampler", ["sobol", "lhs", "random", "corners"])
@@ -143,7 +148,7 @@ def test_random_points_are_uniform_and_independent() -> None:
     points = unit_points("random", 2, 11, 0, 4096)
     # Standard errors of a mean and of a correlation of 4096 points; four of them.
     assert np.abs(points.mean(axis=0) - 0.5).max() < 4 / np.sqrt(12 * 4096)
-    assert abs(np.corrcoef(points.T)[0, 1]) < 4 / np.sqrt(4096)
+    assert abs(correlation(points)) < 4 / np.sqrt(4096)
     # Philox makes four numbers at a time: a point of nine needs three such blocks.
     many = unit_points("random", 9, 0, 0, 64)
     assert len(np.unique(many)) == many.size
@@ -157,8 +162,11 @@ def test_the_copula_correlates_and_keeps_the_marginals(coefficient: float) -> No
     family = campaign(plain(f"{BOTH}{CORRELATED}coefficient = {coefficient}\n")).family
     values = family.values(unit_points("random", 2, 1, 0, 4096))
     # Spearman's coefficient of a Gaussian copula; its standard error is at most that of none.
-    expected, rank = 6 / np.pi * np.arcsin(coefficient / 2), stats.rankdata(values, axis=0)
-    assert abs(np.corrcoef(rank.T)[0, 1] - expected) < 4 / np.sqrt(4096)
+    expected, rank = (
+        6 / np.pi * np.arcsin(coefficient / 2),
+        stats.rankdata(values, axis=0),
+    )
+    assert abs(correlation(rank) - expected) < 4 / np.sqrt(4096)
     # Largest distance from the uniform distribution that one in 10^4 samples exceeds.
     shares = (np.sort(values, axis=0) - [1, -1]) / 2
     distance = np.abs(shares - (np.arange(4096)[:, None] + 0.5) / 4096).max()

@@ -99,8 +99,8 @@ def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:
     for column, value in (("max_input", 0.0), ("margin deviation_below", 1.0),
                           ("status", "diverged"), ("ended", 0.04)):  # fmt: skip
         forged(copy.part(0), replaced(table, column, row, value))
-        (line,) = replay(servos_of(), copy, "2", "grosmc", "native").differences or ()
-        assert line.startswith(f"{column}: {value} was stored, ")
+        lines = replay(servos_of(), copy, "2", "grosmc", "native").differences or []
+        assert [line.split(",")[0] for line in lines] == [f"{column}: {value} was stored"]
         assert replay(servos_of(), copy, "2", "lqr", "native").differences == []
 
 

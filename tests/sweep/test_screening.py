@@ -112,10 +112,10 @@ def test_verdicts_are_those_of_mujoco(text: str) -> None:
         assert list(screened["status"]) == list(exact["status"])
         for limit in declared.limits_of(law):
             kept = [rows[f"margin {limit.key}"] >= 0 for rows in (screened, exact)]
-            np.testing.assert_array_equal(*kept)
+            np.testing.assert_array_equal(kept[0], kept[1])
         assert 0 < (screened["relative"] >= 0).sum() < len(ids)
         own = [rows["relative"][confirmed] for rows in (screened, exact)]
-        np.testing.assert_array_equal(*own)
+        np.testing.assert_array_equal(own[0], own[1])
         assert confirmed.sum() < len(ids) / 2
 
 
@@ -252,7 +252,8 @@ def test_confirmed_runs_are_the_same_whatever_the_parts_and_when_resumed(tmp_pat
     assert "screen: equations there, nothing now" in line
     # A run is repeated on its own judge, and shown in MuJoCo.
     judged = rows[0]["lqr"]["judged_by"]
-    for judge, engine in ((EQUATIONS, "native"), (EQUATIONS, "python"), (PHYSICS, "native")):
+    engines: Any = [(EQUATIONS, "native"), (EQUATIONS, "python"), (PHYSICS, "native")]
+    for judge, engine in engines:
         number = str(np.flatnonzero(judged == judge)[0])
         run = replay(screened(shard), folder, number, "lqr", engine)
         assert run.differences == []

@@ -103,7 +103,7 @@ def test_the_shrunk_plant_fails_and_is_next_to_one_that_does_not(known: Worst) -
     declared, small = loads(1.0, BOTH), known.shrunk
     assert small is not None
     assert known.shrunk_relative == relative(declared, *small) < 0
-    # A line of 16 points, refined once: a nearer plant at 1/256 of the way from the worst passes.
+    # A plant that is nearer by 1/256 of the way from the worst passes.
     nominal = declared.family.nominal
     line = np.where(small != nominal, known.values - nominal, 0.0)
     assert line.any()

@@ -31,7 +31,8 @@ MARGINS = st.lists(
 def clopper_pearson(kept: int, runs: int, doubt: float) -> tuple[float, float]:
     """The exact interval by quantiles of the beta distribution, half the doubt at each end."""
     low = stats.beta.ppf(doubt / 2, kept, runs - kept + 1) if kept else 0.0
-    return low, stats.beta.isf(doubt / 2, kept + 1, runs - kept) if kept < runs else 1.0
+    high = stats.beta.isf(doubt / 2, kept + 1, runs - kept) if kept < runs else 1.0
+    return float(low), float(high)
 
 
 def binomial_tail(kept: int, runs: int, share: float) -> float:
