@@ -25,6 +25,7 @@ from grosmc_mj.studies.region import guarded
 each_engine = pytest.mark.parametrize("engine", ["native", "python"])
 each_kind = pytest.mark.parametrize("kind", ["corrected", "physics"])
 LATE = 0.005
+HERE = Path(__file__).name
 
 
 @cache
@@ -91,7 +92,7 @@ def nothing_later(t: float, x: Any, memory: Any, p: Any) -> float | None:
 
 def at_line(law: Any, t: str) -> str:
     source, first = inspect.getsourcelines(getattr(law, "py_func", law))
-    return rf"test_laws.py:{first + len(source) - 1}: IndexError: .*\(mine at t = {t} s\)"
+    return rf"{HERE}:{first + len(source) - 1}: IndexError: .*\(mine at t = {t} s\)"
 
 
 def returned(words: str, needed: str = "a number") -> str:
@@ -204,7 +205,7 @@ class Pushes:
 @pytest.mark.parametrize(
     ("law", "words"),
     [
-        (unknown_to_numba, r"^test_laws.py:\d+: numba cannot compile the law: Unknown attr"),
+        (unknown_to_numba, rf"^{HERE}:\d+: numba cannot compile the law: Unknown attr"),
         (names_nothing, "NameError: name 'nowhere' is not defined"),
         (remembers_a_list, "begin it as a list of numbers"),
         (lacks_a_field, r"memory or p has no such field: write memory = \{ missing = 0 \}"),
