@@ -33,7 +33,7 @@ CLAIM = {
 
 
 def _document(kind: str, **parts: Any) -> dict[str, Any]:
-    content = result(kind, {"target": "servo/case1"}, **parts)
+    content = result(kind, {"target": "servo/case1", "case": "a long line, " * 20}, **parts)
     return {**content, "command": f"grosmc-mj {kind} servo/case1", "machine": "here"}
 
 
@@ -57,6 +57,7 @@ RUN = _document(
 )
 LADDER = _document(
     "ladder",
+    claims=[{"claim": "servo-index", "broken_at": "friction"}],
     answers=[Answer(question="Ladder of servo", verdict="kept", words="1 of 1 laws")],
     standings=[
         Standing(case="servo", law="lqr", breaks_at="friction", words="3 times the limit"),

@@ -3,9 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
+from tyro.conf import Positional
+
+from grosmc_mj.cli.targets import TARGET
+
+# An option that is on if it is there.
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+Out = Annotated[Path, tyro.conf.arg(metavar="DIR")]
+Target = Annotated[Positional[str], tyro.conf.arg(metavar=TARGET, name="target")]
+# Laws and settings of which the file, or the command, has the default.
+OptionalName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")]
+OptionalSurface = Annotated[
+    str | None, tyro.conf.arg(metavar="printed|discrete", help_behavior_hint="")
+]
 
 # Laws of a file by their names, of its controllers or of its [laws].
 Laws = Annotated[
@@ -29,7 +43,7 @@ class Command:
         verbose: Print every table after the answer.
     """
 
-    verbose: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    verbose: Flag = False
 
     @property
     def simulates(self) -> bool:

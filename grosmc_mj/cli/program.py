@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
+import difflib
 import functools
-import io
 import operator
-import re
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Annotated, Any, get_type_hints
 
 import tyro
+
+# The parser's reports of what is wrong, as values: only here, and its versions are bounded.
+from tyro import _errors as reports
 from tyro.conf import subcommand
 
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, Studies
 from grosmc_mj.cli.output import PROGRAM
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.films.offscreen import without_graphics
 
-# Of ``run --save``, what it stands for alone first.
-_FORMATS = ("parquet", "csv", "npz")
-# What the parser says of an option that another command may have.
-_APPLIED = re.compile(r" \(applied to [^)]*\)|Arguments are applied to .*", re.DOTALL)
+# What ``run --save`` stands for alone.
+_FORMAT = "parquet"
 
 
 def execute(arguments: Sequence[str]) -> int:
@@ -52,35 +52,94 @@ def parse(arguments: Sequence[str]) -> Command:
     Raises:
         ArgumentError: If they describe none, in one line.
     """
-    given, said = _with_format(_with_judge(arguments)) or ["--help"], io.StringIO()
+    words = _with_format(_with_judge(arguments)) or ["--help"]
     # The first help has a line of each command, not its whole text.
-    brief = given[0] in ("-h", "--help")
-    try:
-        with contextlib.redirect_stderr(said):
-            return tyro.cli(
-                _one_of(COMMANDS, brief=brief),
-                prog=PROGRAM,
-                description=ABOUT,
-                args=given,
-                config=(tyro.conf.OmitArgPrefixes,),
-            )
-    except SystemExit as stop:
-        if not stop.code:
-            raise
-        raise ArgumentError(_condense(said.getvalue())) from None
+    brief = words[0] in ("-h", "--help")
+    with reports.on_parse_error(functools.partial(_refuse, words)):
+        return tyro.cli(
+            _one_of(COMMANDS, brief=brief),
+            prog=PROGRAM,
+            description=ABOUT,
+            args=words,
+            config=(tyro.conf.OmitArgPrefixes,),
+        )
+
+
+def _refuse(words: Sequence[str], report: reports.ParseErrorEvent) -> None:
+    """Refuse arguments in one line; what the parser may report in future, it says itself.
+
+    Raises:
+        ArgumentError: What is wrong, and the command that shows the options.
+    """
+    path, command = _command_of(words)
+    match report:
+        case reports.UnrecognizedArgs(tokens=[token, *_]):
+            wrong = _unknown(path, command, token)
+        case reports.MissingArgs(missing_arguments=missing):
+            wrong = f"missing: {', '.join(_named(one.arg) for one in missing)}"
+        case reports.MissingSubcommand(subcommand_spec=spec):
+            wrong = f"missing: one of {', '.join(spec.parser_from_name)}"
+        case reports.InvalidChoice(argument=argument, value=value, choices=choices):
+            wrong = unknown_name(_named(argument), value, [x for x in choices if x != "None"])
+        case reports.BadValue(argument=argument):
+            wrong = f"{_named(argument)}: a value is missing"
+        case reports.InstantiationFailure(argument=argument, message=message):
+            wrong = f"{_named(argument) if argument else 'arguments'}: {message}"
+        case _:
+            return
+    raise ArgumentError(f"{wrong}; for help: {' '.join([PROGRAM, *path])} --help")
+
+
+def _named(argument: Any) -> str:
+    """An option, or what stands in the help for an argument without one."""
+    return argument.lowered.metavar if argument.is_positional() else argument.display_name()
+
+
+def _command_of(words: Sequence[str]) -> tuple[list[str], type[Command] | Mapping[str, Any]]:
+    """The names that lead to a command, and the command or the group that they name."""
+    path, command = list[str](), COMMANDS
+    for word in words:
+        if not isinstance(command, Mapping) or word not in command:
+            break
+        path.append(word)
+        command = command[word]
+    return path, command
+
+
+def _unknown(path: list[str], command: type[Command] | Mapping[str, Any], token: str) -> str:
+    """What is wrong about a word that the parser does not know."""
+    if not token.startswith("-"):
+        unknown = isinstance(command, Mapping)
+        return (
+            unknown_name("command", token, command)
+            if unknown
+            else f"unexpected argument {shown(token)}"
+        )
+    options = [] if isinstance(command, Mapping) else list(_options(command))
+    near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
+    return f"unknown option {shown(token, str)}" + (f": did you mean {near[0]}?" if near else "")
+
+
+def _options(command: type[Command]) -> Iterator[str]:
+    """The options of a command."""
+    hints = get_type_hints(command, include_extras=True)
+    for option in fields(command):
+        marks = getattr(hints[option.name], "__metadata__", ())
+        names = [mark.name for mark in marks if getattr(mark, "name", None)]
+        name = (names or [option.name])[0].replace("_", "-")
+        yield from (f"--{name}", f"--no-{name}") if option.default is True else (f"--{name}",)
 
 
 def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> Any:
     """The type of any of these commands."""
     kinds = []
-    for name, each in commands.items():
-        if isinstance(each, Mapping):
-            kinds.append(
-                Annotated[_one_of(each, brief=False), subcommand(name, description=GROUPS[name])]
-            )
+    for name, kind in commands.items():
+        if isinstance(kind, Mapping):
+            group = subcommand(name, description=GROUPS[name])
+            kinds.append(Annotated[_one_of(kind, brief=False), group])
         else:
-            words = (each.__doc__ or "").partition("\n")[0] if brief else None
-            kinds.append(Annotated[each, subcommand(name, description=words)])
+            words = (kind.__doc__ or "").partition("\n")[0] if brief else None
+            kinds.append(Annotated[kind, subcommand(name, description=words)])
     return functools.reduce(operator.or_, kinds)
 
 
@@ -96,10 +155,8 @@ def _with_format(arguments: Sequence[str]) -> list[str]:
     """The arguments with the format that ``--save`` alone stands for."""
     words = list(arguments)
     for at, word in enumerate(words):
-        if word == "--save" and words[at + 1 : at + 2] and words[at + 1] in _FORMATS:
-            return words
-        if word == "--save":
-            return [*words[: at + 1], _FORMATS[0], *words[at + 1 :]]
+        if word == "--save" and (at + 1 == len(words) or words[at + 1].startswith("-")):
+            return [*words[: at + 1], _FORMAT, *words[at + 1 :]]
     return words
 
 
@@ -114,26 +171,3 @@ def _import_mujoco() -> None:
             import mujoco  # noqa: F401
     except Exception as error:
         raise SetupError(f"MuJoCo cannot be imported: {error}") from error
-
-
-def _condense(box: str) -> str:
-    """What a framed message says, without its title and the help that it repeats.
-
-    The frame is of line-drawing characters or, where the terminal lacks them, of ASCII ones.
-    """
-    lines = "\n".join(line.strip("│|").rstrip() for line in box.splitlines()[1:])
-    parts = [part.strip("╰╯+─-\n ") for part in re.split(r"[─-]{5,}", lines)]
-    words = [
-        _meant(part) if part.startswith("Perhaps") else " ".join(_APPLIED.sub("", part).split())
-        for part in parts
-        if part and "helptext" not in part
-    ]
-    return "; ".join([*words, f"for help: {PROGRAM} --help"])
-
-
-def _meant(part: str) -> str:
-    """The options that may be meant, each with the first command that has it."""
-    # Help stands further in than the options that it is of.
-    option = rf"^( +)(-.*)\n(?:\1 +.*\n)*? +in {PROGRAM} (.+) --help"
-    found = [f"{each[2]} of {each[3]}" for each in re.finditer(option, part, re.MULTILINE)]
-    return f"perhaps you meant {', or '.join(found)}"

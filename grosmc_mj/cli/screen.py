@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
@@ -25,8 +25,8 @@ WIDTH = 100
 _FULL_WIDTH = 200
 # Seconds between two lines of progress where there is no bar.
 LINE_EVERY = 10.0
-# Of one kind, such as results that differ.
-_MOST_LINES = 5
+# Of one kind, such as results that differ; and rows of a table.
+_MOST_LINES, _MOST_ROWS = 5, 16
 
 
 def console() -> Console:
@@ -98,28 +98,65 @@ def brief_table(
         most: Rows that are shown; the caption says how many there are more.
         styles: Of the rows; none for plain ones.
     """
-    from rich.cells import cell_len
+    from grosmc_mj.results.tables import numbers, phrases, table
 
-    from grosmc_mj.results.tables import Column, table
+    headers = [*phrases(*columns[:words]), *numbers(*columns[words:])]
+    return _cut(table(title, headers, rows, styles=styles), most)
 
-    shown = [columns, *rows[:most]]
-    widths = [max(cell_len(row[i]) for row in shown) for i in range(len(columns))]
-    # Of the words, the longest give way: a column has a blank behind it and one between it and the
-    # next one.
-    for _ in range(sum(widths) + 2 * len(widths) - 1 - WIDTH):
-        widths[max(range(words), key=widths.__getitem__)] -= 1
-    # A title is as wide as its table at most.
-    widths[0] += max(0, cell_len(title) - sum(widths) - len(widths))
-    return table(
-        title,
-        [
-            Column(header=header, kind="words" if i < words else "numbers", width=max(widths[i], 1))
-            for i, header in enumerate(columns)
-        ],
-        rows[:most],
-        styles=styles,
-        legend=f"... and {len(rows) - most} more: --verbose has them" if len(rows) > most else "",
+
+def _cut(table: Table, most: int) -> Table:
+    """The first rows of a table; the caption says how many there are more."""
+    if (left := len(table.rows) - most) <= 0:
+        return table
+    more = f"... and {left} more: --verbose has them"
+    return table.model_copy(update={"rows": table.rows[:most], "legend": more})
+
+
+def say_result(
+    content: Mapping[str, Any],
+    path: Path,
+    lines: Sequence[str] = (),
+    *,
+    full: bool,
+    brief: int = 1,
+    tables: Sequence[Table] = (),
+) -> None:
+    """Write a result, then print its answer, what is wrong, its tables, and where it is.
+
+    Args:
+        content: A result's document.
+        path: Its JSON file.
+        lines: What is wrong, a line each.
+        full: Whether to print all lines, and all tables of the document.
+        brief: How many of them are printed otherwise, cut to a screen.
+        tables: To print in their place.
+    """
+    from grosmc_mj.results.document import write_json
+    from grosmc_mj.results.result import KEPT, MEASURED
+
+    write_json(path, content)
+    answer = content["answers"][0]
+    say_verdict(
+        console(), f"{answer['words'].rstrip('.')}.", good=answer["verdict"] in (KEPT, MEASURED)
     )
+    say_lines(console(), lines, all=full)
+    if tables:
+        console().print(*tables)
+    else:
+        say_tables(content, None if full else brief)
+    say_files(console(), path)
+
+
+def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
+    """Print the tables of a result's document: all, or the first ones, cut to a screen."""
+    from grosmc_mj.results.result import Sheet
+
+    tables = [Sheet.model_validate(sheet).table for sheet in content["sheets"][:brief]]
+    for table in (table for table in tables if table.rows):
+        if brief is None:
+            wide_console().print(table, "")
+        else:
+            console().print(_cut(table, _MOST_ROWS))
 
 
 class _Lines:

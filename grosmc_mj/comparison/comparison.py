@@ -19,7 +19,7 @@ from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.files import written_aside
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
-from grosmc_mj.results.tables import names, numbers, table, text, words
+from grosmc_mj.results.tables import numbers, phrases, table, words
 from grosmc_mj.sweep.store import flat
 
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
@@ -114,18 +114,29 @@ def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
 
 def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
     """The content of diff.json."""
-    worse = comparison.worse
+    counts, worse = comparison.counts, comparison.worse
     rows = [
-        (change.name, change.effect.value, _value(change.before), _value(change.after), change.unit)
+        (change.effect.value, change.name, _value(change.before), _value(change.after), change.unit)
         for change in comparison.changes
         if change.effect not in (Effect.NOISE, Effect.UNJUDGED)
     ]
-    columns = [*text("of"), *words("change"), *numbers("before", "after"), *names("unit")]
+    columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
+    verdict = f"{len(worse)} got worse beyond noise" if worse else "Nothing got worse beyond noise"
+    others = ", ".join(
+        f"{counts[effect]} {effect.value}"
+        for effect in Effect
+        if effect is not Effect.WORSE and counts[effect]
+    )
+    unjudged = (
+        f"{counts[Effect.UNJUDGED]} differences cannot be judged: they are of single runs with "
+        "another random seed, which do not show the scatter. Compare campaigns of both, or runs "
+        "with one seed."
+    )
     answer = Answer(
         question=f"What changed from {comparison.old} to {comparison.new}",
         verdict=NOT_KEPT if worse else KEPT,
-        words=f"{len(worse)} of {comparison.compared} compared got worse beyond noise",
-        more=worse[0].name if worse else "",
+        words=f"{verdict}, of {comparison.compared} compared" + (others and f"; {others}"),
+        more=unjudged if counts[Effect.UNJUDGED] else "",
     )
     return result(
         "diff",

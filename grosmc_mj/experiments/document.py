@@ -84,9 +84,10 @@ def _answer(
     if failed:
         words = f"{failed} of {len(judgements)} requirements are not kept"
     elif judgements:
-        words = f"all {len(judgements)} requirements are kept"
+        count = len(judgements)
+        words = "The requirement is kept" if count == 1 else f"All {count} requirements are kept"
     else:
-        words = f"nothing is required; {ended} of {len(results)} runs ended early"
+        words = f"Nothing is required; {ended} of {len(results)} runs ended early"
     broken = failed or (ended and not judgements)
     verdict = NOT_KEPT if broken else KEPT if complete else OPEN
     nearest = max(judgements, key=lambda item: item.share, default=None)

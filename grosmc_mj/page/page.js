@@ -3,7 +3,10 @@
   const all = (what, within = document) => [...within.querySelectorAll(what)];
   const packed = Uint8Array.from(atob(document.getElementById("figures").textContent), (c) => c.charCodeAt(0));
   const figures = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
-  const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  // On paper the colours are those of the light page.
+  const paper = { "--ink": "#1d2125", "--line": "#c9ced3" };
+  let printing = false;
+  const style = (name) => printing ? paper[name] : getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const config = { displaylogo: false, responsive: true, scrollZoom: false, modeBarButtonsToRemove: ["toImage"] };
   const drawn = new Set();
 
@@ -15,11 +18,11 @@
       font: { color: style("--ink"), family: "system-ui, sans-serif", size: 12 } };
   }
   // Nothing is drawn where it has no width: in what is folded.
-  async function draw(home) {
+  async function draw(home, size = {}) {
     if (!home.offsetWidth) return;
     const { data, layout } = figures[+home.dataset.figure];
     home.style.height = `${layout.height}px`;
-    await Plotly.react(home, data, themed(layout), config);
+    await Plotly.react(home, data, { ...themed(layout), ...size }, config);
     drawn.add(home);
   }
   // A film and the curves beside it have one time.
@@ -40,14 +43,17 @@
     for (const claim of all(".claim")) claim.hidden = Boolean(verdict.value) && claim.dataset.verdict !== verdict.value;
     for (const system of all(".system")) system.open = Boolean(verdict.value);
   });
-  all("details").forEach((each) => each.addEventListener("toggle", () => each.open && all(".plot", each).filter((home) => !drawn.has(home)).forEach(draw)));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => drawn.forEach(draw));
+  all("details").forEach((each) => each.addEventListener("toggle", () => each.open && all(".plot", each).filter((home) => !drawn.has(home)).forEach((home) => draw(home))));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => drawn.forEach((home) => draw(home)));
   addEventListener("beforeprint", () => {
+    printing = true;
     all("main details:not(.notices)").forEach((each) => { each.open = true; });
-    all(".plot").filter((home) => !drawn.has(home)).forEach(draw);
-    drawn.forEach((home) => Plotly.relayout(home, { width: 680 }));
+    all(".plot").forEach((home) => draw(home, { width: 680 }));
   });
-  addEventListener("afterprint", () => drawn.forEach((home) => Plotly.relayout(home, { autosize: true, width: null })));
+  addEventListener("afterprint", () => {
+    printing = false;
+    drawn.forEach((home) => draw(home));
+  });
   for (const home of all(".plot")) await draw(home);
   all("video").forEach(join);
   document.documentElement.dataset.ready = "yes";

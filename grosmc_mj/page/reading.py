@@ -14,6 +14,8 @@ from pydantic import Field, ValidationError
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.results.result import Number, Part, Provenance, Result, Text
 
+# Kinds of results that have claims of the chapter with their measurements.
+_WITH_CLAIMS = ("claims", "validation")
 # Bytes of a document, and of all of them; letters of a reason.
 _LARGEST, _ALL, _REASON = 40 * 2**20, 200 * 2**20, 160
 
@@ -238,7 +240,7 @@ def _document(file: Path) -> Document | None:
     elif {"drawn_from", "sha256"} <= content.keys():
         model = Film
     elif "answers" in content:
-        model = ClaimsResult if "claims" in content else Result
+        model = ClaimsResult if content.get("kind") in _WITH_CLAIMS else Result
     else:
         return None
     shown = model.model_validate_json(text)

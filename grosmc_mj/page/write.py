@@ -9,7 +9,7 @@ import hashlib
 import json
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,8 +32,6 @@ from grosmc_mj.versions import __version__
 LARGEST, _AROUND, _CONFIGURATION = 8_000_000, 20_000, 20_000
 # Results that stand in the table of every law in every case.
 _OF_CASES = ("run", "validation")
-# A film in at most so many bytes; None if that cannot be.
-Shrink = Callable[[Path, int], bytes | None]
 
 
 class Page(NamedTuple):
@@ -52,14 +50,13 @@ class Page(NamedTuple):
     notices: Sequence[str]
 
 
-def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shrink) -> Page:
+def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
     """Write results as one page.
 
     Args:
         reading: The results.
         paths: Where they were looked for.
         path: The HTML file.
-        shrink: Makes a film smaller.
 
     Raises:
         SetupError: If it cannot be written.
@@ -95,7 +92,7 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path, shrink: Shri
     # The rest first: the films have the room that it leaves.
     text = _render({**content, "notices": notices, "films": {}}, figures)
     room = LARGEST - len(text.encode("utf-8", "replace")) - _AROUND
-    films = dict(_films(documents, room, shrink, notices))
+    films = dict(_films(documents, room, notices))
     if films or len(notices) > len(reading.notices):
         text = _render({**content, "notices": notices, "films": films}, figures)
     with written_aside(path) as part:
@@ -141,7 +138,7 @@ def _summary(
         )
     counts = Counter(answer.verdict for answer in answers)
     verdicts = ", ".join(f"{counts[each]} {each}" for each in VERDICTS if counts[each])
-    sentences.append(f"Of {len(answers)} answers: {verdicts}.")
+    sentences.append(f"Answers: {verdicts}.")
     if unfinished := sum(not _result(each).complete for each in results):
         sentences.append(f"{unfinished} of the results were interrupted and are not complete.")
     return sentences
@@ -206,9 +203,9 @@ def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
 
 
 def _films(
-    documents: Sequence[Document], room: int, shrink: Shrink, notices: list[str]
+    documents: Sequence[Document], room: int, notices: list[str]
 ) -> Iterator[tuple[tuple[str, str], str]]:
-    """The films of cases whose curves are there and that fit, made smaller if they must be."""
+    """The films of cases whose curves are there and that fit into the room [bytes], in base 64."""
     cases = {
         (each.content.system, each.content.case)
         for each in documents
@@ -223,30 +220,20 @@ def _films(
             else:
                 notices.append(f"{_text(each.path)}: its case has no curves here")
     left = room * 3 // 4
-    for index, (key, each) in enumerate(newest.items()):
-        file, share = each.path.with_suffix(".mp4"), left // (len(newest) - index)
-        film = _film(file, each.content, share, shrink)
-        if isinstance(film, str):
-            notices.append(f"{_text(file)}: {film}")
+    for key, document in newest.items():
+        file = document.path.with_suffix(".mp4")
+        try:
+            film = file.read_bytes()
+        except OSError as error:
+            notices.append(f"{_text(file)}: {error.strerror}")
+            continue
+        if hashlib.sha256(film).hexdigest() != getattr(document.content, "sha256", ""):
+            notices.append(f"{_text(file)}: is not the film that the document beside it is of")
+        elif len(film) > left:
+            notices.append(f"{_text(file)}: has no room in a page of {LARGEST // 10**6} MB")
         else:
             left -= len(film)
             yield key, base64.b64encode(film).decode()
-
-
-def _film(file: Path, beside: Any, share: int, shrink: Shrink) -> bytes | str:
-    """A film in at most so many bytes, or why not."""
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        return str(error.strerror)
-    if hashlib.sha256(content).hexdigest() != beside.sha256:
-        return "is not the film that the document beside it is of"
-    if len(content) <= share:
-        return content
-    smaller = shrink(file, share) if share > 0 else None
-    if smaller is None or len(smaller) > share:
-        return f"has no room in a page of {LARGEST // 10**6} MB"
-    return smaller
 
 
 def _origin(document: Document) -> dict[str, Any]:

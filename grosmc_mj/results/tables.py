@@ -22,12 +22,13 @@ _PREFIXES = ("", "m", "µ")
 # A bar that is none of a Markdown table's.
 BAR = "\\|"
 
-Kind = Literal["words", "numbers", "names", "text", "verdict"]
+Kind = Literal["words", "numbers", "names", "phrases", "text", "verdict"]
 # How Rich shows a column of each kind.
 _SHOW: dict[Kind, dict[str, Any]] = {
     "words": {"no_wrap": True},
     "numbers": {"no_wrap": True, "justify": "right"},
     "names": {"overflow": "fold", "max_width": _NAME},
+    "phrases": {"overflow": "fold"},
     "text": {"overflow": "fold", "ratio": 1, "min_width": _NAME},
     "verdict": {"no_wrap": True},
 }
@@ -56,6 +57,11 @@ def numbers(*headers: str) -> list[Column]:
 def names(*headers: str) -> list[Column]:
     """Columns of names that somebody else chose and that may be of any length."""
     return [Column(header=header, kind="names") for header in headers]
+
+
+def phrases(*headers: str) -> list[Column]:
+    """Columns of words that wrap where the table would be too wide, the longest first."""
+    return [Column(header=header, kind="phrases") for header in headers]
 
 
 def text(header: str = "") -> list[Column]:

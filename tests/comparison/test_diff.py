@@ -142,7 +142,7 @@ def test_what_chance_did_to_single_runs_is_not_judged_and_said(
     assert run("diff", str(old), str(new), "--out", str(tmp_path)) == cli.DONE
     said = " ".join(capsys.readouterr().out.split())
     assert "1 not judged" in said
-    assert "single runs whose chance had another seed" in said
+    assert "single runs with another random seed" in said
 
 
 @pytest.mark.parametrize("content", [b"\x89PNG\r\n", b'{"runs": [', b"[" * 10**6])

@@ -11,8 +11,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from hand_written import tip
 from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case
-from two_link_oracle import TwoLinkParameters, tip
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
@@ -399,7 +399,7 @@ def test_where_the_reference_moves_the_ghost_is_the_reference() -> None:
     np.testing.assert_allclose(np.asarray(arm.takes[0].ghost), expected, rtol=0, atol=1e-9)
     (take,) = film_of([result("two_link_arm", "nominal")]).takes
     ghost = np.asarray(take.ghost)
-    p = TwoLinkParameters.from_model(plant("two_link_arm").model)
+    p = plant("two_link_arm").parameters
     # The elbow stays on the side that the run is on.
     assert np.all(ghost[:, 1] < 0)
     for t, q in zip(take.run.time[::200], ghost[::200], strict=True):

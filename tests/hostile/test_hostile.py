@@ -11,7 +11,7 @@ from hostile import NUMBERS, TEXTS, TIMES, mutant, replaced, trial
 
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 # Mutants of a file; those of files whose laws take long to design are fewer.
 CHEAP, DEAR = 6 * TIMES, 1 * TIMES
@@ -159,11 +159,11 @@ COMMANDS = (
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
     "list CASE --verbose",
     "view arm/case9 --controller lqr --speed 0",
-    "study region servo/case9 --points 0 --duration 0.01 --rate -10 --screen none --out OUT",
+    "study region servo/case9 --points 0 --duration 0.01 --limits -10 1 --out OUT",
     "study switching banana --nothing --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
     "diff OUT CASE --junit OUT/junit.xml --out OUT --verbose",
-    "study tolerance servo/case9 --laws lqr nothing --seeds 0 --every-end --out OUT",
+    "study tolerance servo/case9 --laws lqr nothing --seeds 0 --out OUT",
     "bench --integrator heun --rounds 0",
     "validate nothing/case9 --control-period 0.001 --timestep 0 --out OUT",
     "replay OUT 0 --case nothing",

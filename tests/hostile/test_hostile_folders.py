@@ -19,7 +19,7 @@ from hostile import LINE, TEXTS, TIMES, code, trial
 
 from grosmc_mj import cli
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 _RUNS, _SHARD = 12, 3
 # Of every damage.

@@ -24,6 +24,7 @@ DRAWN = (
 )
 pytestmark = [
     pytest.mark.render,
+    pytest.mark.apart,
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium"),
 ]
 
@@ -37,7 +38,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., An
     film, path = folder / "made.mp4", folder / "report.html"
     subprocess.run([find_ffmpeg().path, *VIDEO.split(), film], check=True)
     write_film(folder, film.read_bytes())
-    write_page(read_results([folder]), [folder], path, lambda file, most: None)
+    write_page(read_results([folder]), [folder], path)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
 
@@ -86,8 +87,6 @@ def test_claims_are_filtered_and_on_paper_there_is_nothing_to_open(
     shown: Callable[..., Any],
 ) -> None:
     with shown(width=400) as page:
-        # A narrow screen scrolls in one direction.
-        assert page.evaluate("() => document.documentElement.scrollWidth") <= 400
         for verdict, visible in (("refuted", True), ("", False)):
             page.select_option("#verdict", verdict)
             assert page.locator(".claim").is_visible() is visible
@@ -104,3 +103,12 @@ def test_nobody_is_kept_out(shown: Callable[..., Any], scheme: str) -> None:
         assert (ground == "rgb(255, 255, 255)") is (scheme == "light")
         violations = Axe().run(page).response["violations"]
         assert [v["id"] for v in violations if v["impact"] in ("serious", "critical")] == []
+
+
+@pytest.mark.parametrize("unfold", [False, True])
+def test_a_narrow_screen_scrolls_in_one_direction(shown: Callable[..., Any], unfold: bool) -> None:
+    opening = "all => document.querySelectorAll('details').forEach(fold => { fold.open = all; })"
+    with shown(width=400) as page:
+        if unfold:
+            page.evaluate(opening, True)
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= 400

@@ -10,16 +10,16 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 import pytest
-from matplotlib.colors import TwoSlopeNorm, rgb_to_hsv, to_rgb
+from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 from rich.console import Console
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.page.charts import chart_figure
+from grosmc_mj.results.charts import write_cells
 from grosmc_mj.results.document import json_text, origin, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import figure_written, labelled_below
-from grosmc_mj.results.heat_map import heat_map
 from grosmc_mj.results.palette import COLOURS, FAILED, KEPT, OTHERS, law_styles
 from grosmc_mj.results.result import CellChart, LineChart, Series
 from grosmc_mj.results.tables import (
@@ -156,18 +156,22 @@ def test_a_signal_that_switches_at_every_sample_jumps_and_a_wave_does_not() -> N
     assert [jumps(signal) for signal in signals] == [True, False, False]
 
 
-def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit() -> None:
+def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In figures, where white is the limit, and in lighter shades on the page."""
-    axis = Figure().subplots()
-    for larger_is_better, (good, bad) in ((False, (KEPT, FAILED)), (True, (FAILED, KEPT))):
-        image = heat_map(
-            axis, {(0, 0): (0.0, "0"), (0, 1): (4.0, "4")}, ["law"], ["a", "b"],
-            TwoSlopeNorm(1.0, 0.0, 4.0), larger_is_better=larger_is_better,
-        )  # fmt: skip
-        colours = np.asarray(image.cmap(image.norm(np.array([0.0, 1.0, 4.0]))))[:, :3]
-        assert colours.ravel() == pytest.approx([*to_rgb(good), 1, 1, 1, *to_rgb(bad)], abs=5e-3)
+    figures: list[Figure] = []
+    monkeypatch.setattr(
+        "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)
+    )
     cells = {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}
-    (heat,) = chart_figure(CellChart.of("kept", cells, 2.0))["data"]
+    shown = CellChart.of("kept", cells, 2.0)
+    write_cells(tmp_path / "a.png", "a", [shown], "a note")
+    image = figures[0].axes[0].images[0]
+    colours = np.asarray(image.cmap(image.norm(np.array([-2.0, 0.0, 2.0]))))[:, :3]
+    assert colours.ravel() == pytest.approx([*to_rgb(KEPT), 1, 1, 1, *to_rgb(FAILED)], abs=5e-3)
+    assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
+    (heat,) = chart_figure(shown)["data"]
     assert (heat["zmin"], heat["zmax"]) == (-2.0, 2.0)
     for shade, meant in ((heat["colorscale"][0], KEPT), (heat["colorscale"][-1], FAILED)):
         hue, saturation, _ = rgb_to_hsv(to_rgb(shade[1]))

@@ -2,55 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.results.palette import FAILED
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.laboratory import Laboratory
-    from grosmc_mj.results.tables import Table
 
 _Claims = Annotated[
     Positional[str | None],
     arg(metavar="[SYSTEM|CLAIM]", name="target", help_behavior_hint="(default: all claims)"),
 ]
-_Out = Annotated[Path, arg(metavar="DIR")]
-
-
-class _Publishing(Command):
-    """A command whose answer and tables are those of its result."""
-
-    def _publish(
-        self,
-        path: Path,
-        content: Mapping[str, Any],
-        tables: Sequence[Table],
-        lines: Sequence[str] = (),
-    ) -> None:
-        """Write a result, then print its answer, lines about what is wrong, and tables."""
-        from grosmc_mj.results.document import write_json
-
-        write_json(path, content)
-        console, answer = screen.console(), content["answers"][0]
-        screen.say_verdict(console, f"{answer['words']}.", good=answer["verdict"] != "not kept")
-        screen.say_lines(console, lines, FAILED, all=self.verbose)
-        console.print(*tables)
-        screen.say_files(console, path)
 
 
 @dataclass(frozen=True)
-class JudgeCommand(_Publishing):
+class JudgeCommand(Command):
     """Judge the chapter's claims, each with its number: supported, refuted, undetermined, ...
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
@@ -69,7 +44,7 @@ class JudgeCommand(_Publishing):
 
     target: _Claims = None
     page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
-    out: _Out = Path("renders")
+    out: Out = Path("renders")
 
     def execute(self) -> int:
         """Judge, write, print, compare."""
@@ -78,7 +53,7 @@ class JudgeCommand(_Publishing):
         from grosmc_mj.chapter.claims.page import write_page
         from grosmc_mj.chapter.claims.picture import write_picture
         from grosmc_mj.chapter.claims.results import claims_result
-        from grosmc_mj.chapter.claims.story import claim_tables, claims_tables
+        from grosmc_mj.chapter.claims.story import claim_tables
 
         if self.page is not None and (self.target or self.page.suffix != ".md"):
             raise ArgumentError(f"--page {self.page} is about all claims, and ends in .md")
@@ -86,11 +61,10 @@ class JudgeCommand(_Publishing):
         findings = judge_with_progress(lab, select_claims(self.target))
         single = findings[0].claim.id == self.target
         path = self.out / (f"claims/{self.target}.json" if single else "claims.json")
-        tables = claim_tables(findings[0]) if single else claims_tables(findings)
         lines = [f"differs: {line}" for line in verdict_differences(findings)]
-        self._publish(
-            path, claims_result(findings, lab), tables if single or self.verbose else tables[:2],
-            lines,
+        screen.say_result(
+            claims_result(findings, lab), path, lines, full=self.verbose, brief=2,
+            tables=claim_tables(findings[0]) if single else (),
         )  # fmt: skip
         if single:
             picture = write_picture(findings[0], lab, path.with_suffix(".png"))
@@ -101,7 +75,7 @@ class JudgeCommand(_Publishing):
 
 
 @dataclass(frozen=True)
-class SweepCommand(_Publishing):
+class SweepCommand(Command):
     """Vary every choice that a claim depends on, and show where its answer turns.
 
     Writes sweeps.json.
@@ -113,14 +87,13 @@ class SweepCommand(_Publishing):
     """
 
     target: _Claims = None
-    record: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    out: _Out = Path("renders")
+    record: Flag = False
+    out: Out = Path("renders")
 
     def execute(self) -> int:
         """Vary, write, print."""
         from grosmc_mj.chapter.claims.ledger import select_claims
         from grosmc_mj.chapter.claims.results import sweeps_result
-        from grosmc_mj.chapter.claims.story import turning_table
         from grosmc_mj.chapter.claims.sweep import STORED, sweep
 
         if self.record and self.target:
@@ -129,12 +102,12 @@ class SweepCommand(_Publishing):
         with screen.progress(len(claims), "claims") as advance:
             content = sweeps_result(list(sweep(lab, claims, advance)), lab)
         path = STORED if self.record else self.out / "sweeps.json"
-        self._publish(path, content, [turning_table(content["sweeps"])])
+        screen.say_result(content, path, full=self.verbose)
         return screen.DONE
 
 
 @dataclass(frozen=True)
-class SelfTestCommand(_Publishing):
+class SelfTestCommand(Command):
     """Put faults into laws and plants, one at a time, and show which claims notice.
 
     A claim that has noticed one is asked no more, but with --verbose. Writes self_test.json. Exit
@@ -146,7 +119,7 @@ class SelfTestCommand(_Publishing):
     """
 
     target: _Claims = None
-    out: _Out = Path("renders")
+    out: Out = Path("renders")
 
     def execute(self) -> int:
         """Try, write, print."""
@@ -154,7 +127,6 @@ class SelfTestCommand(_Publishing):
         from grosmc_mj.chapter.claims.ledger import select_claims
         from grosmc_mj.chapter.claims.results import self_test_result
         from grosmc_mj.chapter.claims.self_test import self_test
-        from grosmc_mj.chapter.claims.story import noticed_table
         from grosmc_mj.executors import executor_for
         from grosmc_mj.experiments.runs import Settings
 
@@ -164,15 +136,17 @@ class SelfTestCommand(_Publishing):
                 settings, claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
                 thorough=self.verbose,
             )  # fmt: skip
-        noticing = {name for each in caught for name in each.claims}
+        noticing = {name for fault in caught for name in fault.claims}
         blind = [f"{claim.id} notices no fault" for claim in claims if claim.id not in noticing]
         content, path = self_test_result(caught, settings), self.out / "self_test.json"
-        self._publish(path, content, [noticed_table(caught)], blind)
-        return screen.DONE if not blind and all(each.claims for each in caught) else screen.DIFFERS
+        screen.say_result(content, path, blind, full=self.verbose)
+        return (
+            screen.DONE if not blind and all(fault.claims for fault in caught) else screen.DIFFERS
+        )
 
 
 @dataclass(frozen=True)
-class PremisesCommand(_Publishing):
+class PremisesCommand(Command):
     """Check the premises of the theorems in each case.
 
     Controllability, G B, relative degree, matching, the input-gain ratio, the switching gain
@@ -188,17 +162,12 @@ class PremisesCommand(_Publishing):
 
     target: Annotated[Positional[str], arg(metavar=CASES, name="target")]
     controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
-    out: _Out = Path("renders")
+    out: Out = Path("renders")
 
     def execute(self) -> int:
         """Check, write, print what fails."""
         from grosmc_mj.assumptions.robot import audit_of
-        from grosmc_mj.chapter.premises import (
-            audit_table,
-            failures_table,
-            premises_result,
-            worst_points,
-        )
+        from grosmc_mj.chapter.premises import premises_result, worst_points
         from grosmc_mj.experiments.catalogue import find_experiments
 
         lab, experiments = _laboratory(), find_experiments(self.target)
@@ -206,10 +175,8 @@ class PremisesCommand(_Publishing):
         experiments = [one for one in experiments if one.case.loop is None] or experiments
         audits = [audit_of(lab, experiment, self.controller) for experiment in experiments]
         path = self.out / f"premises_{experiments[0].case.system}.json"
-        failing = [failures_table(audits)] if any(audit.failed() for audit in audits) else []
-        full = map(audit_table, audits) if self.verbose else ()
-        points = [f"{each.case.name}: {line}" for each in audits for line in worst_points(each)]
-        self._publish(path, premises_result(audits, lab.settings), [*failing, *full], points)
+        points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
+        screen.say_result(premises_result(audits, lab.settings), path, points, full=self.verbose)
         return screen.DONE
 
 

@@ -4,20 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.comparison.comparison import ResultComparison
-
-# Rows and lines of an answer.
-_ROWS, _LINES = 16, 8
+from grosmc_mj.cli.command import Command, Out
 
 
 @dataclass(frozen=True)
@@ -43,7 +35,7 @@ class DiffCommand(Command):
     old: Annotated[Positional[Path], arg(metavar="OLD")]
     new: Annotated[Positional[Path], arg(metavar="NEW")]
     junit: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(default: none)")] = None
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: Out = Path("renders")
 
     @property
     def simulates(self) -> bool:
@@ -53,59 +45,17 @@ class DiffCommand(Command):
     def execute(self) -> int:
         """Compare, write, say."""
         from grosmc_mj.comparison.comparison import compare, comparison_document, write_junit
-        from grosmc_mj.results.document import write_json
 
-        comparison = compare(self.old, self.new)
-        files = [self.out / "diff.json"]
-        write_json(files[0], comparison_document(comparison))
+        comparison, console = compare(self.old, self.new), screen.console()
+        content = comparison_document(comparison)
+        screen.say_result(content, self.out / "diff.json", full=self.verbose)
+        if more := content["answers"][0]["more"]:
+            console.print(more, markup=False)
+        for title, lines in (("Made from", comparison.sources), ("Not read", comparison.notices)):
+            if lines:
+                console.print(f"{title}:", style="bold")
+                screen.say_lines(console, lines, "", all=self.verbose)
         if self.junit is not None:
             write_junit(self.junit, comparison)
-            files.append(self.junit)
-        _say(screen.console(), comparison, full=self.verbose)
-        screen.say_files(screen.console(), *files)
+            screen.say_files(console, self.junit)
         return screen.DIFFERS if comparison.worse else screen.DONE
-
-
-def _say(console: Console, comparison: ResultComparison, *, full: bool) -> None:
-    """The verdict, what changed, and what it was made from."""
-    from grosmc_mj.comparison.changes import Effect
-
-    counts, worse = comparison.counts, len(comparison.worse)
-    said = f"{worse} got worse beyond noise" if worse else "Nothing got worse beyond noise"
-    others = ", ".join(
-        f"{counts[effect]} {effect.value}"
-        for effect in Effect
-        if effect is not Effect.WORSE and counts[effect]
-    )
-    told = f"; {others}" if others else ""
-    screen.say_verdict(console, f"{said}, of {comparison.compared} compared{told}.", good=not worse)
-    if unjudged := counts[Effect.UNJUDGED]:
-        console.print(
-            f"{unjudged} differences cannot be judged: they are of single runs whose chance had "
-            "another seed, which tell nothing of how far it scatters. Compare campaigns of both, "
-            "or runs of the same seed."
-        )
-    told_of = (Effect.NOISE, Effect.UNJUDGED)
-    real = [each for each in comparison.changes if full or each.effect not in told_of]
-    if real:
-        rows = [
-            (each.effect.value, each.name, _value(each.before), _value(each.after), each.unit)
-            for each in real
-        ]
-        columns = ("", "of", "before", "after", "unit")
-        most = len(rows) if full else _ROWS
-        console.print(screen.brief_table("What changed", columns, rows, words=2, most=most))
-    for title, lines in (("Made from", comparison.sources), ("Not read", comparison.notices)):
-        if lines:
-            console.print(f"{title}:", style="bold")
-            shown = lines if full else lines[:_LINES]
-            for line in shown:
-                console.print(f"  {line}", markup=False, no_wrap=not full, overflow="ellipsis")
-            if left := len(lines) - len(shown):
-                console.print(f"  ... and {left} more: --verbose has them", style="dim")
-
-
-def _value(value: float | str | None) -> str:
-    if value is None:
-        return "none"
-    return value if isinstance(value, str) else f"{value:.5g}"

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
 from grosmc_mj.cli.films import FOLDER, write_with_progress
-from grosmc_mj.cli.targets import TARGET, result_name, shown_experiment
+from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
 
 # Where none are named.
@@ -47,11 +46,13 @@ class FilmCommand(Command):
         output: The film; by default renders/films/SYSTEM_CASE.mp4.
         gif: Whether to write a small GIF too.
         workers: Rendering processes; by default one a core.
-        switching: Switching law of the sliding mode laws, as for validate.
-        surface: printed or discrete, as for validate.
+        switching: Switching law of the sliding mode laws: sign as in the chapter, boundary-layer,
+            implicit, implicit-estimate, super-twisting, adaptive, unit-vector or
+            implicit-unit-vector.
+        surface: printed, or discrete: zero at every sample of the nominal plant.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    target: Target
     controllers: Annotated[
         tuple[str, ...] | None,
         arg(
@@ -61,7 +62,7 @@ class FilmCommand(Command):
             help_behavior_hint="(default: lqr grosmc, else the last four)",
         ),
     ] = None
-    camera: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    camera: OptionalName = None
     size: Annotated[str, arg(metavar="WxH")] = "1280x720"
     fps: Annotated[int, arg(metavar="N")] = 30
     speed: Annotated[float, arg(metavar="X")] = 1.0
@@ -75,10 +76,10 @@ class FilmCommand(Command):
     output: Annotated[
         Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
     ] = None
-    gif: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    gif: Flag = False
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    switching: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    surface: Annotated[str | None, arg(metavar="printed|discrete", help_behavior_hint="")] = None
+    switching: OptionalName = None
+    surface: OptionalSurface = None
 
     def execute(self) -> int:
         """Run, render, write."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import FlagCreatePairsOff, Positional, arg
+from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class _OfLog(Command):
     case: Annotated[Positional[str], arg(metavar="CASE")]
     also: Annotated[tuple[Path, ...], arg(metavar="LOG ...")] = ()
     horizon: Annotated[float, arg(metavar="S")] = 1.0
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: Out = Path("renders")
 
     def _read(self) -> tuple[Experiment, Log]:
         from grosmc_mj.experiments.catalogue import find_experiments
@@ -65,7 +65,7 @@ class IdentifyCommand(_OfLog):
         hold_out: Share of the log, its end, that is not fitted but predicted.
     """
 
-    fit: Annotated[tuple[str, ...], arg(metavar="NAME ...")] = field(default=())
+    fit: Annotated[tuple[str, ...], arg(metavar="NAME ...")] = ()
     hold_out: Annotated[float, arg(metavar="SHARE")] = 0.3
 
     def execute(self) -> int:
@@ -74,35 +74,30 @@ class IdentifyCommand(_OfLog):
         from grosmc_mj.identify.fit import fit, quality, residuals
         from grosmc_mj.identify.parameters import parameters_of
         from grosmc_mj.identify.replay import require_matching
-        from grosmc_mj.identify.report import draw, identification, quality_table, values_table
-        from grosmc_mj.results.document import write_json
+        from grosmc_mj.identify.report import draw, identification
 
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
         experiment, log = self._read()
         parameters = parameters_of(experiment, self.fit)
         plant = experiment.plant(experiment.nominal.truest)
-        how: dict[str, Any] = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
-        require_matching(log, plant, **how)
-        seen, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
+        steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
+        require_matching(log, plant, **steps)
+        fitted, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
         with screen.progress(1) as advance:
-            found = fit(parameters, seen, plant, **how, progress=lambda text: advance(text, 0))
-            parts = residuals(found, held, plant, **how)
+            best = fit(parameters, fitted, plant, **steps, progress=lambda text: advance(text, 0))
+            parts = residuals(best, held, plant, **steps)
             advance("fitted")
-        rows, path = quality(parts, held, plant.system), self._path("identify", experiment)
-        files = [path, path.with_suffix(".png"), path.with_suffix(".toml")]
-        document = identification(found, rows, log.name, self.horizon, self.hold_out)
-        write_json(path, document)
-        draw(parts, held, plant.system, files[1])
-        write_case(found, log.name, files[2])
-        console = screen.console()
-        white = all(row.white for row in rows)
-        screen.say_verdict(console, document["answers"][0]["words"] + ".", good=white)
-        for unseen in found.unseen:
-            console.print(f"{unseen.words}.")
-        console.print(values_table(found))
-        console.print(quality_table(rows))
-        screen.say_files(console, *files)
+        rows = quality(parts, held, plant.system)
+        # The case file has a name of its own: a run of it writes results of that name.
+        path, case = self._path("identification", experiment), self._path("identify", experiment)
+        files = path.with_suffix(".png"), case.with_suffix(".toml")
+        draw(parts, held, plant.system, files[0])
+        write_case(best, log.name, files[1])
+        document = identification(best, rows, log.name, self.horizon, self.hold_out)
+        unseen = [f"{parameter.words}." for parameter in best.unseen]
+        screen.say_result(document, path, unseen, full=self.verbose, brief=2)
+        screen.say_files(screen.console(), *files)
         return screen.DONE
 
 
@@ -118,35 +113,26 @@ class CompareCommand(_OfLog):
         film: Film the first prediction, with the measured machine as a ghost.
     """
 
-    film: Annotated[bool, FlagCreatePairsOff] = False
+    film: Flag = False
 
     def execute(self) -> int:
         """Read, predict, write, say."""
         from grosmc_mj.films.write import write_film
         from grosmc_mj.identify.compare import compared, comparison_result, rungs_of
         from grosmc_mj.identify.film import film_of_log
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.results.result import Sheet
 
         experiment, log = self._read()
-        how = self.horizon, experiment.settings.timestep
         rungs = rungs_of(experiment)
         truest = rungs.get("loop", rungs[experiment.nominal.truest])
         film = film_of_log(truest, log, self.horizon) if self.film else None
-        rows, notes = compared(rungs, log, *how)
+        rows, notes = compared(rungs, log, self.horizon, experiment.settings.timestep)
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
-        write_json(path, document)
-        console = screen.console()
-        screen.say_verdict(console, document["answers"][0]["words"] + ".", good=True)
-        screen.say_lines(console, notes, "dim", all=True)
-        for sheet in document["sheets"]:
-            console.print(Sheet.model_validate(sheet).table)
-        screen.say_files(console, path)
+        screen.say_result(document, path, notes, full=True)
         if film is not None:
             with screen.progress(len(film.times), "frames") as advance:
                 written = write_film(
                     film, path.with_suffix(".mp4"), advance=lambda: advance("film")
                 )
-            screen.say_files(console, written.film, written.poster)
+            screen.say_files(screen.console(), written.film, written.poster)
         return screen.DONE

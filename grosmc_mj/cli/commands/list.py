@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.plants import Plant, Signal
+    from grosmc_mj.plants import Plant
 
 
 @dataclass(frozen=True)
@@ -39,19 +38,19 @@ class ListCommand(Command):
     @property
     def simulates(self) -> bool:
         """The names of everything stand in files."""
-        return bool(self.target) or self.verbose
+        return bool(self.target)
 
     def execute(self) -> int:
-        """Systems, cases, laws; with their titles, plants and names, if asked for."""
-        if not self.target:
+        """All systems and case files by name, or one target in detail."""
+        if self.target:
+            _say_one(screen.wide_console(), self.target)
+        else:
             _say_everything(screen.console())
-        if self.target or self.verbose:
-            _say_more(screen.wide_console(), self.target)
         return screen.DONE
 
 
 def _say_everything(console: Console) -> None:
-    """What there is, by the names in the files: nothing is built for it."""
+    """Systems, cases and laws by the names in the files: nothing is built for it."""
     from grosmc_mj.experiments.file.shipped import (
         base_file,
         campaign_files,
@@ -68,63 +67,50 @@ def _say_everything(console: Console) -> None:
     console.print(f"{len(bases)} systems, {len(files)} case files.")
     for name, base in bases.items():
         cases = sorted(folders[name], key=case_order)
-        _say(console, "", name, bold=True)
+        console.print(name, style="bold")
         _say(console, "cases", ", ".join(case.split("/")[1] for case in cases))
         _say(console, "laws", ", ".join(content(base)["laws"]))
         if name in campaigns:
             _say(console, "campaign", content(campaigns[name])["title"])
     others = [name for folder in folders if folder not in bases for name in folders[folder]]
-    _say(console, "", "Other case files", bold=True)
+    console.print("Other case files", style="bold")
     console.print(f"  {', '.join(others)}")
     console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")
 
 
-def _say_more(console: Console, target: str) -> None:
-    """Titles, plants and the names of their parts, of a target or of all systems."""
+def _say_one(console: Console, target: str) -> None:
+    """The cases, laws and plants of a target, and the names and numbers of its parts."""
     from grosmc_mj.experiments.catalogue import find_experiments
-    from grosmc_mj.experiments.file.shipped import content, shipped_files
-    from grosmc_mj.plants import SYSTEMS
+    from grosmc_mj.physics.files import body_names, joint_names
     from grosmc_mj.results.tables import names, table, text
 
-    for name in [target] if target else SYSTEMS:
-        experiments = find_experiments(name)
-        first = experiments[0]
-        _say(console, "", f"{name}: {first.nominal.system.title}", bold=True)
-        for case in (one.case for one in experiments):
-            source = f"  ({case.source})" if case.source else ""
-            _say(console, case.name, f"{case.title}{source}")
-        _say(console, "laws", ", ".join(dict.fromkeys([*first.file.laws, *first.controllers])))
-        _say(console, "plants", ", ".join(first.plant_names))
-        _say_names(console, first)
-        found = _nominal_numbers(first.nominal.plant)
-        columns = [*names("nominal"), *text("numbers that are not zero")]
-        console.print(table("", columns, found.items()))
-    if not target:
-        _say(console, "", "Case files of the package", bold=True)
-        for name, path in shipped_files().items():
-            _say(console, f"{name:<26}", content(path)["title"])
-
-
-def _say_names(console: Console, experiment: Experiment) -> None:
-    """What case files call the parts of a plant, with the tables that ask for them."""
-    from grosmc_mj.physics.files import body_names, joint_names
-
-    plant = experiment.plant(experiment.nominal.truest)
+    experiments = find_experiments(target)
+    first = experiments[0]
+    plant = first.plant(first.nominal.truest)
     system = plant.system
-    states, inputs = _signals(system.states), _signals(system.inputs)
+    console.print(f"{target}: {first.nominal.system.title}", style="bold", markup=False)
+    for case in (one.case for one in experiments):
+        _say(console, case.name, case.title + (f"  ({case.source})" if case.source else ""))
+    _say(console, "laws", ", ".join(dict.fromkeys([*first.file.laws, *first.controllers])))
+    _say(console, "plants", ", ".join(first.plant_names))
+    states, inputs = (
+        ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
+        for signals in (system.states, system.inputs)
+    )
     _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
     _say(console, "inputs", f"{inputs}  (of [[actuator]])")
-    if plant.kind != "physics":
-        names = ", ".join(vars(plant.parameters))
-        _say(console, "parameters", f"{names}  (parameter of [[edit]])")
-        return
-    units = dict(zip(system.joints, system.positions, strict=True))
-    joints = [
-        f"{name} [{units[name].unit}]" if name in units else name
-        for name in joint_names(plant.model)
-    ]
-    _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
-    _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+    if plant.kind == "physics":
+        units = dict(zip(system.joints, (one.unit for one in system.positions), strict=True))
+        joints = (
+            f"{name} [{units[name]}]" if name in units else name
+            for name in joint_names(plant.model)
+        )
+        _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
+        _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+    else:
+        _say(console, "parameters", f"{', '.join(vars(plant.parameters))}  (of [[edit]])")
+    columns = [*names("nominal"), *text("numbers that are not zero")]
+    console.print(table("", columns, _nominal_numbers(first.nominal.plant).items()))
 
 
 def _nominal_numbers(plant: Plant) -> dict[str, str]:
@@ -133,40 +119,33 @@ def _nominal_numbers(plant: Plant) -> dict[str, str]:
 
     from grosmc_mj.fields import range_of
 
-    system, physics = plant.system, plant.kind == "physics"
-    rows: list[tuple[str, str, Sequence[float], str]] = []
-    if not physics or system.read_parameters is not None:
-        numbers = plant.analytic().parameters
-        for name, value in vars(numbers).items():
-            bounds = range_of(type(numbers), name)
-            if bounds is None or bounds.unit:
-                rows.append(("equations", name, [value], bounds.unit if bounds else ""))
-    if physics:
-        model = plant.model
-        rows.append(("world", "gravity", model.opt.gravity, "m/s^2"))
-        for body in map(model.body, range(1, model.nbody)):
-            rows.append((body.name, "mass", body.mass, "kg"))
-            rows.append((body.name, "principal inertia", body.inertia, "kg m^2"))
-            rows.append((body.name, "centre of mass", body.ipos, "m"))
-        for joint in map(model.joint, range(model.njnt)):
-            slides = joint.type[0] == mjtJoint.mjJNT_SLIDE
-            rows.append((joint.name, "damping", joint.damping, "N s/m" if slides else "N m s/rad"))
-            rows.append((joint.name, "friction", joint.frictionloss, "N" if slides else "N m"))
-            rows.append((joint.name, "armature", joint.armature, "kg" if slides else "kg m^2"))
-    words: dict[str, list[str]] = {}
-    for owner, name, values, unit in rows:
+    numbers: dict[str, list[str]] = {}
+
+    def note(owner: str, name: str, values: Sequence[float], unit: str) -> None:
         if any(values):
-            number = ", ".join(f"{value:.5g}" for value in values)
-            words.setdefault(owner, []).append(f"{name} {number} {unit}".rstrip())
-    return {owner: "; ".join(texts) for owner, texts in words.items()}
+            written = ", ".join(f"{value:.5g}" for value in values)
+            numbers.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
+
+    if plant.kind != "physics" or plant.system.read_parameters is not None:
+        parameters = plant.analytic().parameters
+        for name, value in vars(parameters).items():
+            bounds = range_of(type(parameters), name)
+            if bounds is None or bounds.unit:
+                note("equations", name, [value], bounds.unit if bounds else "")
+    if plant.kind == "physics":
+        note("world", "gravity", plant.model.opt.gravity, "m/s^2")
+        for body in map(plant.model.body, range(1, plant.model.nbody)):
+            note(body.name, "mass", body.mass, "kg")
+            note(body.name, "principal inertia", body.inertia, "kg m^2")
+            note(body.name, "centre of mass", body.ipos, "m")
+        for joint in map(plant.model.joint, range(plant.model.njnt)):
+            slides = joint.type[0] == mjtJoint.mjJNT_SLIDE
+            note(joint.name, "damping", joint.damping, "N s/m" if slides else "N m s/rad")
+            note(joint.name, "friction", joint.frictionloss, "N" if slides else "N m")
+            note(joint.name, "armature", joint.armature, "kg" if slides else "kg m^2")
+    return {owner: "; ".join(texts) for owner, texts in numbers.items()}
 
 
-def _say(console: Console, title: str, words: str, *, bold: bool = False) -> None:
-    """A line with a title, or a heading."""
-    line = words if bold else f"  {title:<12} {words}"
-    console.print(line, style="bold" if bold else None, markup=False)
-
-
-def _signals(signals: Sequence[Signal]) -> str:
-    """Names with units."""
-    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
+def _say(console: Console, title: str, words: str) -> None:
+    """A line with a title."""
+    console.print(f"  {title:<12} {words}", markup=False)

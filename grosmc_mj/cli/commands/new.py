@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Flag
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
@@ -32,7 +31,7 @@ class NewCommand(Command):
 
     name: Annotated[Positional[str], arg(metavar="NAME", name="name")]
     like: Annotated[str | None, arg(metavar="SYSTEM/CASE", help_behavior_hint="")] = None
-    python: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    python: Flag = False
 
     def execute(self) -> int:
         """Write a case file to begin with."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +11,13 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.errors import ArgumentError, SetupError, together
+from grosmc_mj.errors import ArgumentError, together
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 # In the folder of the results.
 REPORT = "report.html"
-# Of a film that is made smaller: pixels across, and the worst quality that still shows a curve.
-_ACROSS, _QUALITIES = 640, ("30", "36")
-_PATIENCE = 120.0
 
 
 @dataclass(frozen=True)
@@ -66,35 +61,7 @@ def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool
     if not reading.documents:
         words = f"no results in {', '.join(map(str, paths))}"
         raise ArgumentError(together([words, *(f"unreadable: {x}" for x in reading.notices)]))
-    with screen.progress(1) as advance:
-        advance(path.name, 0)
-        written = write_page(reading, paths, path, _shrunk)
-        advance(path.name)
+    written = write_page(reading, paths, path)
     console.print(f"{len(reading.documents)} documents in {written.size / 1e6:.1f} MB")
-    screen.say_lines(console, [f"left out: {each}" for each in written.notices], "dim", all=full)
+    screen.say_lines(console, [f"left out: {line}" for line in written.notices], "dim", all=full)
     screen.say_files(console, path)
-
-
-def _shrunk(film: Path, most: int) -> bytes | None:
-    """A film in at most so many bytes, or None."""
-    from grosmc_mj.films.offscreen import find_ffmpeg
-
-    try:
-        ffmpeg = find_ffmpeg().path
-    except SetupError:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        for quality in _QUALITIES:
-            made = Path(folder, f"{quality}.mp4")
-            command = [
-                str(ffmpeg), "-v", "error", "-nostdin", "-i", str(film.absolute()),
-                "-vf", f"scale={_ACROSS}:-2", "-crf", quality, "-preset", "slow",
-                "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(made),
-            ]  # fmt: skip
-            try:
-                subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE)
-            except (OSError, subprocess.SubprocessError):
-                return None
-            if (content := made.read_bytes()) and len(content) <= most:
-                return content
-    return None

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-import tyro
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.targets import TARGET, shown_experiment
+from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.targets import shown_experiment
 from grosmc_mj.errors import SetupError
 
 
@@ -35,16 +34,16 @@ class ViewCommand(Command):
             a file's last one.
         replay: Whether to record the whole run first, and replay it.
         speed: Seconds of the run in a second.
-        switching: Switching law of a system's sliding mode laws, as for validate.
-        surface: printed or discrete, as for validate.
+        switching: Switching law of a system's sliding mode laws, as for film.
+        surface: printed or discrete, as for film.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    controller: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    replay: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    target: Target
+    controller: OptionalName = None
+    replay: Flag = False
     speed: Annotated[float, arg(metavar="X")] = 1.0
-    switching: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    surface: Annotated[str | None, arg(metavar="printed|discrete", help_behavior_hint="")] = None
+    switching: OptionalName = None
+    surface: OptionalSurface = None
 
     def execute(self) -> int:
         """Prepare the case, open the window."""

@@ -85,19 +85,24 @@ def slowest_approach(
     nothing is declared. Of one input it is what |G B delta| exceeds (gamma0 + gamma1 |x|) |G B| by,
     on the side on which delta pushes s away.
     """
+    key = ("slowest approach", plant, system, rate, torque)
+    return lab.once(key, lambda: _slowest_approach(lab, plant, system, rate, torque))
+
+
+def _slowest_approach(
+    lab: Laboratory, plant: PlantName, system: str, rate: float | None, torque: float
+) -> Measured:
     declared, scales, wrench = _declared(lab, system)
     wrench = wrench + torque * np.eye(len(wrench))[-2]
     random, worst, own = np.random.default_rng(1), -np.inf, rate
+    region = _region(lab, find_experiment(system, "nominal"))
     for index in range(_PLANTS):
         ends = [(low, high)[(index >> bit) & 1] for bit, (low, high) in enumerate(scales)]
         inner = [random.uniform(low, high) for low, high in scales]
         case = varied(system, "reaching", 1.0, *(ends if index < 4 else inner))
         law = lab.controller(case, plant, "grosmc")
         own = law.parameters.eta if rate is None else rate
-        places = (
-            (random.uniform(-1, 1, 2) * _region(lab, case), random.uniform(0, 2))
-            for _ in range(_STATES)
-        )
+        places = ((random.uniform(-1, 1, 2) * region, random.uniform(0, 2)) for _ in range(_STATES))
         worst = max(worst, approach(law, lab.plant(case, plant).derivative, places, wrench))
     assert own is not None
     note = f"{_PLANTS} plants x {_STATES} states"
@@ -348,8 +353,9 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
     case = varied("arm", "payload", 1.0, heaviest, 1.0)
     law, true = lab.controller(case, plant, "grosmc"), lab.equations(case, plant)
     sides, pushes = np.linspace(-1, 1, 9), []
+    region = _region(lab, case)
     for factor in (1.0, 5.0):
-        bounds = np.array([1.0, factor]) * _region(lab, case)
+        bounds = np.array([1.0, factor]) * region
         grid = (bounds * z for z in itertools.product(sides, sides))
         places = [law.coordinates.place(0.0, z, law.parameters) for z in grid]
         x = np.array([place for place in places if true.system.linearizable(place)])
