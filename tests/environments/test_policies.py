@@ -112,8 +112,9 @@ def test_a_model_that_predicts_is_given_the_same_observation() -> None:
             return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:], None
 
     case = find_case("cart_pendulum", "case1")
-    states = [run(case, asking(one)).state for one in (Model(), lambda o: Model().predict(o)[0])]
-    assert np.array_equal(*states)
+    policies = (Model(), lambda observation: Model().predict(observation)[0])
+    one, other = (run(case, asking(policy)).state for policy in policies)
+    assert np.array_equal(one, other)
 
 
 def test_a_policy_is_undefined_where_its_index_or_its_law_is() -> None:

@@ -257,8 +257,8 @@ def test_keys_do_what_they_say_and_sizes_stay_within_their_bounds() -> None:
         assert (fake.texts[-1]["speed"], live.size) == (f"{speed:g}x paused", size)
     case = experiment("servo")
     replay = RecordedRun(case["plant"].model, recorded(case, 2.5))
-    shown(replay, SPACE, RIGHT, RIGHT, LEFT)
-    assert replay.time == JUMP
+    shown(replay, SPACE, RIGHT, RIGHT, LEFT, RIGHT)
+    assert replay.time == 2 * JUMP
 
 
 def test_the_codes_of_keys_are_glfw_s_and_stand_in_the_help() -> None:
