@@ -78,7 +78,7 @@ $(OLDER:%=portable-%): portable-%: $(INSTALLED)
 portable-fast: $(INSTALLED)  ## The fast tests of what computes, with an older machine's libraries
 	$(AS) nehalem-libraries $(FAST) $(COMPUTING:%=tests/%)
 
-mutate: $(INSTALLED)  ## Put faults in and count those that the tests notice: ten minutes, then goes on when called again
+mutate: $(INSTALLED)  ## Put faults in and count those that tests notice; under ten minutes, the next call goes on
 	$(BIN)/python tests/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports

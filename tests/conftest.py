@@ -28,6 +28,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.simulate import simulate
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.
@@ -134,6 +135,19 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return Store((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "stored")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compiled(store: Store) -> None:
+    """Of several workers one compiles what all laws share; the others wait, and read the cache."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        store.folder("compiled", _compile)
+
+
+def _compile(_: Path) -> None:
+    plant = MujocoPlant.load("servo")
+    for moved in (plant, plant.analytic()):
+        simulate(moved, held(0.0), [0.0, 0.0], duration=2e-3)
+
+
 @dataclass(frozen=True)
 class Input:
     """A constant input, in the unit of the plant's."""
@@ -189,19 +203,21 @@ def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
 
 
 @pytest.fixture(scope="session")
-def pairs(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def pairs(store: Store) -> Any:
     """The folder of eight servos under two LQRs, in two parts."""
-    return _run_to_its_end("pair", tmp_path_factory)
+    return _campaign(store, "pair")
 
 
 @pytest.fixture(scope="session")
-def servos(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def servos(store: Store) -> Any:
     """The folder of eight servos of seed 5 under LQR and GROSMC, in two parts."""
-    return _run_to_its_end("servo", tmp_path_factory, seed=5)
+    return _campaign(store, "servo", seed=5)
 
 
-def _run_to_its_end(kind: str, folders: pytest.TempPathFactory, **more: Any) -> Any:
+def _campaign(store: Store, kind: str, **more: Any) -> Any:
+    """A campaign that has run to its end."""
     import campaign_cases
 
     declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
-    return campaign_cases.kept(declared, folders.mktemp(kind))
+    path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
+    return campaign_cases.Folder(path)

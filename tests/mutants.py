@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from multiprocessing import get_context
@@ -51,21 +51,6 @@ CALL, TIMEOUT = 300.0, 240.0
 NEAREST = 8
 
 
-def candidates() -> dict[tuple[str, int], list[MutationSpec]]:
-    """Every mutant of the package by file and line, save where it changes no result."""
-    files = sorted(Path("grosmc_mj").rglob("*.py"))
-    with use_db(":memory:", WorkDB.Mode.create) as database:
-        init(files, database, {})
-        mutants = [mutant for item in database.work_items for mutant in item.mutations]
-    idle = {file: idle_lines(file) for file in files}
-    lines: dict[tuple[str, int], list[MutationSpec]] = {}
-    for mutant in mutants:
-        file, line = mutant.module_path, mutant.start_pos[0]
-        if KINDS.fullmatch(mutant.operator_name) and line not in idle[file]:
-            lines.setdefault((str(file), line), []).append(mutant)
-    return lines
-
-
 def idle_lines(file: Path) -> set[int]:
     """Lines of annotations, decorators and errors: no result there."""
     lines: set[int] = set()
@@ -81,10 +66,27 @@ def idle_lines(file: Path) -> set[int]:
 
 
 def sample(count: int, seed: int) -> list[MutationSpec]:
-    """One mutant on each of so many lines; the first ones of a seed stay the same."""
-    chance, lines = random.Random(seed), candidates()
-    drawn = chance.sample(sorted(lines), len(lines))[:count]
-    return [random.Random(f"{seed} {line}").choice(lines[line]) for line in drawn]
+    """One mutant on each of so many lines, more in longer files; a seed's first ones stay the same.
+
+    Lines whose mutants change no result are left out.
+    """
+    files, chance = sorted(Path("grosmc_mj").rglob("*.py")), random.Random(seed)
+    files = chance.choices(files, [file.stat().st_size for file in files], k=count)
+    with use_db(":memory:", WorkDB.Mode.create) as database:
+        init(set(files), database, {})
+        mutants = [mutant for item in database.work_items for mutant in item.mutations]
+    lines: dict[Path, dict[int, list[MutationSpec]]] = {file: defaultdict(list) for file in files}
+    idle = {file: idle_lines(file) for file in lines}
+    for mutant in mutants:
+        file, line = mutant.module_path, mutant.start_pos[0]
+        if KINDS.fullmatch(mutant.operator_name) and line not in idle[file]:
+            lines[file][line].append(mutant)
+    drawn = []
+    for index, file in enumerate(files):
+        own = random.Random(f"{seed} {index}")
+        if lines[file]:
+            drawn.append(own.choice(lines[file].pop(own.choice(sorted(lines[file])))))
+    return drawn
 
 
 def module_of(path: Path) -> str:
@@ -140,7 +142,7 @@ def attempt(mutant: MutationSpec, end: float, slow: bool) -> dict[str, Any] | No
     """Put a fault in, run the tests, take it out; None where no time is left."""
     if time.time() > end:
         return None
-    which = "not render" if slow else "not slow and not render"
+    which = "not render and not apart" if slow else "not slow and not render"
     tests = " ".join(tests_of(mutant.module_path))
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' {tests}"
     result = mutate_and_test([mutant], command, TIMEOUT)

@@ -51,9 +51,9 @@ def report(found: dict[str, Counter[str]], needed: list[str]) -> tuple[str, bool
     """A line a part, and whether all passed."""
     lines, bad = [], 0
     for part in needed:
-        ends = found.get(part, Counter({"missing": 1}))
-        wrong = any(ends[end] for end in ("failure", "error", "missing"))
-        counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
+        ends = found.get(part, Counter())
+        wrong = not ends or ends["failure"] + ends["error"] > 0
+        counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items())) or "missing"
         lines.append(f"{'FAILED' if wrong else 'ok':6}  {part:14}  {counts}")
         bad += wrong
     lines.append(f"{bad} of {len(needed)} parts failed or are missing" if bad else "All passed")

@@ -21,7 +21,7 @@ from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.document import run_document, standings
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.metrics import Metric, tolerance_of
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Standing, Value, result
@@ -45,28 +45,26 @@ class Validation:
     """All that is computed of the selected cases, as far as it is.
 
     Attributes:
-        settings: How the cases are run.
         selected: The cases.
         seed: Of the random states of the agreements.
         results: Runs.
         agreements: Analytic plants against physics.
         findings: Claims.
         complete: Whether everything is there.
-        differing: Results that are not as recorded, a line each; None if they cannot be compared.
+        differing: Results that are not as recorded, a line each.
     """
 
-    settings: Settings
     selected: Sequence[Case]
     seed: int = 0
     results: list[RunResult] = field(default_factory=list)
     agreements: list[Agreement] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     complete: bool = False
-    differing: list[str] | None = None
+    differing: list[str] = field(default_factory=list)
 
     def compare(self) -> None:
         """Compare with the record; everything is there."""
-        self.differing = expected_results.differences(self.results, self.settings)
+        self.differing = expected_results.differences(self.results)
         self.complete = True
 
     @property
@@ -78,11 +76,11 @@ class Validation:
         if not self.complete:
             return []
         judged = [*disagreements(self.agreements), *verdict_differences(self.findings)]
-        return [*(self.differing or ()), *judged]
+        return [*self.differing, *judged]
 
     def document(self, lab: Laboratory) -> dict[str, Any]:
         """The content of validation.json."""
-        compared, kept = self.differing is not None, not self.differences
+        verdict = OPEN if not self.complete else NOT_KEPT if self.differences else KEPT
         tables = [
             systems_table(self), deviations_table(self.results), results_table(self.results)
         ]  # fmt: skip
@@ -90,20 +88,20 @@ class Validation:
             tables.append(agreement_table(self.agreements))
         answer = Answer(
             question=f"Validation: {len(self.results)} runs, {len(self.findings)} claims",
-            verdict=NOT_KEPT if compared and not kept else KEPT if compared else OPEN,
+            verdict=verdict,
             words=self.words,
             more=counts_words(self.findings),
         )
         return result(
             "validation",
-            {**asdict(self.settings), "cases": [case_document(case) for case in self.selected]},
+            {**asdict(lab.settings), "cases": [case_document(case) for case in self.selected]},
             seed=self.seed,
             complete=self.complete,
             answers=[answer],
             standings=self._standings(),
             sheets=[*(Sheet(table=one) for one in tables), *claims_sheets(self.findings)],
             values=[*self._values(), *claims_values(self.findings)],
-            as_recorded=kept if compared else None,
+            as_recorded=not self.differences if self.complete else None,
             differences=self.differences,
             runs=[run_document(run) for run in self.results],
             agreement=[agreement._asdict() for agreement in self.agreements],
@@ -115,11 +113,6 @@ class Validation:
         """Whether the results are as recorded."""
         if not self.complete:
             return f"Not complete: {len(self.results)} runs are done."
-        if self.differing is None:
-            other = ", ".join(expected_results.other_settings(self.settings))
-            return (
-                f"Nothing was compared with the recorded results, whose settings differ: {other}."
-            )
         if self.differences:
             return f"{len(self.differences)} results differ from the recorded ones."
         words = f"All {len(self.results)} runs are as recorded."
@@ -133,7 +126,7 @@ class Validation:
         On record is the run in MuJoCo; its number is how far the law strays from its optimum.
         """
         recorded = expected_results.load_expected()["runs"]
-        other = {line.partition(": ")[0] for line in self.differing or ()}
+        other = {line.partition(": ")[0] for line in self.differing}
         for target, group in groupby(self.results, lambda run: run.key.rsplit("/", 2)[0]):
             runs = list(group)
             judged = [item for run in runs for item in run.requirements]
@@ -149,13 +142,13 @@ class Validation:
                     law=run.controller.name,
                     breaks_at="record" if run.key in other else "",
                     words=f"deviation: {now}, recorded {number(before)}",
-                    complete=self.differing is not None,
+                    complete=self.complete,
                     required=False,
                 )
 
     def _values(self) -> Iterator[Value]:
         """How each run ended, and its metrics."""
-        if self.differing is not None:
+        if self.complete:
             words = "not as recorded" if self.differences else "as recorded"
             yield Value(name="all runs", value=words)
         for run in self.results:

@@ -12,8 +12,7 @@ import numpy as np
 import tomli_w
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.experiments.experiment import undesigned
-from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
+from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import written_aside
 from grosmc_mj.identify.fit import Fit
@@ -62,7 +61,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         for j in range(i)
         if abs(rho[i, j]) < 1 - 1e-9
     ]
-    if able := _able(content, path):
+    if able := _able(fit):
         content["plant"]["compare"] = able
     with written_aside(path) as part:
         part.write_text(
@@ -71,14 +70,14 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         )
 
 
-def _able(content: dict[str, Any], path: Path) -> list[PlantName]:
+def _able(fit: Fit) -> list[PlantName]:
     """The plants that have the fitted numbers, if others have not: equations have no friction."""
-    made, able = undesigned(parse_case_file(tomli_w.dumps(content), path), path), []
-    for name in made.plant_names:
+    experiment, able = fit.parameters.experiment, list[PlantName]()
+    for name in experiment.plant_names:
         with contextlib.suppress(ModelError):
-            made.plant(name)
+            fit.parameters.plant(fit.values, experiment.plant(name))
             able.append(name)
-    return able if len(able) < len(made.plant_names) else []
+    return able if len(able) < len(experiment.plant_names) else []
 
 
 def _written(value: float, unit: str) -> float | str:

@@ -24,7 +24,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.fields import Positive, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, Signal, System
@@ -259,13 +258,6 @@ class Axis:
         """Centres of equal cells from minus to plus the limit."""
         return self.limit * ((2 * np.arange(count) + 1) / count - 1)
 
-    def document(self) -> dict[str, Any]:
-        """It as plain values."""
-        own = {name: getattr(self, name) for name in ("limit", "direction", "origin")}
-        measures = "error" if self.is_error else "state"
-        state = {"state": ascii_symbol(self.signal), "unit": self.signal.unit}
-        return {**state, "measures": measures, **own}
-
 
 def shown(signal: Signal, value: float) -> tuple[float, str]:
     """A value of a signal for people, and its unit: degrees for angles."""
@@ -452,9 +444,9 @@ class Region:
     @cached_property
     def experiments(self) -> list[Experiment]:
         """With the nominal plant, and with the perturbed one."""
-        perturbed = _perturbed(self.target, self.duration)
-        both = (_unperturbed(perturbed), perturbed)
-        return [experiment.with_settings(integrator=INTEGRATOR) for experiment in both]
+        perturbed = _perturbed(self.target, self.duration).with_settings(integrator=INTEGRATOR)
+        calm = {"name": "nominal", "title": "nothing is changed", "edits": (), "disturbances": ()}
+        return [perturbed.varied(**calm), perturbed]
 
     @property
     def system(self) -> System:
@@ -520,17 +512,6 @@ def _is_edited(experiment: Experiment) -> bool:
     """Whether its plant is edited, and its laws regulate states, on which starts are laid out."""
     law = experiment.law("physics", experiment.controllers[0])
     return bool(experiment.case.edits) and law.coordinates.outputs is None
-
-
-def _unperturbed(perturbed: Experiment) -> Experiment:
-    """The same laws on the nominal plant: the case of the package for it, if there is one."""
-    case, laws = perturbed.case, (perturbed.controllers, perturbed.file.controller)
-    if perturbed.path in shipped_files().values():
-        for other in find_experiments(case.system):
-            calm = not other.case.edits and not other.case.disturbances
-            if calm and (other.controllers, other.file.controller) == laws:
-                return other
-    return perturbed.varied(name="nominal", title="nothing is changed", edits=(), disturbances=())
 
 
 def _perturbed(target: str, duration: float) -> Experiment:
@@ -638,7 +619,17 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
             "timestep": settings.timestep,
             "integrator": settings.integrator,
             "region": system.region,
-            "axes": [axis.document() for axis in region.plane],
+            "axes": [
+                {
+                    "state": ascii_symbol(axis.signal),
+                    "unit": axis.signal.unit,
+                    "measures": "error" if axis.is_error else "state",
+                    "limit": axis.limit,
+                    "direction": axis.direction,
+                    "origin": axis.origin,
+                }
+                for axis in region.plane
+            ],
             "cases": [{key: content[key] for key in keys} for content in documents],
         },
         answers=[

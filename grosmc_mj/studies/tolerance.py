@@ -375,7 +375,7 @@ class Tolerance:
             shown = endless + kind.text(self.largest_kept)
         return shown + "*" * bool(self.kept_again) + "!" * (self.physics_agrees is False)
 
-    def kept_text(self, factor: float) -> str:
+    def amount_text(self, factor: float) -> str:
         """The amount for a factor with its unit; of all at once the factor."""
         return f"{self.imperfection.text(factor)} {self.imperfection.unit[0]}"
 
@@ -694,21 +694,21 @@ def _confirmed(questions: Sequence[Question], physics: Trials) -> dict[Question,
 # The answer: words, tables, charts, document
 
 
-def stands_ideally(rows: Iterable[Tolerance], law: str, condition: str) -> bool:
-    """Whether a law keeps everything without any imperfection under a condition."""
-    own = (x for x in rows if (x.law, x.condition) == (law, condition))
-    return any(row.kept_ideally for row in own if row.imperfection.amounts)
+def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
+    """Laws with the conditions under which each keeps everything without any imperfection."""
+    return {(x.law, x.condition) for x in rows if x.imperfection.amounts and x.kept_ideally}
 
 
-def least_of(rows: Sequence[Tolerance]) -> list[Tolerance]:
-    """The least of each law and imperfection, over the conditions that the law stands."""
+def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
+    """The least by law and imperfection, over the conditions that the law stands."""
     least: dict[tuple[str, str], Tolerance] = {}
+    ideal = kept_ideally(rows)
     for row in rows:
-        if stands_ideally(rows, row.law, row.condition):
+        if (row.law, row.condition) in ideal:
             key = row.law, row.imperfection.name
             pair = (least.get(key, row), row)
             least[key] = min(pair, key=lambda x: (x.weakness, x.largest_kept))
-    return list(least.values())
+    return least
 
 
 def verdict(rows: Sequence[Tolerance]) -> str:
@@ -721,7 +721,7 @@ def verdict(rows: Sequence[Tolerance]) -> str:
     worst = min(broken, key=lambda row: row.weakness)
 
     def amount(factor: float) -> str:
-        return f"{worst.kept_text(factor)} ({number(factor)} times the bench's)"
+        return f"{worst.amount_text(factor)} ({number(factor)} times the bench's)"
 
     kept = "only without it" if worst.none else f"up to {amount(worst.largest_kept)}"
     where = "" if worst.condition == "nominal" else f" under {worst.condition}"
@@ -742,30 +742,27 @@ def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
 
     The strongest law stands first, and the imperfection of which the least is stood.
     """
-    least = {(row.law, row.imperfection.name): row for row in least_of(rows)}
+    least, ideal = least_of(rows), kept_ideally(rows)
     conditions = dict.fromkeys(row.condition for row in rows)
-    stands = {
-        law: [name for name in conditions if stands_ideally(rows, law, name)] for law, _ in least
-    }
+    stands = {law: [x for x in conditions if (law, x) in ideal] for law, _ in least}
     kinds = {row.imperfection.name: row.imperfection for row in least.values()}
 
     def weakest(kind: str) -> float:
         own = (row for (_, name), row in least.items() if name == kind and row.kept_ideally)
         return min((row.weakness for row in own), default=0.0)
 
-    ordered = sorted(kinds, key=weakest)
-
     def strength(law: str) -> tuple[int, float]:
         row = least.get((law, ALL))
         return len(stands[law]), row.weakness if row else 0.0
 
-    def cell(law: str, name: str) -> str:
-        row = least.get((law, name))
-        return row.cell if row else ""
-
+    ordered = sorted(kinds, key=weakest)
     headings = [in_lines(kinds[name].heading, _LETTERS) for name in ordered]
     cells = [
-        [law, ", ".join(stands[law]), *(cell(law, name) for name in ordered)]
+        [
+            law,
+            ", ".join(stands[law]),
+            *(row.cell if (row := least.get((law, name))) else "" for name in ordered),
+        ]
         for law in sorted(stands, key=strength, reverse=True)
     ]
     columns = [*words("law", "keeps ideally"), *numbers(*headings)]
@@ -809,9 +806,8 @@ def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Ite
         elif failed:
             least = min(failed, key=lambda row: row.largest_kept)
             at = "all of them" if least.imperfection.name == ALL else least.imperfection.name
-            kept = (
-                "only without it" if least.none else f"up to {least.kept_text(least.largest_kept)}"
-            )
+            most = f"up to {least.amount_text(least.largest_kept)}"
+            kept = "only without it" if least.none else most
             answer = f"kept {kept}, then {least.reason} ({least.condition})"
         yield Standing(case=target, law=law, breaks_at=at, words=answer, complete=complete)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Store
 from shipped import ARM_G, find_case, run_case, task_of
 
 from grosmc_mj import cli
@@ -357,18 +358,16 @@ def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
 
 
 @pytest.mark.slow
-def test_command_says_where_the_premise_fails(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ("claims", "premises", "arm/case1", "--out", str(tmp_path))
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    assert stop.value.code == cli.DONE
-    said = capsys.readouterr().out
-    assert "FAILS" in said
-    assert "case1: epsilon: worst in the region at t =" in said
-    (document,) = json.loads((tmp_path / "premises_arm.json").read_text())["premises"]
-    assert [each["name"] for each in document["premises"] if not each["holds"]] == ["epsilon"]
+def test_command_says_where_the_premise_fails(store: Store) -> None:
+    command = store.command("claims", "premises", "arm/case1")
+    assert command.code == cli.DONE
+    assert "FAILS" in command.said
+    assert "case1: epsilon: worst in the region at t =" in command.said
+    written = command.read("premises_arm.json")
+    (document,) = written["premises"]
+    failed = [premise["name"] for premise in document["premises"] if not premise["holds"]]
+    assert failed == ["epsilon"]
+    assert written["versions"]
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:

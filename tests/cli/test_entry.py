@@ -155,7 +155,7 @@ def test_streams_that_are_closed_or_full_change_no_verdict(case: Path) -> None:
         (ValueError("\x1b[31mred\x07" + "x" * 9999), cli.WRONG, r"\x1b[31mred\x07xxx"),
         (OSError(errno.EIO, "Input/output error", "f\x1b"), cli.WRONG, r"f\x1b: Input/output"),
         (KeyboardInterrupt(), cli.INTERRUPTED, "interrupted; run the same command again"),
-        (KeyboardInterrupt("interrupted: 3 parts"), cli.INTERRUPTED, "interrupted: 3 parts"),
+        (KeyboardInterrupt("3\nparts" + "x" * 9999), cli.INTERRUPTED, "3 partsxxx"),
     ],
     ids=lambda value: type(value).__name__,
 )

@@ -17,7 +17,7 @@ from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.films import film_digest, film_of
+from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films import frames
 from grosmc_mj.films.film import Film, Format, Take
@@ -187,19 +187,6 @@ def test_a_scene_has_the_rows_of_its_instants() -> None:
         torques.append(float(np.abs(np.asarray(wrench)[..., 3:]).max()))
     assert board.largest.tolist() == [0.0, max(torques)]
     assert max(torques) > 0
-
-
-def test_everything_that_a_film_shows_makes_another_digest() -> None:
-    board = storyboard(film())
-    (scene,) = board.scenes
-    changes: dict[str, Any] = {"physics": scene.physics + 1, "ghost": None, "wrench": None}
-    assert tuple(changes) == scene._fields
-    others = [
-        *(replace(board, scenes=(scene._replace(**{k: value}),)) for k, value in changes.items()),
-        replace(board, speed=2.0), replace(board, placement=board.placement + 1),
-        replace(board, chart=board.chart._replace(drawn=board.chart.empty)),
-    ]  # fmt: skip
-    assert len({film_digest(one) for one in (board, *others)}) == 1 + len(others)
 
 
 # From where

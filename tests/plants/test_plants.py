@@ -1,10 +1,9 @@
-"""The facts that all plants share: equations against MuJoCo, energy, units, numbers, refusals."""
+"""The facts that all plants share: equations against MuJoCo, energy, numbers, refusals."""
 
 from __future__ import annotations
 
 import cmath
 import dataclasses
-import itertools
 import math
 from collections.abc import Callable
 from functools import cache
@@ -334,41 +333,6 @@ def test_pole_torque_gives_the_upright_pole_exactly_d(d: float) -> None:
     rates = physics("cart_pendulum").derivative(np.zeros(4), wrench=[0.0] * 10 + [-torque, 0.0])
     # It also pushes the cart: (M + m) p'' = m L theta''.
     np.testing.assert_allclose(rates[2:], [0.1 * d / 1.2, d], rtol=1e-13)
-
-
-# Units: an equation of physics says the same in grams, in millimetres and in milliseconds.
-# Exponents of kg, m and s.
-FORCE, TORQUE, INERTIA, LENGTH, NONE = (1, 1, -2), (1, 2, -2), (1, 2, 0), (0, 1, 0), (0, 0, 0)
-DIMENSIONS: dict[str, dict[str, tuple[int, int, int]]] = {
-    "cart_pendulum": {"M": (1, 0, 0), "m": (1, 0, 0), "L": LENGTH, "g": (0, 1, -2), "u": FORCE},
-    "arm": {"m": (1, 0, 0), "l": LENGTH, "g": (0, 1, -2), "J": INERTIA, "M_c": INERTIA,
-            "u": TORQUE},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("name", "broken"),
-    # a m of eq. (40) is a mass where a number must be; C of eq. (57) lacks a rate.
-    [("cart_pendulum", "kg"), ("arm", "s")],
-)
-def test_printed_equations_hold_in_one_unit_only(name: str, broken: str) -> None:
-    positions = [LENGTH if s.unit == "m" else NONE for s in SYSTEMS[name].positions]
-    rates, accelerations = ([(k, m, s - i) for k, m, s in positions] for i in (1, 2))
-    x = np.random.default_rng(7).uniform(0.5, 1.5, 2 * len(positions))
-    for variant, (index, unit) in itertools.product(
-        SYSTEMS[name].variants, enumerate(("kg", "m", "s"))
-    ):
-        of = lambda many, i=index: np.array([1000.0 ** one[i] for one in many])  # noqa: E731
-        plant, dimensions = analytic(name, variant), DIMENSIONS[name]
-        numbers = {f: getattr(plant.parameters, f) * of([dimensions[f]])[0]
-                   for f in dimensions if f != "u"}  # fmt: skip
-        there = plant.with_parameters(**numbers).derivative(
-            x * of([*positions, *rates]), 1.3 * of([dimensions["u"]])
-        )
-        here = plant.derivative(x, 1.3)
-        change = np.max(np.abs(there / of([*rates, *accelerations]) / here - 1))
-        # A few roundings of 1e-16 each, and cancellation of terms of one size.
-        assert change > 0.1 if (variant, unit) == ("printed", broken) else change < 1e-13
 
 
 # One interface

@@ -6,7 +6,7 @@ import itertools
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,13 +14,12 @@ import mujoco
 import numpy as np
 import pytest
 from conftest import held
-from looped import applied, seen
+from looped import Noticed, applied, seen
 from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, TREE, TWO
 from shipped import find_case
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
-from grosmc_mj.control.memory import Memory
 from grosmc_mj.control.references import FourierSeries, fourier_series
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.errors import ModelError
@@ -130,10 +129,10 @@ MATRIX = [
                        ("ideal", "eso")),
     *itertools.product(itertools.product(("cart_pendulum", "arm"), ["printed"]), ["grosmc"],
                        ("ideal", "eso")),
-    *itertools.product([("machine", "own"), ("lag", "RK4"), ("delay", "RK4"), ("coupled", None)],
-                       ("lqr", "grosmc"), ["ideal"]),
-    *itertools.product([("tree", "Euler"), ("tree", "RK4")], ("lqr", "grosmc", "adaptive"),
-                       ["ideal"]),
+    *itertools.product([("machine", "own"), ("lag", "RK4"), ("delay", "RK4"), ("coupled", None),
+                        ("tree", "Euler"), ("tree", "RK4")], ["grosmc"], ["ideal"]),
+    (("machine", "own"), "lqr", "ideal"),
+    *((("tree", "Euler"), law, "ideal") for law in ("lqr", "adaptive")),
     (("tree", "implicitfast"), "grosmc", "eso"),
     (("two_link_arm", "equations"), "pd", "ideal"),
     *((("servo", "equations"), "grosmc", kind) for kind in ESTIMATORS if kind != "eso"),
@@ -306,24 +305,8 @@ def test_a_looped_run_of_a_batch_is_that_run_alone() -> None:
 # Sampling
 
 
-@dataclass
-class Samples(Memory):
-    """Counts the calls of a law and keeps the state that it got."""
-
-    calls: float = 0.0
-    x: Any = None
-
-    def __post_init__(self) -> None:
-        self.x = np.zeros(2)
-
-
-@dataclass(frozen=True)
-class Nothing:
-    nothing: float = 0.0
-
-
 def sampling(t: float, x: Any, memory: Any, p: Any) -> float:
-    memory.calls += 1.0
+    memory.samples += 1.0
     memory.x[0], memory.x[1] = x[0], x[1]
     return t
 
@@ -336,11 +319,11 @@ def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(
     kind: str, stride: int, engine: Engine
 ) -> None:
     """In the state at that instant, not that of a stage of RK4."""
-    law, T = Controller("sampling", sampling, Nothing(), Samples), stride * 1e-3
+    law, T = replace(held(0.0), law=sampling, memory=Noticed), stride * 1e-3
     run = simulate(plant_of("servo", kind), law, [0.3, 1.0], duration=0.2, control_period=T,
                    engine=engine)  # fmt: skip
     k = np.arange(200) // stride
-    np.testing.assert_array_equal(run.memory["calls"], k + 1)
+    np.testing.assert_array_equal(run.memory["samples"], k + 1)
     np.testing.assert_array_equal(run.command, k * T)
     np.testing.assert_array_equal(run.memory["x"], run.state[k * stride])
     np.testing.assert_array_equal(run.time, np.arange(201) * 1e-3)

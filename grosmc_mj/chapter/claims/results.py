@@ -10,10 +10,7 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
 from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.story import (
-    EVIDENCE,
-    claim_tables,
     claims_tables,
-    is_told,
     noticed_table,
     turning_table,
 )
@@ -31,7 +28,6 @@ from grosmc_mj.results.result import (
     Value,
     result,
 )
-from grosmc_mj.results.tables import table, text, words
 
 # Fields of a claim and of a finding that a document has as they are.
 _OF_CLAIM = ("id", "system", "source", "statement", "quote", "equation", "criterion", "sense",
@@ -66,18 +62,8 @@ def counts_words(findings: Sequence[Finding]) -> str:
 
 
 def claims_sheets(findings: Sequence[Finding]) -> list[Sheet]:
-    """All tables, the stories of the claims that the page tells, and all values."""
-    told, values = list[tuple[str, ...]](), list[tuple[str, ...]]()
-    for finding in findings:
-        story, evidence = claim_tables(finding)
-        told += [(finding.claim.id, *row) for row in story.rows if is_told(finding)]
-        values += [(finding.claim.id, *row) for row in evidence.rows]
-    tables = [
-        *claims_tables(findings),
-        table("Stories of claims", [*words("claim", ""), *text()], told, grouped=True),
-        table("Values of claims", [*words("claim"), *EVIDENCE], values, grouped=True),
-    ]
-    return [Sheet(table=one) for one in tables if one.rows]
+    """All tables of claims; the page tells the story of each from its numbers."""
+    return [Sheet(table=one) for one in claims_tables(findings) if one.rows]
 
 
 def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:

@@ -46,8 +46,10 @@ class FilmCommand(Command):
         output: The film; by default renders/films/SYSTEM_CASE.mp4.
         gif: Whether to write a small GIF too.
         workers: Rendering processes; by default one a core.
-        switching: Switching law of the sliding mode laws, as for validate.
-        surface: printed or discrete, as for validate.
+        switching: Switching law of the sliding mode laws: sign as in the chapter, boundary-layer,
+            implicit, implicit-estimate, super-twisting, adaptive, unit-vector or
+            implicit-unit-vector.
+        surface: printed, or discrete: zero at every sample of the nominal plant.
     """
 
     target: Target

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,13 +16,11 @@ from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
-from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
     from grosmc_mj.chapter.validation import Validation
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.runs import Settings
 
 
 @dataclass(frozen=True)
@@ -36,40 +34,23 @@ class ValidateCommand(Command):
     chapter are judged as by grosmc-mj claims.
 
     Exit code: 0 if every result and verdict is as the repository has it, 1 if one differs, 2 if the
-    command or the set-up is wrong, or the settings are not those that the results are recorded
-    with, so that nothing can be compared.
+    command or the set-up is wrong.
 
     Attributes:
         targets: Systems to run, or cases of them.
-        engine: native compiles law and loop; python steps the same law in an ordinary loop,
-            a few times slower and the same to rounding.
-        control_period: Time between two samples of the law, in s; a multiple of the timestep.
-        timestep: Physics timestep, in s.
-        integrator: MuJoCo's integrator: RK4, implicitfast, implicit or Euler.
-        switching: Switching law of the sliding mode laws: sign as in the chapter, boundary-layer,
-            implicit, implicit-estimate, super-twisting, adaptive, unit-vector or
-            implicit-unit-vector.
-        surface: printed, or discrete: zero at every sample of the nominal plant.
         out: Folder for validation.json and the figures.
-        claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM and
-            the default settings.
+        claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM.
         figures: Whether to draw the figures.
         films: Whether to end with a film of each case, LQR beside GROSMC, in DIR/films. One that is
             there already, drawn from the same data, is kept.
         report: Whether to end with a page of all that lies in DIR, DIR/report.html.
-        record: Record the results as expected, for review; needs the default settings.
+        record: Record the results as expected, for review.
     """
 
     targets: Annotated[
         Positional[tuple[str, ...]],
         arg(metavar=f"[{CASES} ...]", name="target", help_behavior_hint="(default: all systems)"),
     ] = ()
-    engine: Annotated[str, arg(metavar="native|python")] = "native"
-    control_period: Annotated[float, arg(metavar="S")] = 1e-3
-    timestep: Annotated[float, arg(metavar="S")] = 1e-3
-    integrator: Annotated[str, arg(metavar="NAME")] = "RK4"
-    switching: Annotated[str, arg(metavar="NAME")] = "sign"
-    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
     out: Out = Path("renders")
     claims: bool = True
     figures: bool = True
@@ -83,10 +64,10 @@ class ValidateCommand(Command):
         from grosmc_mj.chapter.validation import Validation
         from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.laboratory import Laboratory
+        from grosmc_mj.experiments.runs import Settings
 
-        started, settings = time.perf_counter(), self._settings()
-        experiments = [one.with_settings(**settings.changes()) for one in self._selected()]
-        done = Validation(settings, [one.case for one in experiments])
+        started, settings, experiments = time.perf_counter(), Settings(), self._selected()
+        done = Validation([one.case for one in experiments])
         claims = self._claims(done)
         systems = dict.fromkeys(case.system for case in done.selected)
         steps = sum(len(one.laws) for one in experiments) + len(systems) + len(claims)
@@ -94,7 +75,7 @@ class ValidateCommand(Command):
             with screen.progress(steps) as advance:
                 _compute(done, experiments, claims, advance)
                 if self.record:
-                    record_expected(done.results, settings)
+                    record_expected(done.results)
                 done.compare()
         finally:
             # What was computed is kept and shown, whatever happened since.
@@ -113,25 +94,7 @@ class ValidateCommand(Command):
             film_results(screen.console(), done.results, settings, self.out)
         if self.report:
             report_on(screen.console(), [self.out], self.out / REPORT)
-        if done.differences:
-            return screen.DIFFERS
-        return screen.WRONG if done.differing is None else screen.DONE
-
-    def _settings(self) -> Settings:
-        """How the cases are run.
-
-        Raises:
-            ArgumentError: If others than the default ones are to be recorded.
-        """
-        from grosmc_mj.experiments.runs import Settings
-
-        settings = Settings(**{one.name: getattr(self, one.name) for one in fields(Settings)})
-        if self.record and settings != Settings():
-            raise ArgumentError(
-                "--record needs the default settings: leave out --engine, --control-period, "
-                "--timestep, --integrator, --switching and --surface"
-            )
-        return settings
+        return screen.DIFFERS if done.differences else screen.DONE
 
     def _selected(self) -> list[Experiment]:
         """The experiments of the targets, each once."""
@@ -147,9 +110,8 @@ class ValidateCommand(Command):
     def _claims(self, done: Validation) -> list[Claim]:
         """The claims about the systems all of whose cases are selected."""
         from grosmc_mj.chapter.claims.ledger import CLAIMS
-        from grosmc_mj.experiments.runs import Settings
 
-        if not self.claims or self.record or done.settings != Settings():
+        if not self.claims or self.record:
             return []
         systems = dict.fromkeys(case.system for case in done.selected)
         cases = {name: [one.case for one in recorded_experiments(name)] for name in systems}
@@ -175,6 +137,7 @@ def _compute(
 ) -> None:
     """Run the cases, compare equations with MuJoCo, judge the claims."""
     from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
     from grosmc_mj.sweep.agreement import agreements
 
@@ -185,5 +148,5 @@ def _compute(
     for system in dict.fromkeys(case.system for case in done.selected):
         done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
         advance(f"{system}: analytic against physics")
-    lab = Laboratory(done.settings, known=done.results)
+    lab = Laboratory(Settings(), known=done.results)
     done.findings = judge_in_processes(lab, claims, advance)

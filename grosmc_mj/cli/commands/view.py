@@ -34,8 +34,8 @@ class ViewCommand(Command):
             a file's last one.
         replay: Whether to record the whole run first, and replay it.
         speed: Seconds of the run in a second.
-        switching: Switching law of a system's sliding mode laws, as for validate.
-        surface: printed or discrete, as for validate.
+        switching: Switching law of a system's sliding mode laws, as for film.
+        surface: printed or discrete, as for film.
     """
 
     target: Target
