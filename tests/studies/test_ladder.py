@@ -599,7 +599,7 @@ def test_an_interrupt_and_a_termination_keep_what_was_climbed(
         (("servo/nominal",), "there is nothing to climb to"),
         (("servo", "--laws", "lqrr"), "unknown law 'lqrr': did you mean 'lqr'"),
         (("servo", "--film", "lqrr"), "unknown law 'lqrr': did you mean 'lqr'"),
-        ((), "Missing from grosmc-mj study ladder: SYSTEM"),
+        ((), "missing: SYSTEM|SYSTEM/CASE|FILE.toml"),
     ],
 )
 def test_a_target_that_cannot_be_climbed_is_told_in_one_line(
