@@ -45,7 +45,7 @@ def run(*arguments: str) -> int:
         ),
         (("study", "tolerance", "arm", "--seeds", "0"), "must be from 1 to 1000"),
         (("study", "tolerance", "maglev"), "there is no loop"),
-        (("claims", "--page", "docs"), "ends in .md"),
+        (("claims", "--page", "docs"), "must end in .md"),
         (("claims", "premises", "arm/case7"), "did you mean 'arm/case2'"),
         (("film",), "SYSTEM"),
         (("film", "maglev"), "its plant is equations alone, and a film shows a model in MuJoCo"),

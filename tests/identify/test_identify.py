@@ -166,7 +166,7 @@ def _saturated(rows: Array) -> Array:
 @pytest.mark.parametrize(
     ("change", "header", "words"),
     [
-        (lambda rows: rows[:10], HEADER, "10 rows of numbers: a log has 50 at least"),
+        (lambda rows: rows[:10], HEADER, "has 10 rows of numbers; 50 or more are needed"),
         (_without_time, HEADER, "the time does not rise at row 301"),
         (_constant, HEADER, "the input is 0.3 A all the time"),
         (_missing, HEADER, "is no number in row 102: fill or cut it"),
