@@ -108,12 +108,17 @@ def together(mistakes: Sequence[str]) -> str:
     return NEXT.join([f"{len(mistakes)} mistakes:", *mistakes])
 
 
+# Names that a message lists.
+_LISTED = 20
+
+
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
-    """One line for a name that is not known: the nearest valid one, then all of them."""
+    """One line for a name that is not known: the nearest valid one, then the first of them."""
     names = list(valid)
     near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" did you mean {shown(near[0])}?" if near else ""
-    return f"unknown {kind} {shown(name)}:{hint} valid: {listed(names)}"
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return f"unknown {kind} {shown(name)}:{hint} valid: {listed(names[:_LISTED])}{more}"
 
 
 def listed(names: Iterable[str]) -> str:

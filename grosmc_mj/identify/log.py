@@ -169,9 +169,10 @@ def joined(logs: Sequence[Log]) -> Log:
 
 def _columns(path: Path) -> dict[str, _Column]:
     """The columns of numbers of a file."""
-    if not path.is_file():
-        raise ArgumentError("no such file: name a CSV, Parquet or MCAP file")
     kind = path.suffix.lower()
+    if not path.is_file() or kind not in (".csv", ".parquet", ".mcap"):
+        why = "is no log" if path.is_file() else "there is no such file"
+        raise ArgumentError(f"{why}: name a file that ends in .csv, .parquet or .mcap")
     try:
         if kind == ".mcap":
             columns = _messages(path)
@@ -187,7 +188,7 @@ def _columns(path: Path) -> dict[str, _Column]:
     rows = max((len(column.values) for column in columns.values()), default=0)
     if rows < _FEWEST:
         raise ArgumentError(
-            f"{rows} rows of numbers: a log has {_FEWEST} at least, better some seconds"
+            f"has {rows} rows of numbers; {_FEWEST} or more are needed: log some seconds"
         )
     return columns
 

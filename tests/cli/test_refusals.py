@@ -30,7 +30,7 @@ REFUSALS = [
     ("claims arm-epsilonn", "did you mean 'arm-epsilon'?"),
     ("claims arm/case1", "unknown claim 'arm/case1'"),
     ("claims servo --page page.md", "--page page.md is about all claims"),
-    ("claims --page docs", "ends in .md"),
+    ("claims --page docs", "must end in .md"),
     ("claims sweep servo --record", "leave out servo"),
     ("claims premises", "SYSTEM|SYSTEM/CASE"),
     ("claims premises armm", "did you mean 'arm'?"),

@@ -166,7 +166,7 @@ ALL = slice(None)
 @pytest.mark.parametrize(
     ("change", "header", "words"),
     [
-        (lambda rows: rows[:10], HEADER, "10 rows of numbers: a log has 50 at least"),
+        (lambda rows: rows[:10], HEADER, "has 10 rows of numbers; 50 or more are needed"),
         (changed((300, 0), lambda rows: rows[299, 0]), HEADER, "the time does not rise at row 301"),
         (changed((ALL, 1), lambda _: 0.3), HEADER, "the input is 0.3 A all the time"),
         (changed((100, 2), lambda _: np.nan), HEADER, "is no number in row 102: fill or cut it"),
