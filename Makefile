@@ -8,9 +8,14 @@ PYTHON ?= $(shell if python3.11 -c '' >/dev/null 2>&1; then echo python3.11; els
 WORKERS ?= auto
 ARGS ?=
 
+# A folder of tests, or a file.
+PART ?=
+
 # A file's tests share what they ran; tests/conftest.py orders the files.
-PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
-FAST = $(BIN)/python -m pytest $(PARALLEL) -m 'not slow and not render' $(ARGS)
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+FAST = $(PYTEST) -m 'not slow and not render and not apart' $(ARGS)
+# Where `make test-report` looks for results; of a run with ARGS they aren't all of the part.
+STORED = $(if $(ARGS),,--junitxml=build/tests/$(1).xml)
 
 # What numbers come from: the rest runs, judges and writes what these compute.
 COMPUTING := plants control physics machine robots loop simulation assumptions
@@ -30,11 +35,11 @@ SYSTEM := $(VENV)/.system
 unexport PYTHONDONTWRITEBYTECODE
 PIP_INSTALL := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq --no-compile
 
-.PHONY: help setup validate record test test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals as-built ladder page docs clean
+.PHONY: help setup validate record test test-apart test-all test-report test-fast hostile portable $(OLDER:%=portable-%) portable-fast mutate lint format typecheck bench gallery results rivals tolerance ladder page docs clean
 
 help:  ## List the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-13s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
-	@echo 'Variables: ARGS (more arguments), PYTHON (interpreter), WORKERS (test processes)'
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-14s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@echo 'Variables: ARGS (more arguments), PART (tests of one folder), PYTHON (interpreter), WORKERS (test processes)'
 
 setup:  ## Create .venv with the pinned packages; install the system libraries for films
 	@rm -f $(SYSTEM)
@@ -46,14 +51,23 @@ validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film o
 record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
 	$(BIN)/grosmc-mj validate --record $(ARGS)
 
-test: $(INSTALLED) $(SYSTEM)  ## Run every test, over all cores
-	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
+test: $(INSTALLED) $(SYSTEM)  ## Run the tests, over all cores; PART=tests/control runs one folder
+	$(PYTEST) -m 'not apart' $(call STORED,$(or $(subst /,-,$(PART)),all)) $(PART) $(ARGS)
+
+test-apart: $(INSTALLED) $(SYSTEM)  ## Run the rest: browser, Dask, mutated input, an older machine
+	$(PYTEST) -m apart $(call STORED,apart) $(shell grep -rl --include='test_*.py' mark.apart tests) $(ARGS)
+	$(MAKE) portable-fast
+
+test-all: test test-apart  ## Run every test
+
+test-report: $(INSTALLED)  ## Put the stored results of all parts together; fail if one failed or is missing
+	@$(BIN)/python tests/report.py
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
 	$(FAST)
 
 hostile: $(INSTALLED)  ## Five times as many mutated files, models and command lines
-	HOSTILE=5 $(BIN)/python -m pytest $(PARALLEL) tests/hostile $(ARGS)
+	HOSTILE=5 $(PYTEST) tests/hostile $(ARGS)
 
 portable: $(OLDER:%=portable-%)  ## Fast tests and validate as on older machines than this one
 
@@ -64,7 +78,7 @@ $(OLDER:%=portable-%): portable-%: $(INSTALLED)
 portable-fast: $(INSTALLED)  ## The fast tests of what computes, with an older machine's libraries
 	$(AS) nehalem-libraries $(FAST) $(COMPUTING:%=tests/%)
 
-mutate: $(INSTALLED)  ## Put 200 faults in, one at a time, and say which the tests notice (an hour or two)
+mutate: $(INSTALLED)  ## Put faults in and count those that tests notice; under ten minutes, the next call goes on
 	$(BIN)/python tests/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
@@ -106,22 +120,22 @@ rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 
 BENCHES := servo cart_pendulum arm
 
-as-built: $(INSTALLED)  ## Study how far each bench may go, and write the tables of docs/as_built.md anew
+tolerance: $(INSTALLED)  ## Find the largest imperfections of each bench, and write the tables of docs/tolerance.md anew
 	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) --rivals &&) true
-	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/as_built.md $(BENCHES:%=renders/tolerance_%_bench.json)
+	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/tolerance.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
-ladder: $(INSTALLED)  ## Let every law climb to each machine, and write the tables of docs/ladder.md anew
+ladder: $(INSTALLED)  ## Find where each law fails on each machine, and write docs/ladder_tables.md anew
 	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
-	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
+	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder_tables.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md
 
 docs: $(INSTALLED)  ## Build the documentation's site in build/site, and fail where a link is broken
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet $(ARGS)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict $(ARGS)
 	@echo 'build/site/index.html'
 
 clean:  ## Remove .venv, builds and caches; keep renders/

@@ -16,7 +16,8 @@ from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 
-_STEPS = {1: 50_000, 1024: 500}
+_MANY = 1024
+_STEPS = {1: 50_000, _MANY: 500}
 
 
 def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Throughput]:
@@ -73,11 +74,11 @@ def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
         native("GROSMC, native, recorded", controller, 1, one, record=True),
         TimedLoop("GROSMC, Python mj_step loop", 1, few, python_loop, one),
         *_suite_loop(one),
-        open_batch([plant] * 1024, np.tile(case.x0, (1024, 1)), _STEPS[1024]),
-        native(batch, controller, 1024, OPEN_LOOP),
-        native("GROSMC in its loop, batch", looped, 1024, batch),
-        native("GROSMC in its loop, predicting, batch", predicting, 1024, batch),
-        native(f"{batch}, recorded", controller, 1024, OPEN_LOOP, record=True),
+        open_batch([plant] * _MANY, np.tile(case.x0, (_MANY, 1)), _STEPS[_MANY]),
+        native(batch, controller, _MANY, OPEN_LOOP),
+        native("GROSMC in its loop, batch", looped, _MANY, batch),
+        native("GROSMC in its loop, predicting, batch", predicting, _MANY, batch),
+        native(f"{batch}, recorded", controller, _MANY, OPEN_LOOP, record=True),
     ]
 
 

@@ -9,7 +9,10 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+import pytest
 
+from grosmc_mj import cli
+from grosmc_mj.errors import GrosmcError
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, checksum, shards_of
 
@@ -84,12 +87,95 @@ value = ["-10 rad/s", "10 rad/s"]
 # The two numbers of which most tests are.
 BOTH = INERTIA + AMPLITUDE
 
+PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
+# A servo as it is built: what moves it, what stops it, what hangs on it.
+MACHINE = """timestep = "0.25 ms"
+[[transmission]]
+joint = "shaft"
+inertia = "0.01 kg m^2"
+stiffness = "500 N m/rad"
+damping = "0.2 N m s/rad"
+backlash = "1 mrad"
+[[lugre]]
+joint = "shaft"
+coulomb = "0.05 N m"
+static = "0.07 N m"
+stiffness = "27 N m/rad"
+damping = "0.24 N m s/rad"
+[[stop]]
+joint = "shaft"
+low = "-1 rad"
+high = "1 rad"
+restitution = 0.3
+[[motor]]
+input = "current"
+constant = "7.68 mN m/A"
+resistance = "2.6 ohm"
+ratio = 10
+[[swinging_load]]
+body = "rotor"
+mass = "0.1 kg"
+length = "20 cm"
+at = ["10 cm", "0 m", "0 m"]
+[[wall]]
+body = "rotor"
+radius = "1 cm"
+point = ["0 m", "0 m", "-1 m"]
+[[controller]]
+law = "lqr"
+[[controller]]
+name = "stiff"
+law = "lqr"
+Q = [4, 1]
+[[requirement]]
+deviation_below = "10 mrad"
+"""
+# A servo's loop: what is measured, computed and put out.
+LOOP = """
+[computing]
+delay = "1 ms"
+missed = 0.05
+[[sensor]]
+of = "rotor angle"
+resolution = "0.1 mrad"
+noise = "0.1 mrad"
+[[estimator]]
+of = "rotor speed"
+law = "eso"
+bandwidth = "100 rad/s"
+[[actuator]]
+of = "current"
+limit = "4 A"
+lag = "1 ms"
+[[controller]]
+law = "lqr"
+[[controller]]
+name = "told"
+law = "lqr"
+predict = true
+"""
+
+
+def standing(tables: str, parts: str, system: str = "servo") -> str:
+    """The text of a case file of nothing but parts, laws and requirements that stand in it."""
+    return PLANT.format(system=system, duration=0.05, start="{}") + parts + tables
+
 
 def servo(
     uncertain: str = BOTH, *, duration: float = 0.05, laws: str = LAWS, limits: str = LIMITS
 ) -> str:
     """The text of a servo's case file: a pulse from 20 ms to 30 ms, and some hum besides."""
     return case("servo", uncertain, duration=duration, laws=laws, disturbances=LOAD, limits=limits)
+
+
+def uncertain(*lines: str) -> str:
+    """One [[uncertain]]."""
+    return "\n".join(["[[uncertain]]", *lines, ""])
+
+
+def plain(tables: str = BOTH) -> str:
+    """The text of a servo's case file with LQR alone and no requirement."""
+    return servo(tables, laws=LQR, limits="")
 
 
 def pair(uncertain: str = BOTH) -> str:
@@ -168,3 +254,19 @@ def forged(file: Path, table: pa.Table, **noted: Any) -> None:
     del said["sha256"]
     said["sha256"] = checksum(table, said)
     pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), file)
+
+
+def run(*arguments: object) -> int:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(word) for word in arguments])
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def refusal(of: Any, *arguments: Any, **more: Any) -> str:
+    """The one line of an error of the package's own."""
+    with pytest.raises(GrosmcError) as error:
+        of(*arguments, **more)
+    assert "\n" not in str(error.value)
+    return str(error.value)

@@ -1,9 +1,13 @@
-"""What the tests of plants and physics share: the systems, and a loop without feedback."""
+"""Fixtures and hooks of all tests: the store of a session, the systems, a loop without feedback."""
 
 from __future__ import annotations
 
 import compileall
+import contextlib
+import fcntl
 import gc
+import io
+import json
 import os
 import signal
 from collections import Counter
@@ -11,11 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import hypothesis
 import numpy as np
 import pytest
+from commands import run
 
 import grosmc_mj
 from grosmc_mj.arrays import Array
@@ -23,6 +28,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.simulation.simulate import simulate
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.
@@ -71,6 +77,75 @@ def hear_interrupts() -> None:
     raises KeyboardInterrupt only where it finds the default handler.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+class Stored(NamedTuple):
+    """A command that has run: its exit code, its words, and the folder of its results."""
+
+    code: int
+    said: str
+    folder: Path
+
+    def read(self, name: str) -> Any:
+        """A JSON document of its folder."""
+        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Store:
+    """Folders that are filled once a session, for all of its worker processes."""
+
+    root: Path
+
+    def folder(self, name: str, fill: Callable[[Path], object]) -> Path:
+        """The folder of this name; the first process that needs it fills it, others wait."""
+        folder, done = self.root / name, self.root / f"{name}.done"
+        self.root.mkdir(exist_ok=True)
+        with (self.root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                folder.mkdir(exist_ok=True)
+                fill(folder)
+                done.touch()
+        return folder
+
+    def command(self, *arguments: str) -> Stored:
+        """A command of the package with its ``--out``; tests only read its folder.
+
+        CI has run ``validate`` before, and names its folder in ``VALIDATED``.
+        """
+        made = os.environ.get("VALIDATED") if arguments == ("validate",) else None
+        name = "_".join(arguments).replace("/", "-")
+        folder = Path(made) if made else self.folder(name, partial(_command, arguments))
+        said = (folder / "said.txt").read_text(encoding="utf-8")
+        return Stored(int((folder / "code.txt").read_text()), said, folder)
+
+
+def _command(arguments: tuple[str, ...], folder: Path) -> None:
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        code = run(*arguments, "--out", folder)
+    (folder / "said.txt").write_text(said.getvalue(), encoding="utf-8")
+    (folder / "code.txt").write_text(str(code))
+
+
+@pytest.fixture(scope="session")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """What the tests of a session make once."""
+    base = tmp_path_factory.getbasetemp()
+    return Store((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "stored")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled(store: Store) -> None:
+    """Of several workers one compiles what all laws share; the others wait, and read the cache."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        store.folder("compiled", _compile)
+
+
+def _compile(_: Path) -> None:
+    plant = MujocoPlant.load("servo")
+    for moved in (plant, plant.analytic()):
+        simulate(moved, held(0.0), [0.0, 0.0], duration=2e-3)
 
 
 @dataclass(frozen=True)
@@ -125,3 +200,24 @@ def plant(name: str) -> MujocoPlant:
 def open_loop() -> Callable[[float | tuple[float, float]], Controller]:
     """A controller that holds u, whatever the state."""
     return held
+
+
+@pytest.fixture(scope="session")
+def pairs(store: Store) -> Any:
+    """The folder of eight servos under two LQRs, in two parts."""
+    return _campaign(store, "pair")
+
+
+@pytest.fixture(scope="session")
+def servos(store: Store) -> Any:
+    """The folder of eight servos of seed 5 under LQR and GROSMC, in two parts."""
+    return _campaign(store, "servo", seed=5)
+
+
+def _campaign(store: Store, kind: str, **more: Any) -> Any:
+    """A campaign that has run to its end."""
+    import campaign_cases
+
+    declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
+    path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
+    return campaign_cases.Folder(path)

@@ -8,6 +8,7 @@ What the variables bring about is looked at first. MuJoCo's own code stays as it
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import math
@@ -15,50 +16,38 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+# 2008: SSE4.2, neither AVX nor fused multiply-add. 2013: both, no AVX-512, which libm doesn't use.
 # NUMBA_CPU_FEATURES must be there and empty: without it numba adds the host's to the named CPU's.
-MACHINES = {
-    # 2008: SSE4.2, neither AVX nor fused multiply-add.
-    "nehalem": {
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "NUMBA_CPU_NAME": "nehalem",
-        "NUMBA_CPU_FEATURES": "",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA",
-    },
-    # 2013: AVX2 and fused multiply-add, no AVX-512, of which libm makes no use.
-    "haswell": {
-        "OPENBLAS_CORETYPE": "Haswell",
-        "NUMBA_CPU_NAME": "haswell",
-        "NUMBA_CPU_FEATURES": "",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V4",
-    },
+NEHALEM = {
+    "OPENBLAS_CORETYPE": "Nehalem",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA",
 }
-# Nehalem's libraries beside laws compiled for this machine: nothing is compiled anew for it.
-MACHINES["nehalem-libraries"] = {
-    name: value for name, value in MACHINES["nehalem"].items() if not name.startswith("NUMBA")
+HASWELL = {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4"}
+MACHINES = {
+    "nehalem": {**NEHALEM, "NUMBA_CPU_NAME": "nehalem", "NUMBA_CPU_FEATURES": ""},
+    "haswell": {**HASWELL, "NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""},
+    # Beside laws compiled for this machine: nothing is compiled anew.
+    "nehalem-libraries": NEHALEM,
 }
 # What NumPy says that it computes exp with, by OpenBLAS's kernels.
 LEVELS = {"Nehalem": "baseline(X86_V2)", "Haswell": "X86_V3"}
 
 
-def main(arguments: list[str]) -> NoReturn:
+def main(name: str, *command: str) -> None:
     """Check that the machine is what it is called, then become the command."""
-    if len(arguments) < 2 or arguments[0] not in MACHINES:
-        sys.exit(f"usage: emulated_machine.py {{{','.join(MACHINES)}}} COMMAND ...")
-    name, *command = arguments
     machine = MACHINES[name]
-    found, here = seen(machine), seen({})
-    core = machine["OPENBLAS_CORETYPE"]
-    wanted = {
+    there, here, core = seen(machine), seen({}), machine["OPENBLAS_CORETYPE"]
+    expected = {
         "OpenBLAS": [core, core],
         "NumPy": LEVELS[core],
         "numba": machine.get("NUMBA_CPU_NAME", here["numba"]),
     }
-    wrong = [f"{what} is {found[what]}, not {each}" for what, each in wanted.items()
-             if found[what] != each]  # fmt: skip
-    if "GLIBC_TUNABLES" in machine and here["fused"] and found["libm"] == here["libm"]:
+    wrong = [f"{library} is {there[library]}" for library in expected
+             if there[library] != expected[library]]  # fmt: skip
+    if "GLIBC_TUNABLES" in machine and here["fused"] and there["libm"] == here["libm"]:
         wrong.append("libm rounds as it does here")
     if wrong:
         sys.exit(f"{name} cannot be emulated: {'; '.join(wrong)}")
@@ -68,21 +57,13 @@ def main(arguments: list[str]) -> NoReturn:
 
 def seen(machine: dict[str, str]) -> dict[str, Any]:
     """What the libraries of a process under these variables say of themselves."""
-    own = {variable for each in MACHINES.values() for variable in each}
+    own = {variable for variables in MACHINES.values() for variable in variables}
     clean = {name: value for name, value in os.environ.items() if name not in own}
-    done = subprocess.run(
-        [sys.executable, __file__, "--report"],
-        env={**clean, **machine},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    return json.loads(done.stdout)
+    return json.loads(subprocess.check_output([sys.executable, __file__], env={**clean, **machine}))
 
 
 def report() -> dict[str, Any]:
     """What the libraries of this process say of themselves; of libm, some digits."""
-    import ctypes
-
     import numpy as np
     import scipy
     from numba.core.registry import cpu_target
@@ -108,7 +89,9 @@ def report() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--report"]:
+    if not sys.argv[1:]:
         sys.stdout.write(json.dumps(report()))
+    elif sys.argv[1] not in MACHINES or not sys.argv[2:]:
+        sys.exit(f"usage: emulated_machine.py {{{','.join(MACHINES)}}} COMMAND ...")
     else:
-        main(sys.argv[1:])
+        main(*sys.argv[1:])

@@ -1,179 +1,129 @@
 """Do the tests notice? Faults of one operator or number, put in one at a time.
 
-A sample of lines, drawn by a seed from the code that decides results, each with one mutant of
-cosmic-ray's. A mutant is noticed if a fast test of what depends on it fails; ``--again`` tries
-those that survived with the slow tests too. Each worker has a copy of the checkout: this one stays
-as it is.
+A sample of lines of the package, drawn by a seed, each with one mutant of cosmic-ray's. A mutant is
+noticed if a fast test of what depends on it fails. A call works for some minutes and stores a JSON
+line a mutant under build/mutants, by the hash of package and tests and by the seed; the next call
+goes on where it stopped. Each worker has a copy of the checkout: this one stays as it is.
 
-    python tests/mutants.py --number 200 --seed 0 --out build/mutants.json
-    python tests/mutants.py --number 200 --seed 0 --out build/mutants.json --again
+    python tests/mutants.py --seed 7 --count 60
+    python tests/mutants.py --seed 7 --count 60 --slow    # survivors again, with slow tests too
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections import Counter
-from collections.abc import Iterator
+import time
+from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from cosmic_ray.commands import init
 from cosmic_ray.mutating import mutate_and_test
-from cosmic_ray.plugins import operator_names
 from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import MutationSpec
 
 ROOT = Path(__file__).resolve().parents[1]
-# What is mutated, and the tests that shall notice: its own, and those of what is next to it.
-WATCHED = {
-    "plants": ("plants", "control", "simulation"),
-    "control": ("control", "simulation", "assumptions"),
-    "simulation": ("simulation", "loop", "control", "cases"),
-    "loop": ("loop", "simulation"),
-    "machine": ("machine", "physics"),
-    "physics": ("physics", "machine", "simulation"),
-    "robots": ("robots", "cases"),
-    "experiments": ("experiments", "assumptions", "studies", "cli"),
-    "assumptions": ("assumptions",),
-    "campaign": ("campaign",),
-    "cases": ("cases", "studies"),
-}
-# What else notices, slowly: whole runs, studies, verdicts, films, commands.
-_SLOWLY = {
-    "plants": ("assumptions",),
-    "control": ("studies", "assumptions"),
-    "simulation": ("bench", "campaign", "environments"),
-    "loop": ("campaign", "environments"),
-    "machine": ("robots", "cases"),
-    "physics": ("robots", "campaign"),
-    "robots": ("assumptions", "environments"),
-    "experiments": ("films", "campaign", "environments"),
-    "assumptions": ("campaign", "cli"),
-    "campaign": ("experiments",),
-    "cases": ("chapter",),
-}
 # The rest either is the same program (`is` for `==` on an enum, another bit operation on a union of
 # types, a cache that is not there) or stands for so many others that it would crowd them out.
-_KINDS = (
-    "ReplaceBinaryOperator_Add_Sub",
-    "ReplaceBinaryOperator_Sub_Add",
-    "ReplaceBinaryOperator_Mul_Div",
-    "ReplaceBinaryOperator_Div_Mul",
-    "ReplaceBinaryOperator_Pow_Mul",
-    "ReplaceComparisonOperator_Eq_NotEq",
-    "ReplaceComparisonOperator_NotEq_Eq",
-    "ReplaceComparisonOperator_Lt_LtE",
-    "ReplaceComparisonOperator_Lt_Gt",
-    "ReplaceComparisonOperator_LtE_Lt",
-    "ReplaceComparisonOperator_Gt_GtE",
-    "ReplaceComparisonOperator_Gt_Lt",
-    "ReplaceComparisonOperator_GtE_Gt",
-    "ReplaceComparisonOperator_Is_IsNot",
-    "ReplaceComparisonOperator_IsNot_Is",
-    "ReplaceUnaryOperator_Delete_USub",
-    "ReplaceUnaryOperator_Delete_Not",
-    "ReplaceAndWithOr",
-    "ReplaceOrWithAnd",
-    "ReplaceTrueWithFalse",
-    "ReplaceFalseWithTrue",
-    "ReplaceBreakWithContinue",
-    "ReplaceContinueWithBreak",
-    "AddNot",
-    "NumberReplacer",
-    "ZeroIterationForLoop",
+KINDS = re.compile(
+    r"core/(ReplaceBinaryOperator_(Add_Sub|Sub_Add|Mul_Div|Div_Mul|Pow_Mul)"
+    r"|ReplaceComparisonOperator_(Eq_NotEq|NotEq_Eq|Lt_LtE|Lt_Gt|LtE_Lt|Gt_GtE|Gt_Lt|GtE_Gt)"
+    r"|ReplaceComparisonOperator_(Is_IsNot|IsNot_Is)|ReplaceUnaryOperator_Delete_(USub|Not)"
+    r"|Replace(AndWithOr|OrWithAnd|TrueWithFalse|FalseWithTrue)"
+    r"|Replace(BreakWithContinue|ContinueWithBreak)|AddNot|NumberReplacer|ZeroIterationForLoop)"
 )
-_TIMEOUT = 900.0
+# The call and one mutant [s]: together below ten minutes.
+CALL, TIMEOUT = 300.0, 240.0
+# Test files that are tried for a mutant: the nearest of those that import its module.
+NEAREST = 8
 
 
-def main() -> None:
-    """Draw, try, report."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--number", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", type=Path, default=Path("build/mutants.json"))
-    parser.add_argument("--again", action="store_true")
-    asked = parser.parse_args()
-    os.chdir(ROOT)
-    drawn = sample(candidates(), asked.number, asked.seed)
-    rows: list[dict[str, Any]] = []
-    try_one = attempt
-    if asked.again:
-        known = json.loads(asked.out.read_text())["mutants"]
-        rows = [row for row in known if row["outcome"] == "noticed"]
-        survived = {row["where"] for row in known if row["outcome"] == "survived"}
-        drawn, try_one = [each for each in drawn if _where(each) in survived], attempt_slowly
-    with (
-        tempfile.TemporaryDirectory(prefix="grosmc_mj_mutants_") as scratch,
-        ProcessPoolExecutor(
-            asked.workers, get_context("spawn"), initializer=_in_a_copy, initargs=(scratch,)
-        ) as pool,
-    ):
-        for row in pool.map(try_one, drawn):
-            rows.append(row)
-            asked.out.parent.mkdir(parents=True, exist_ok=True)
-            asked.out.write_text(json.dumps({"seed": asked.seed, "mutants": rows}, indent=1))
-            print(f"{len(rows)}/{len(drawn)} {row['outcome']}: {row['where']}", file=sys.stderr)
-    print(report(rows, asked.seed))
-
-
-def candidates() -> list[MutationSpec]:
-    """Every mutant of the code that is watched, save where it changes no result."""
-    files = [file for area in WATCHED for file in sorted((Path("grosmc_mj") / area).rglob("*.py"))]
-    kinds = {f"core/{name}" for name in _KINDS}
-    assert kinds <= set(operator_names())
-    with use_db(":memory:", WorkDB.Mode.create) as database:
-        init(files, database, {})
-        found = [each for item in database.work_items for each in item.mutations]
-    idle = {file: _idle_lines(file) for file in files}
-    return [
-        each
-        for each in found
-        if each.operator_name in kinds and each.start_pos[0] not in idle[each.module_path]
-    ]
-
-
-def _idle_lines(file: Path) -> set[int]:
-    """Lines of annotations, decorators, errors and arguments of their texts: no result there."""
-    tree, lines = ast.parse(file.read_text(encoding="utf-8")), set()
-    for node in ast.walk(tree):
-        parts: list[ast.AST | None] = []
-        if isinstance(node, ast.Raise):
-            parts = [node]
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            parts = [*node.decorator_list]
-        if isinstance(node, ast.AnnAssign):
-            parts.append(node.annotation)
-        if isinstance(node, ast.arg):
-            parts.append(node.annotation)
-        if isinstance(node, ast.FunctionDef):
-            parts.append(node.returns)
+def idle_lines(file: Path) -> set[int]:
+    """Lines of annotations, decorators and errors: no result there."""
+    lines: set[int] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        parts: list[Any] = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        parts += [
+            *getattr(node, "decorator_list", ()),
+            node if isinstance(node, ast.Raise) else None,
+        ]
         for part in filter(None, parts):
-            lines.update(range(part.lineno, (part.end_lineno or part.lineno) + 1))  # type: ignore[attr-defined]
+            lines.update(range(part.lineno, (part.end_lineno or part.lineno) + 1))
     return lines
 
 
-def sample(found: list[MutationSpec], number: int, seed: int) -> list[MutationSpec]:
-    """One mutant on each of so many lines."""
-    chance = random.Random(seed)
-    by_line: dict[tuple[str, int], list[MutationSpec]] = {}
-    for each in found:
-        by_line.setdefault((str(each.module_path), each.start_pos[0]), []).append(each)
-    lines = chance.sample(sorted(by_line), min(number, len(by_line)))
-    return [chance.choice(by_line[line]) for line in lines]
+def sample(count: int, seed: int) -> list[MutationSpec]:
+    """One mutant on each of so many lines, more in longer files; a seed's first ones stay the same.
+
+    Lines whose mutants change no result are left out.
+    """
+    files, chance = sorted(Path("grosmc_mj").rglob("*.py")), random.Random(seed)
+    files = chance.choices(files, [file.stat().st_size for file in files], k=count)
+    with use_db(":memory:", WorkDB.Mode.create) as database:
+        init(set(files), database, {})
+        mutants = [mutant for item in database.work_items for mutant in item.mutations]
+    lines: dict[Path, dict[int, list[MutationSpec]]] = {file: defaultdict(list) for file in files}
+    idle = {file: idle_lines(file) for file in lines}
+    for mutant in mutants:
+        file, line = mutant.module_path, mutant.start_pos[0]
+        if KINDS.fullmatch(mutant.operator_name) and line not in idle[file]:
+            lines[file][line].append(mutant)
+    drawn = []
+    for index, file in enumerate(files):
+        own = random.Random(f"{seed} {index}")
+        if lines[file]:
+            drawn.append(own.choice(lines[file].pop(own.choice(sorted(lines[file])))))
+    return drawn
 
 
-def _in_a_copy(scratch: str) -> None:
+def module_of(path: Path) -> str:
+    """The dotted name of a module."""
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def imported(file: Path) -> set[str]:
+    """All that a file imports, also inside functions, and the names taken from a module."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def tests_of(module: Path) -> list[str]:
+    """Test files that depend on a module: those of its own folder first, then the nearest."""
+    package = {module_of(file): imported(file) for file in Path("grosmc_mj").rglob("*.py")}
+    near: dict[str, int] = {}
+    edge = {module_of(module)}
+    while edge:
+        near |= dict.fromkeys(edge, len(near))
+        edge = {user for user, names in package.items() if names & edge} - near.keys()
+    own, words = set(module.parts[1:-1]), set(module.stem.split("_"))
+    ranked = [
+        (not own & set(file.parts), not words & set(file.stem.split("_")), min(steps), str(file))
+        for file in sorted(Path("tests").rglob("test_*.py"))
+        if (steps := [near[name] for name in imported(file) & near.keys()])
+    ]
+    return [file for *_, file in sorted(ranked)][:NEAREST]
+
+
+def in_a_copy(scratch: str) -> None:
     """Make a copy of the checkout for this worker, and go there."""
     place = Path(tempfile.mkdtemp(dir=scratch))
     listed = subprocess.run(
@@ -188,60 +138,72 @@ def _in_a_copy(scratch: str) -> None:
     os.environ["PYTHONPATH"] = str(place)
 
 
-def _where(mutant: MutationSpec) -> str:
+def attempt(mutant: MutationSpec, end: float, slow: bool) -> dict[str, Any] | None:
+    """Put a fault in, run the tests, take it out; None where no time is left."""
+    if time.time() > end:
+        return None
+    which = "not render and not apart" if slow else "not slow and not render"
+    tests = " ".join(tests_of(mutant.module_path))
+    command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' {tests}"
+    result = mutate_and_test([mutant], command, TIMEOUT)
+    ended = "noticed" if result.is_killed else "survived"
+    return {
+        "where": where(mutant),
+        "kind": mutant.operator_name.removeprefix("core/"),
+        "outcome": "timeout" if result.output == "timeout" else ended if tests else "untested",
+        "slow": slow,
+        "diff": result.diff,
+        "last": (result.output or "").strip().splitlines()[-1:],
+    }
+
+
+def where(mutant: MutationSpec) -> str:
     """File and line."""
     return f"{mutant.module_path}:{mutant.start_pos[0]}"
 
 
-def attempt_slowly(mutant: MutationSpec) -> dict[str, Any]:
-    """The same with slow tests and with those further away."""
-    area = mutant.module_path.parts[1]
-    return attempt(mutant, "not render", (*WATCHED[area], *_SLOWLY[area]))
-
-
-def attempt(
-    mutant: MutationSpec, which: str = "not slow and not render", folders: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    """Put a fault in, run the tests, take it out."""
-    area = mutant.module_path.parts[1]
-    command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' " + " ".join(
-        _tests(mutant.module_path, folders or WATCHED[area])
-    )
-    line = mutant.module_path.read_text(encoding="utf-8").splitlines()[mutant.start_pos[0] - 1]
-    result = mutate_and_test([mutant], command, _TIMEOUT)
-    return {
-        "area": area,
-        "where": _where(mutant),
-        "kind": mutant.operator_name.removeprefix("core/"),
-        "line": line.strip(),
-        "diff": result.diff,
-        "outcome": "noticed" if result.is_killed else "survived",
-        "said": (result.output or "").strip().splitlines()[-1:],
-    }
-
-
-def _tests(module: Path, folders: tuple[str, ...]) -> Iterator[str]:
-    """Tests that shall notice, those named like the module first."""
-    words = set(module.stem.split("_"))
-    files = [
-        file for folder in folders for file in sorted((Path("tests") / folder).rglob("test_*.py"))
-    ]
-    near = sorted(files, key=lambda file: not words & set(file.stem.split("_")[1:]))
-    yield from map(str, near)
-
-
-def report(rows: list[dict[str, Any]], seed: int) -> str:
-    """The score of each area, and what survived."""
-    noticed = Counter(row["area"] for row in rows if row["outcome"] == "noticed")
-    total = Counter(row["area"] for row in rows)
-    lines = [f"{sum(noticed.values())} of {len(rows)} mutants noticed, seed {seed}"]
-    lines += [f"  {area}: {noticed[area]} of {total[area]}" for area in WATCHED if total[area]]
-    lines += [
-        f"survived: {row['where']} {row['kind']}: {row['line']}"
-        for row in rows
-        if row["outcome"] == "survived"
-    ]
+def report(rows: list[dict[str, Any]], count: int) -> str:
+    """The score of each folder, and what was not noticed."""
+    total = Counter(row["where"].split("/")[1] for row in rows)
+    noticed = Counter(row["where"].split("/")[1] for row in rows if row["outcome"] == "noticed")
+    lines = [f"{sum(noticed.values())} of {len(rows)} mutants noticed"]
+    lines += [f"  {folder}: {noticed[folder]} of {total[folder]}" for folder in sorted(total)]
+    missed = [row for row in rows if row["outcome"] != "noticed"]
+    lines += [f"{row['outcome']}: {row['where']} {row['kind']}" for row in missed]
+    if len(rows) < count:
+        lines.append(f"{count - len(rows)} are left: call it again")
     return "\n".join(lines)
+
+
+def main() -> None:
+    """Draw, try as many as there is time for, report."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--slow", action="store_true")
+    options = parser.parse_args()
+    os.chdir(ROOT)
+    drawn = sample(options.count, options.seed)
+    files = [file for top in ("grosmc_mj", "tests") for file in sorted(Path(top).rglob("*.py"))]
+    tree = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+    store = Path(f"build/mutants/{tree}_{options.seed}.jsonl")
+    store.parent.mkdir(parents=True, exist_ok=True)
+    store.touch()
+    rows = {row["where"]: row for row in map(json.loads, store.read_text().splitlines())}
+    tried = {name for name, row in rows.items() if row["slow"] or row["outcome"] == "noticed"}
+    waiting = [m for m in drawn if where(m) not in (tried if options.slow else rows)]
+    context, end = get_context("spawn"), time.time() + CALL
+    with (
+        tempfile.TemporaryDirectory(prefix="grosmc_mj_mutants_") as scratch,
+        ProcessPoolExecutor(options.workers, context, in_a_copy, (scratch,)) as pool,
+        store.open("a", encoding="utf-8") as lines,
+    ):
+        for row in filter(None, pool.map(partial(attempt, end=end, slow=options.slow), waiting)):
+            rows[row["where"]] = row
+            lines.write(json.dumps(row) + "\n")
+            lines.flush()
+    sys.stdout.write(report([rows[n] for n in map(where, drawn) if n in rows], len(drawn)) + "\n")
 
 
 if __name__ == "__main__":

@@ -35,12 +35,12 @@ def of_design(design: str) -> Experiment:
 def of_case(case: Case, settings: Settings | None = None) -> Experiment:
     """A case under the package's laws for it; of a plant of one's own it has no laws."""
     known = find_experiments(case.system if "/" not in case.system else "servo")
-    base = next((each for each in known if each.case.design == case.design), known[0])
+    base = next((one for one in known if one.case.design == case.design), known[0])
     return replace(base, case=case).with_settings(**vars(settings or Settings()))
 
 
 def cases(system: str) -> list[Case]:
-    return [each.case for each in find_experiments(system)]
+    return [experiment.case for experiment in find_experiments(system)]
 
 
 def find_case(system: str, name: str) -> Case:
@@ -80,34 +80,32 @@ def nominal_controller(
 def task_of(design: str, plant: AnalyticPlant | None = None) -> Task:
     """What the laws of a design are designed for."""
     law = of_design(design).law("corrected", "lqr")
-    believed: Any = plant or of_design(design).nominal.equations("corrected")
+    nominal: Any = plant or of_design(design).nominal.equations("corrected")
     error: Any = law.designed.error
-    return Task(believed, error, law.parameters.reference, law.designed.lqr.Q, law.designed.lqr.R)
+    return Task(nominal, error, law.parameters.reference, law.designed.lqr.Q, law.designed.lqr.R)
 
 
-# Numbers of the case files: ARM_ERROR, SERVO_UNCERTAINTY, TWO_LINK_G ...
-_PREFIXES = {
-    "SERVO": "servo",
-    "PENDULUM": "cart_pendulum",
-    "ARM": "arm",
-    "TWO_LINK": REGULATION,
-}
+_DESIGNS = {
+    "SERVO": "servo", "PENDULUM": "cart_pendulum", "ARM": "arm", "TWO_LINK": REGULATION,
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    prefix, _, what = name.rpartition("_")
-    if prefix not in _PREFIXES:
+    """A number of the case files, such as ARM_ERROR, SERVO_UNCERTAINTY, TWO_LINK_G."""
+    prefix, _, part = name.rpartition("_")
+    if prefix not in _DESIGNS:
         raise AttributeError(name)
-    design = _PREFIXES[prefix] if what != "TIP" else "two_link_arm"
-    if what == "UNCERTAINTY":
-        return of_design(design).uncertainty
-    if what == "G":
-        return of_design(design).law("corrected", "grosmc").parameters.G
-    wanted = task_of(design)
-    if what == "WEIGHTS":
-        return wanted.Q, wanted.R
-    if what in {"ERROR", "TIP", "JOINTS"}:
-        return wanted.error
-    if what in {"REFERENCE", "STEP", "UPRIGHT"}:
-        return wanted.reference
-    raise AttributeError(name)
+    design = "two_link_arm" if part == "TIP" else _DESIGNS[prefix]
+    match part:
+        case "UNCERTAINTY":
+            return of_design(design).uncertainty
+        case "G":
+            return of_design(design).law("corrected", "grosmc").parameters.G
+        case "WEIGHTS":
+            return task_of(design).Q, task_of(design).R
+        case "ERROR" | "TIP" | "JOINTS":
+            return task_of(design).error
+        case "REFERENCE" | "STEP" | "UPRIGHT":
+            return task_of(design).reference
+        case _:
+            raise AttributeError(name)

@@ -21,7 +21,7 @@ NAMES = ("json", "pickle", "random", "threading", "multiprocessing", "loky", "di
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("executor", ["processes", "dask"])
+@pytest.mark.parametrize("executor", ["processes", pytest.param("dask", marks=pytest.mark.apart)])
 def test_modules_in_the_working_folder_are_not_taken_for_libraries(executor, tmp_path: Path):
     folder, program = tmp_path / "folder", tmp_path / "program.py"
     folder.mkdir()

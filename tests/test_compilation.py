@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import inspect
 import os
 import subprocess
 import sys
@@ -36,12 +37,25 @@ def command(law: Callable[..., Any], plant: Any) -> float:
     return simulate(plant, Controller("k", law, Nothing()), [0, 0], duration=1e-3).command[0]
 
 
-# What a user has: a law in one module, a function that it calls in another.
+def returned(law: Any) -> float:
+    """What a law writes, compiled anew or taken from the disk."""
+    function, result = compile_c(law, numba.types.voidptr), np.ones(1)
+    function.ctypes(result.ctypes.data)
+    return result[0]
+
+
+# A law in one module, a function that it calls in another.
 HELPER = "def gain(x):\n    return {k} * x\n"
-LAW = """
+RETURNED = f"""
+import math, sys
+from typing import Any
 import numba, numpy as np
-import helper
 from grosmc_mj.compilation import array_at, compile_c
+
+{inspect.getsource(returned)}
+"""
+LAW = f"""{RETURNED}
+import helper
 from grosmc_mj.jitable import jitable
 
 gain = jitable(helper.gain)
@@ -49,26 +63,53 @@ gain = jitable(helper.gain)
 def law(address):
     array_at(address, (1,), np.float64)[0] = gain(2.0)
 
-result = np.zeros(1)
-function = compile_c(law, numba.types.voidptr)
-function.ctypes(result.ctypes.data)
-print(result[0])
+print(returned(law))
+"""
+# Functions of one name: one is too long to be inlined and called by its name, one calls itself.
+NAMESAKES = """
+def law_of(k, name):
+    @numba.njit
+    def long(x):
+        SINES
+        return k + 0.0 * x
+
+    @numba.njit
+    def recursive(x):
+        return k if x < 1.0 else recursive(x - 1.0)
+
+    inner = {"long": long, "recursive": recursive}[name]
+
+    def control(address):
+        result = array_at(address, (1,), np.float64)
+        result[0] = inner(result[0] + inner(result[0]))
+
+    return control
+
+for k in sys.argv[1:]:
+    print(returned(law_of(float(k), "long")), returned(law_of(float(k), "recursive")))
+""".replace("SINES", "; ".join(200 * ["x = math.sin(x) * x"]))
+PRINTS = """
+from grosmc_mj.compilation import fingerprint
+from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+plant = MujocoPlant.load("servo").analytic()
+print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
 """
 
 
-def start(folder: Path, program: str = LAW, *arguments: str) -> subprocess.Popen[str]:
+def start(folder: Path, program: str, *arguments: str) -> subprocess.Popen[str]:
     """A process that calls what it compiles or takes from the cache of a folder."""
-    paths = os.pathsep.join([str(folder), str(ROOT)])
+    paths = os.pathsep.join(map(str, (folder, ROOT)))
     env = {**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache"),
            "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
     command = [sys.executable, "-c", program, *arguments]
     return subprocess.Popen(command, cwd=folder, env=env, stdout=subprocess.PIPE, text=True)
 
 
-def results(process: subprocess.Popen[str]) -> list[float]:
-    printed, _ = process.communicate(timeout=120)
+def printed(process: subprocess.Popen[str]) -> list[str]:
+    said, _ = process.communicate(timeout=120)
     assert process.returncode == 0
-    return [float(number) for number in printed.split()]
+    return said.split()
 
 
 def entries(folder: Path) -> dict[str, tuple[int, bytes]]:
@@ -78,24 +119,41 @@ def entries(folder: Path) -> dict[str, tuple[int, bytes]]:
 
 
 @pytest.mark.slow
-def test_an_edited_helper_module_is_noticed(tmp_path: Path) -> None:
+def test_processes_share_entries_and_notice_an_edited_helper(tmp_path: Path) -> None:
     """numba's own cache looks at the law's file alone, and would go on with the old gain."""
-    for k in (3.0, 5.0, 3.0):
-        (tmp_path / "helper.py").write_text(HELPER.format(k=k), encoding="utf-8")
-        assert results(start(tmp_path)) == [2 * k]
-    # The second time the old gain is not compiled again.
-    assert len(list(tmp_path.rglob("*.nbi"))) == 2
+    helper = tmp_path / "helper.py"
+    helper.write_text(HELPER.format(k=3.0), encoding="utf-8")
+    together = [start(tmp_path, LAW) for _ in range(2)]
+    assert [printed(process) for process in together] == [["6.0"], ["6.0"]]
+    written = entries(tmp_path)
+    assert {Path(name).suffix for name in written} == {".nbi", ".nbc"}
+    helper.write_text(HELPER.format(k=5.0), encoding="utf-8")
+    assert printed(start(tmp_path, LAW)) == ["10.0"]
+    both = entries(tmp_path)
+    assert both.items() > written.items()
+    helper.write_text(HELPER.format(k=3.0), encoding="utf-8")
+    assert printed(start(tmp_path, LAW)) == ["6.0"]
+    assert entries(tmp_path) == both
 
 
 @pytest.mark.slow
-def test_what_two_processes_write_at_once_a_third_one_reads(tmp_path: Path) -> None:
-    (tmp_path / "helper.py").write_text(HELPER.format(k=3.0), encoding="utf-8")
-    writers = [start(tmp_path) for _ in range(2)]
-    assert [results(process) for process in writers] == [[6.0], [6.0]]
-    written = entries(tmp_path)
-    assert {Path(name).suffix for name in written} == {".nbi", ".nbc"}
-    assert results(start(tmp_path)) == [6.0]
-    assert entries(tmp_path) == written
+def test_laws_of_one_name_that_two_processes_compiled_stay_apart(tmp_path: Path) -> None:
+    """numba numbers the functions of every process from 1 and links them by these names.
+
+    What calls itself does so by an address of its process, and cannot be loaded by another.
+    """
+    for numbers in ("1",), ("2",), ("1", "2"):
+        expected = [f"{k}.0" for k in numbers for _ in range(2)]
+        assert printed(start(tmp_path, RETURNED + NAMESAKES, *numbers)) == expected
+
+
+def test_fingerprint_is_the_same_in_another_process(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = printed(start(tmp_path, PRINTS))
+    exec(PRINTS, {})
+    assert capsys.readouterr().out.split() == there
+    assert len(set(there)) == 2
 
 
 # Fingerprints
@@ -108,18 +166,12 @@ def law_with(helper: Callable[[float], float]) -> Callable[..., float]:
     return law
 
 
-def helper_with(k: float) -> Callable[[float], float]:
-    @jitable
-    def helper(x: float) -> float:
-        return k * x
-
-    return helper
+def by_helper(k: float) -> Callable[..., float]:
+    return law_with(jitable(lambda x: k * x))
 
 
-def of_module(**names: Any) -> Any:
-    module: Any = types.ModuleType("helpers")
-    vars(module).update(names)
-    return module
+def by_compiled_helper(k: float) -> Callable[..., float]:
+    return law_with(numba.njit(lambda x: k * x))
 
 
 def by_array(k: float) -> Callable[..., float]:
@@ -135,7 +187,8 @@ def by_default(k: float) -> Callable[..., float]:
 
 
 def by_module(k: float) -> Callable[..., float]:
-    module = of_module(k=k / 2, helper=helper_with(k / 2))
+    module: Any = types.ModuleType("helpers")
+    vars(module).update(k=k / 2, helper=jitable(lambda x: k / 2 * x))
     return lambda t, x, memory, p: module.helper(1.0) + module.k
 
 
@@ -149,21 +202,12 @@ def by_enumeration(k: float) -> Callable[..., float]:
     return lambda t, x, memory, p: level.value * 1.0
 
 
-def by_compiled_helper(k: float) -> Callable[..., float]:
-    return law_with(numba.njit(lambda x: k * x))
-
-
 @pytest.mark.parametrize(
-    "make",
-    [
-        lambda k: law_with(helper_with(k)), by_array, by_default, by_compiled_helper, by_module,
-        by_enumeration,
-    ],
-)  # fmt: skip
+    "make", [by_helper, by_compiled_helper, by_array, by_default, by_module, by_enumeration]
+)
 def test_fingerprint_follows_every_number_that_numba_freezes(make: Any) -> None:
     """Otherwise a changed law runs the old machine code from the disk, without a word."""
-    assert fingerprint(make(3.0)) == fingerprint(make(3.0))
-    assert fingerprint(make(3.0)) != fingerprint(make(7.0))
+    assert fingerprint(make(3.0)) == fingerprint(make(3.0)) != fingerprint(make(7.0))
     changed = [command(make(k), MujocoPlant.load("servo").analytic()) for k in (3.0, 7.0)]
     assert changed == [3.0, 7.0]
 
@@ -178,42 +222,19 @@ def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(
 ) -> None:
     plants = [MujocoPlant.load("servo"), MujocoPlant.load("servo").analytic()]
     for k in (5.0, 6.0):
-        law = law_with(helper_with(k))
-        assert [command(law, plant) for plant in plants] == [k, k]
+        assert [command(by_helper(k), plant) for plant in plants] == [k, k]
         # The second time, after all that they share.
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     (entry,) = tmp_path.rglob("*.nbi")
     assert entry.name.startswith("sample-")
 
 
-def test_a_law_that_has_travelled_is_compiled_where_it_arrives(
+def test_a_law_that_has_travelled_by_value_is_compiled_where_it_arrives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By value, as laws of one's own do that no module has."""
-    law = by_array(2.0)
-    for folder in ("here", "there"):
-        # Where nothing is compiled yet.
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / folder))
-        assert command(law, MujocoPlant.load("servo").analytic()) == 2.0
-        law = cloudpickle.loads(cloudpickle.dumps(law))
-
-
-PRINT = """
-from grosmc_mj.compilation import compile_c, fingerprint
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.experiments.catalogue import chapter_controller
-plant = MujocoPlant.load("arm").analytic()
-print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
-"""
-
-
-def test_fingerprint_is_the_same_in_another_process(capsys: pytest.CaptureFixture[str]) -> None:
-    """Or nothing would ever be found in the cache on disk."""
-    env = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)}
-    there = subprocess.check_output([sys.executable, "-c", PRINT], cwd=ROOT, env=env, text=True)
-    exec(PRINT, {})
-    assert capsys.readouterr().out == there
-    assert len(set(there.split())) == 2
+    law = cloudpickle.loads(cloudpickle.dumps(by_array(2.0)))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert command(law, MujocoPlant.load("servo").analytic()) == 2.0
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
@@ -222,68 +243,16 @@ def test_a_damaged_entry_of_the_cache_is_compiled_again(
     kind: str, content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-
-    def returned() -> float:
-        """Compiled anew or taken from the disk."""
-        function, result = compile_c(store_seven, numba.types.voidptr), np.zeros(1)
-        function.ctypes(result.ctypes.data)
-        return result[0]
-
-    assert returned() == 7.0
+    assert returned(store_seven) == 7.0
     (entry,) = tmp_path.rglob(f"*.{kind}")
     intact = entry.read_bytes()
     entry.write_bytes(content or intact[: len(intact) // 2])
-    assert returned() == 7.0
+    assert returned(store_seven) == 7.0
     # It is mended: the next one reads it, and writes none.
     written = entries(tmp_path)
-    assert returned() == 7.0
+    assert returned(store_seven) == 7.0
     assert entries(tmp_path) == written
 
 
 def store_seven(address: Any) -> None:
     array_at(address, (1,), np.float64)[0] = 7.0
-
-
-COMPILE_NAMESAKES = """
-import math, sys
-import numba, numpy as np
-from grosmc_mj.compilation import array_at, compile_c
-
-def law_of(k):
-    # Too long to be inlined: it is called by its name.
-    @numba.njit
-    def long(x):
-        SINES
-        return k + 0.0 * x
-
-    @numba.njit
-    def recursive(x):
-        return k if x < 1.0 else recursive(x - 1.0)
-
-    inner = INNER
-
-    def control(address):
-        result = array_at(address, (1,), np.float64)
-        result[0] = inner(result[0] + inner(result[0]))
-
-    return control
-
-for k in sys.argv[1:]:
-    function, result = compile_c(law_of(float(k)), numba.types.voidptr), np.ones(1)
-    function.ctypes(result.ctypes.data)
-    print(result[0])
-""".replace("SINES", "; ".join(200 * ["x = math.sin(x) * x"]))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("inner", ["long", "recursive"])
-def test_laws_of_one_name_that_two_processes_compiled_stay_apart(
-    inner: str, tmp_path: Path
-) -> None:
-    """numba numbers the functions of every process from 1 and links them by these names.
-
-    What calls itself does so by an address of its process, and cannot be loaded by another.
-    """
-    program = COMPILE_NAMESAKES.replace("INNER", inner)
-    for numbers in ("1",), ("2",), ("1", "2"):
-        assert results(start(tmp_path, program, *numbers)) == [float(k) for k in numbers]

@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from inspect import ismodule
 from pathlib import Path
 
 import pytest
@@ -36,27 +35,19 @@ def test_what_an_import_leaves_out(module: str, heavy: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("place", ["", "control", "simulation", "films", "environments"])
-def test_every_public_name_is_there_and_documented(place: str) -> None:
+def test_every_public_name_is_there(place: str) -> None:
     package = getattr(grosmc_mj, place) if place else grosmc_mj
-    for name in package.__all__:
-        assert getattr(package, name).__doc__, name
-
-
-def test_the_front_door_has_about_25_names() -> None:
-    assert len([name for name in grosmc_mj.__all__ if not ismodule(getattr(grosmc_mj, name))]) < 30
-    with pytest.raises(AttributeError, match="attribute nothing"):
-        _ = grosmc_mj.nothing  # pyright: ignore[reportAttributeAccessIssue]
+    assert all(hasattr(package, name) for name in package.__all__)
 
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_the_readme_s_example_runs_and_is_short(
+def test_the_readme_s_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     example = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert example is not None
     code = example.group(1)
-    assert len([line for line in code.splitlines() if line.strip()]) == 8
     monkeypatch.chdir(tmp_path)
     # The film is a small one: how one looks by default does not depend on who asks for it.
     small = Format(width=320, height=240, fps=2, stop=1.0)
@@ -87,10 +78,10 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
     readme, results = tmp_path / "README.md", tmp_path / "validation.json"
     readme.write_text("before\n<!-- results -->\nold\n<!-- /results -->\nafter\n")
     results.write_text(json.dumps(document))
-    write_text("results", readme, results)
-    write_text("results", readme, results)
-    wanted = ["before", "<!-- results -->", *rows, "<!-- /results -->", "after", ""]
-    assert readme.read_text() == "\n".join(wanted)
+    for _ in range(2):
+        write_text("results", readme, results)
+    text = "\n".join(["before", "<!-- results -->", *rows, "<!-- /results -->", "after", ""])
+    assert readme.read_text() == text
     readme.write_text("nothing here")
     with pytest.raises(SetupError, match="has no <!-- results -->"):
         write_text("results", readme, results)

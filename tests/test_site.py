@@ -44,7 +44,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Links]:
     """Every page of the site as it is built, or as it lies in ``SITE``."""
     folder = Path(os.environ.get("SITE") or tmp_path_factory.mktemp("site")).resolve()
     if "SITE" not in os.environ:
-        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", folder]
+        command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", folder]
         subprocess.run(command, cwd=ROOT, check=True)
     return {page: Links(page) for page in folder.rglob("*.html") if page.name != "404.html"}
 
@@ -88,6 +88,42 @@ def test_every_public_name_is_on_the_pages_of_the_site(site: dict[Path, Links]) 
     for module in (sweep, control, environments, films, loop, machine, physics, simulation):
         missing = [n for n in module.__all__ if f"{module.__name__}.{n}" not in anchors]
         assert not missing, module
+
+
+def test_the_summary_of_the_ladder_agrees_with_its_tables() -> None:
+    """The first step on which a law fails, of each machine; a cell above 1 has an x."""
+    names = {
+        "LQR": ["lqr"],
+        "LQI, as quick as the actuator allows": ["lqi, quick"],
+        "PID, as quick as the actuator allows": ["pid, quick"],
+        "ADRC": ["adrc"],
+        "ADRC, as quick as the actuator allows": ["adrc, quick"],
+        "GROSMC, sign function as printed": ["sign"],
+        "GROSMC, boundary layer": ["boundary-layer"],
+        "GROSMC, implicit": ["implicit"],
+        "GROSMC, implicit with estimate": ["implicit-estimate"],
+        "GROSMC, super-twisting": ["super-twisting"],
+        "GROSMC, adaptive gain": ["grosmc adaptive", "adaptive"],
+    }
+    tables = (ROOT / "docs/ladder_tables.md").read_text(encoding="utf-8")
+    summary = (ROOT / "docs/ladder.md").read_text(encoding="utf-8")
+    systems = ("servo", "cart_pendulum", "arm", "two_link_arm")
+    for label, laws in names.items():
+        shown = next(row for row in rows(summary) if row[0] == label)[1:]
+        assert len(shown) == len(systems)
+        for system, failing in zip(systems, shown, strict=True):
+            text = tables.partition(f"**{system}/machine**")[2]
+            head, _, *climbs = rows(text.partition("Each alone")[0])
+            cells = next(row[1:] for law in laws for row in climbs if row[0] == law)
+            steps = [step.strip("\\*") for step in head[1:]]
+            bad = (s for s, cell in zip(steps, cells, strict=True) if cell[-1] in "xrd")
+            assert failing == next(bad, "kept"), (label, system)
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of the tables of a text in Markdown."""
+    lines = (line for line in text.splitlines() if line.startswith("|"))
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
 def test_a_line_is_that_of_the_definition() -> None:

@@ -210,13 +210,18 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
     error, limits = cast(RobotCoordinates, law.designed.error), plant.input_limits
     nominal, switching = [], []
-    for t, rate in zip(points.t.tolist(), points.configured, strict=True):
-        y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
-        M = inertia(error.model, y_r)
-        nominal.append(M @ ddy_r + bias(error.model, y_r, dy_r))
-        switching.append(np.abs(M).sum(axis=1) * rate)
-    torque, reserve = np.array(nominal), np.array(switching)
-    alone, low, high = (_shares(torque + side * reserve, limits) for side in (0.0, -1.0, 1.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for t, rate in zip(points.t.tolist(), points.configured, strict=True):
+            y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
+            M = inertia(error.model, y_r)
+            nominal.append(M @ ddy_r + bias(error.model, y_r, dy_r))
+            switching.append(np.abs(M).sum(axis=1) * rate)
+        torque, reserve = np.array(nominal), np.array(switching)
+        # Of torques beyond all numbers nothing is left.
+        alone, low, high = (
+            np.nan_to_num(_shares(torque + side * reserve, limits), nan=np.inf, posinf=np.inf)
+            for side in (0.0, -1.0, 1.0)
+        )
     worst = np.maximum(low, high)
     joints = [
         f"{joint} {100 * a:.0f} %" + (f", {100 * b:.0f} %" if np.any(b > a) else "")

@@ -1,7 +1,7 @@
 """Tables within the pages of the documentation, written anew.
 
 ``python -m grosmc_mj.cli.pages NAME PAGE.md FILE.json ...`` is what ``make results``, ``rivals``,
-``as-built`` and ``ladder`` run.
+``tolerance`` and ``ladder`` run.
 """
 
 from __future__ import annotations

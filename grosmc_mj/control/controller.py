@@ -111,6 +111,10 @@ class Controller:
             if not callable(value := getattr(self, part)):
                 raise ArgumentError(f"{self.name}: {part} = {shown(value)} must be a function")
         require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
+        if self.loop is not None and not hasattr(self.loop, "timestep"):
+            raise ArgumentError(
+                f"{self.name}: loop = {shown(self.loop)} must be None; in_loop(...) sets it"
+            )
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:

@@ -1,8 +1,13 @@
 """Where parts of some work are done: in this process, in worker processes, on a Dask cluster."""
 
-from grosmc_mj.executors.make import EXECUTORS, executor_for, make_executor
-from grosmc_mj.executors.outcome import Work
-from grosmc_mj.executors.pools import Batch, Executor, Finished, Notice, Processes
+from importlib.util import find_spec
+from typing import Annotated
+
+from loky import cpu_count
+
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.executors.pools import Batch, Executor, Finished, Notice, Processes, Work
+from grosmc_mj.fields import Known, Range, checked_call
 
 __all__ = [
     "EXECUTORS",
@@ -15,3 +20,47 @@ __all__ = [
     "executor_for",
     "make_executor",
 ]
+EXECUTORS = ("batch", "processes", "dask")
+
+
+def executor_for(parts: int) -> Executor:
+    """The executor for so many parts of some work: this process for one, processes for several."""
+    return Batch() if parts == 1 else Processes(cpu_count())
+
+
+@checked_call
+def make_executor(
+    name: Annotated[str, Known("executor", EXECUTORS)],
+    *,
+    workers: Annotated[int, Range(1, 1024, whole=True)] | None = None,
+    scheduler: str | None = None,
+) -> Executor:
+    """The executor of a name.
+
+    Args:
+        name: `batch`: this process, on all cores. `processes`: spawned workers. `dask`: the
+            workers of a Dask scheduler, or of a cluster on this machine.
+        workers: How many processes, for `processes` and for `dask` without a scheduler; None for
+            one a core.
+        scheduler: Address of a running Dask scheduler, for instance `tcp://10.0.0.1:8786`, or the
+            file that `dask scheduler --scheduler-file` writes.
+
+    Raises:
+        ArgumentError: If there is no such executor, or it does not take one of the arguments.
+        SetupError: If `dask` is not installed.
+    """
+    if scheduler is not None and name != "dask":
+        raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
+    if workers is not None and (scheduler is not None or name == "batch"):
+        whose = "a scheduler has workers of its own"
+        words = whose if scheduler else "executor 'batch' is one process on all cores"
+        raise ArgumentError(f"{words}: leave workers out")
+    if name == "batch":
+        return Batch()
+    if name == "processes":
+        return Processes(workers or cpu_count())
+    if find_spec("distributed") is None:
+        raise SetupError("executor 'dask' needs Dask: pip install 'grosmc_mj[dask]'")
+    from grosmc_mj.executors.dask_cluster import DaskWorkers
+
+    return DaskWorkers(workers or cpu_count(), scheduler)

@@ -25,8 +25,17 @@ from distributed.versions import VersionMismatchWarning
 
 from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import SetupError
-from grosmc_mj.executors.outcome import Outcome, Work, attempt, error_line
-from grosmc_mj.executors.pools import ATTEMPTS, Finished, Notice, Pool, run_in
+from grosmc_mj.executors.pools import (
+    ATTEMPTS,
+    Finished,
+    Notice,
+    Outcome,
+    Pool,
+    Work,
+    attempt,
+    error_line,
+    run_in,
+)
 from grosmc_mj.versions import DECISIVE, versions
 
 # How long a scheduler may take to answer [s].

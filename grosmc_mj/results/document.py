@@ -26,8 +26,11 @@ _COMMAND: ContextVar[str | None] = ContextVar("command", default=None)
 
 
 def carried_out(program: str, arguments: Sequence[str]) -> None:
-    """Note the command that the documents written from here on come from."""
-    _COMMAND.set(shlex.join([program, *arguments]))
+    """Note the command that the documents written from here on come from.
+
+    Whether it went on with what was there makes no difference to a result.
+    """
+    _COMMAND.set(shlex.join([program, *(word for word in arguments if word != "--resume")]))
 
 
 def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, Any]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
@@ -40,18 +39,10 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "grosmc_mj",
     "figure.constrained_layout.use": True,
 }
-# More room between the panels of a board than a page of one curve needs.
-_WIDE: dict[Any, Any] = {
-    **STYLE,
-    "figure.constrained_layout.w_pad": 0.1,
-    "figure.constrained_layout.h_pad": 0.07,
-}
 TITLE_SIZE = 11.5
 _ENDINGS = (".png", ".svg")
-_BOARD_TITLE_SIZE, _NOTE_SIZE = 13, 8.5
-_NOTE = "#444444"
-# Width of a letter over its size, and height of a line over it, on the safe side.
-_LETTER, _LINE_HEIGHT = 0.54, 1.45
+# Width of a letter over its size, on the safe side.
+_LETTER = 0.54
 
 
 @contextlib.contextmanager
@@ -127,52 +118,6 @@ def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:
     axes.axvspan(start, stop, color=DISTURBANCE, alpha=0.13, lw=0, label=label)
 
 
-class Board(NamedTuple):
-    """A figure of panels between a title and a footnote.
-
-    Attributes:
-        figure: The whole.
-        area: The part between them, which has the panels and a legend outside of them.
-        panels: Row by row.
-    """
-
-    figure: Figure
-    area: SubFigure
-    panels: list[Axes]
-
-
-@contextlib.contextmanager
-def board(
-    panels: int, size: tuple[float, float], title: str, footnote: str, *, columns: int = 2
-) -> Iterator[Board]:
-    """A figure of panels with a title above and a footnote below them, to draw in.
-
-    Args:
-        panels: How many, at least one.
-        size: Width and height of each [inch].
-        title: Above all.
-        footnote: Below all.
-        columns: The most side by side.
-    """
-    across = min(panels, columns)
-    rows = math.ceil(panels / across)
-    width = max(across * size[0], 5.8)
-    top = _broken(title, width, _BOARD_TITLE_SIZE)
-    note = _broken(footnote, width, _NOTE_SIZE)
-    bottom = _height(note, _NOTE_SIZE)
-    above = rows * size[1] + _height(top, _BOARD_TITLE_SIZE)
-    height = above + bottom
-    with mpl.rc_context(_WIDE):
-        figure = Figure(figsize=(width, height))
-        # A legend outside of the panels would cover the footnote if both were in one part.
-        parts = figure.add_gridspec(2, 1, height_ratios=(above, bottom))
-        area = figure.add_subfigure(parts[0])
-        area.suptitle(top, fontsize=_BOARD_TITLE_SIZE)
-        figure.text(0.1 / width, 0.06 / height, note, fontsize=_NOTE_SIZE, va="bottom", color=_NOTE)
-        axes = [area.add_subplot(rows, across, number + 1) for number in range(panels)]
-        yield Board(figure, area, axes)
-
-
 def in_lines(text: str, letters: int = 44) -> str:
     """A text in as few lines as fit, of about one length, so that none has a word alone."""
     lines = textwrap.wrap(text, letters)
@@ -185,13 +130,3 @@ def in_lines(text: str, letters: int = 44) -> str:
 def letters_in(width: float, size: float) -> int:
     """How many letters of a size [point] fit into a width [inch]; at least one."""
     return max(1, int(width * 72 / (_LETTER * size)))
-
-
-def _broken(text: str, width: float, size: float) -> str:
-    """A text in lines that fit into a figure of that width [inch]."""
-    return in_lines(text, letters_in(width - 0.3, size))
-
-
-def _height(text: str, size: float) -> float:
-    """What the lines of a text need [inch]."""
-    return (text.count("\n") + 1) * size * _LINE_HEIGHT / 72 + 0.12 if text else 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import math
 from collections import Counter
@@ -24,6 +26,7 @@ from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, run_on
+from grosmc_mj.files import written_aside
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop, in_loop
 from grosmc_mj.machine import (
@@ -37,6 +40,7 @@ from grosmc_mj.machine import (
     Wall,
 )
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (
     KEPT,
@@ -51,7 +55,6 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.studies.figures import write_cells
 from grosmc_mj.studies.studied import (
     UNDER_LOAD,
     Condition,
@@ -73,6 +76,7 @@ LEGEND = (
     "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
     "never: it does not settle; -: there is no such law."
 )
+NOTE = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
 CLAIMS = "Which claim falls, and on which rung"
 _TITLES = {
     True: "Each rung on top of the others",
@@ -377,27 +381,44 @@ def ladder(
     )
 
 
-def kept_rows(studied: Ladder, path: Path) -> list[Climb]:
-    """The rows of an interrupted ladder of the same file by the same versions; none without it.
+@dataclass(frozen=True)
+class Cells:
+    """Finished rows of a ladder, a file each, so that a killed ladder goes on where it was.
 
-    Raises:
-        ArgumentError: If the result is another one's.
+    A file is named by all that its row depends on: that of another file, law or version is another.
+
+    Attributes:
+        folder: Where they lie.
+        ladder: Configuration of the ladder and versions, as JSON.
     """
-    if not path.is_file():
-        return []
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        own = json.loads(json_text([studied.configuration(), versions()]))
-        same = [document["configuration"], document["versions"]] == own
-        rows = [Climb.model_validate(row) for row in document["climbs"]]
-    except (OSError, ValueError, LookupError, TypeError):
-        same, rows = False, []
-    if not same:
-        raise ArgumentError(
-            f"{path} is no ladder of this file by these versions: leave out --resume, or choose "
-            "another --out"
-        )
-    return rows
+
+    folder: Path
+    ladder: str
+
+    @classmethod
+    def of(cls, studied: Ladder, folder: Path) -> Cells:
+        """The cells of a ladder in a folder."""
+        return cls(folder, json_text([studied.configuration(), versions()]))
+
+    def read(self, *key: str | bool) -> Climb | None:
+        """The row with a key; None if it is not there, or cannot be read."""
+        with contextlib.suppress(OSError, ValueError):
+            return Climb.model_validate(json.loads(self._path(key).read_text(encoding="utf-8")))
+        return None
+
+    def write(self, row: Climb) -> None:
+        """Write a row aside and rename it.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        with written_aside(self._path(row.key)) as part:
+            # Not by `json_text`: what is infinite must come back as it was.
+            part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
+
+    def _path(self, key: tuple[str | bool, ...]) -> Path:
+        name = hashlib.sha256(json.dumps([self.ladder, key]).encode()).hexdigest()
+        return self.folder / f"{name[:32]}.json"
 
 
 # The reduction: a run as a row
@@ -653,35 +674,27 @@ def assumed_text(studied: Ladder) -> str:
     return f"* rests on numbers that are assumed: {', '.join(rungs)}." if rungs else ""
 
 
-def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[tuple[str, bool], CellChart]:
+def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[str, CellChart]:
     """A map for each condition, climbing and alone: below zero is kept, then decades beyond."""
-    titles = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
-    maps = {}
-    for condition in studied.conditions:
-        for together in (True, False):
-            cells = {}
-            for row in rows:
-                own = (row.condition, row.together) == (condition.name, together)
-                if own and not row.impossible:
-                    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
-                    redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
-                    value = -0.5 * _MOST if row.kept else redness
-                    cells[row.law, titles[row.rung]] = (value, row.share_text, row.reason)
-            if cells:
-                name = f"{_TITLES[together]} ({condition.name}: {condition.title})"
-                maps[condition.name, together] = CellChart.of(name, cells, _MOST)
-    return maps
+    rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
+    cells = []
+    for row in rows:
+        if not row.impossible:
+            beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
+            redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
+            value = -0.5 * _MOST if row.kept else redness
+            place = (_map_key(row.condition, row.together), row.law, rungs[row.rung])
+            cells.append((*place, value, row.share_text, row.reason))
+    titles = {
+        _map_key(condition.name, together): f"{title} ({condition.name}: {condition.title})"
+        for condition in studied.conditions
+        for together, title in _TITLES.items()
+    }
+    return cell_charts(titles, cells, _MOST)
 
 
-def write_ladder_figure(studied: Ladder, rows: Sequence[Climb], path: Path) -> Path:
-    """Draw the maps of all conditions; the SVG lies beside the PNG.
-
-    Raises:
-        SetupError: If a file cannot be written.
-    """
-    note = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
-    title = f"{studied.target}: where each law breaks"
-    return write_cells(path, title, list(charts(studied, rows).values()), note)
+def _map_key(condition: str, together: bool) -> str:
+    return f"{condition}, {'climbing' if together else 'alone'}"
 
 
 def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
@@ -690,11 +703,11 @@ def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
     shares = [
         Sheet(table=share_table(studied, rows, first.name, together=together), charts=[chart])
         for together in (True, False)
-        if (chart := maps.get((first.name, together)))
+        if (chart := maps.get(_map_key(first.name, together)))
     ]
     tables = [deviation_table(studied, rows)]
     tables += [x for c in studied.conditions if (x := claims_table(studied, rows, c.name))]
-    under = [chart for c in loads if (chart := maps.get((c.name, True)))]
+    under = [chart for c in loads if (chart := maps.get(_map_key(c.name, True)))]
     loaded = [Sheet(table=load_table(studied, rows), charts=under)] if loads else []
     return [*shares, *loaded, *(Sheet(table=x) for x in tables)]
 
@@ -773,7 +786,7 @@ def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Headings and tables of each document, for ``docs/ladder.md``."""
+    """Headings and tables of each document, for ``docs/ladder_tables.md``."""
     parts: list[str] = []
     for document in documents:
         tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]

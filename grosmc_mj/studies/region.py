@@ -6,11 +6,11 @@ import math
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,19 +24,16 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.fields import Positive, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, Signal, System
+from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
 from grosmc_mj.results.result import MEASURED, Answer, GridChart, Letter, Sheet, Value, result
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.studies.figures import write_panels
 from grosmc_mj.sweep.agreement import model_mismatch
+from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
 Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]
@@ -50,8 +47,6 @@ LIMITS: Mapping[str, float] = {"rad": math.pi / 2, "rad/s": 10.0, "m": 1.0, "m/s
 TOLERANCES: Mapping[str, float] = {"rad": math.radians(1.0), "rad/s": 0.1, "m": 0.02, "m/s": 0.1}
 # Starts in one batch: bounds memory and the wait between two advances of the progress bar.
 BATCH = 1000
-# Starts on the first axis alone, for each cell of the map along it.
-_LINE = 4
 # Runs are looked at after these parts of the duration; those that have been decided end there.
 # Most that leave the region do so in the first look.
 _LOOKS = (1 / 16, 1 / 4, 1.0)
@@ -61,47 +56,40 @@ _EARLY = 0.25
 _RANDOM = 0.02
 # An implicit step evaluates the physics once, RK4 four times. On 256 starts of each map of the
 # pendulum both give the same outcome but for up to two on a boundary.
-SETTINGS = Settings(integrator="implicitfast")
+INTEGRATOR = "implicitfast"
 
 
 # One run
 
 
 class Outcome(Enum):
-    """Outcome of a start: its letter in the file, its name, its meaning, and its colour."""
+    """Outcome of a start: its letter in the file, its name and its colour."""
 
-    CONVERGED = ("c", "converged", "every regulated error is within its tolerance at the end", BLUE)
-    LEFT = (
-        "l", "left the region",
-        "a sample of the law fell outside the region where the laws are defined", ORANGE,
-    )  # fmt: skip
-    SINGULAR = (
-        "s", "singular plant", "the plant reached a state where its equations break down", PURPLE
-    )  # fmt: skip
-    NOT_CONVERGED = (
-        "n", "not converged",
-        "the run stayed in the region and is beyond a tolerance at the end", YELLOW,
-    )  # fmt: skip
-    DIVERGED = ("d", "diverged", "the state grew without bound", BLACK)
+    CONVERGED = ("c", "converged", BLUE)
+    LEFT = ("l", "left the region", ORANGE)
+    SINGULAR = ("s", "singular plant", PURPLE)
+    NOT_CONVERGED = ("n", "not converged", YELLOW)
+    DIVERGED = ("d", "diverged", BLACK)
 
-    def __init__(self, letter: str, title: str, meaning: str, colour: str) -> None:
-        self.letter, self.title, self.meaning, self.colour = letter, title, meaning, colour
+    def __init__(self, letter: str, title: str, colour: str) -> None:
+        self.letter, self.title, self.colour = letter, title, colour
 
 
+# By the status of a run. No law of the package ends with an undefined input while its state is
+# bounded.
 _ENDED_EARLY = {
-    Status.UNDEFINED_LAW: Outcome.LEFT,
-    Status.SINGULAR_PLANT: Outcome.SINGULAR,
-    Status.DIVERGED: Outcome.DIVERGED,
-    # No law of the package ends so while its state is bounded.
-    Status.UNDEFINED_INPUT: Outcome.DIVERGED,
+    "undefined_law": Outcome.LEFT,
+    "singular_plant": Outcome.SINGULAR,
+    "diverged": Outcome.DIVERGED,
+    "undefined_input": Outcome.DIVERGED,
 }
 
 
-def judge(status: Iterable[Status], errors: Array, tolerance: ArrayLike) -> Letters:
+def judge(status: Iterable[str], errors: Array, tolerance: ArrayLike) -> Letters:
     """The outcomes of runs of a guarded law, as letters.
 
     Args:
-        status: How each run ended, (nsim,).
+        status: How each run ended, as of ``Outcomes``, (nsim,).
         errors: Error states at the end, (nsim, errors).
         tolerance: Largest size of each error that counts as none, (errors,).
     """
@@ -128,27 +116,22 @@ class RegionLoop:
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
         """The loop of a named controller."""
         law = experiment.law("physics", controller)
-        system = experiment.nominal.system
-        return cls(experiment, guarded(law, system), experiment.plant("physics"))
+        return cls(experiment, guarded(law, experiment.nominal.system), experiment.plant("physics"))
 
     @property
     def system(self) -> System:
         """The plant's system."""
         return self.experiment.nominal.system
 
-    def run(self, starts: Array, duration: float) -> Trajectory:
-        """Start and end of the runs from the starts (nsim, n)."""
-        settings = self.experiment.settings
-        return simulate(
-            self.plant,
-            self.controller,
-            starts,
-            duration=duration,
-            control_period=settings.control_period,
-            timestep=settings.timestep,
-            disturbances=self.experiment.case.disturbances,
-            record=False,
-        )
+    def run(self, starts: Array, duration: float) -> Outcomes:
+        """The runs from the starts (nsim, n)."""
+        # The guard is around the law in its loop.
+        case = replace(self.experiment.case, loop=None, duration=duration)
+        rows = [
+            Row(self.controller, case=replace(case, x0=tuple(start)), plant=self.plant)
+            for start in starts.tolist()
+        ]
+        return run_rows(self.experiment, rows, ())
 
     @cached_property
     def sensitivity(self) -> Array:
@@ -234,15 +217,15 @@ def outcomes(
         undecided = np.flatnonzero(letters == Outcome.NOT_CONVERGED.letter)
         if not len(undecided):
             break
-        run, last = loop.run(starts[undecided], look * duration), look == looks[-1]
-        errors = loop.errors(float(run.time[-1]), run.state[:, -1])
-        ends = judge(run.status, errors, tolerance if last else _EARLY * tolerance)
+        runs, last = loop.run(starts[undecided], look * duration), look == looks[-1]
+        errors = loop.errors(look * duration, runs["last"])
+        ends = judge(runs["status"], errors, tolerance if last else _EARLY * tolerance)
         decided = (ends != Outcome.CONVERGED.letter) | last | early[undecided]
         letters[undecided[decided]] = ends[decided]
     return letters
 
 
-# The axes
+# The design: starts on two axes
 
 
 @dataclass(frozen=True)
@@ -251,7 +234,6 @@ class Axis:
 
     Attributes:
         state: Index of the state.
-        key: Its symbol in ASCII, as on the command line.
         signal: The state's name, symbol and unit.
         limit: Starts lie between minus this and this, in the state's unit.
         direction: How the state moves with the axis: -1 for an error y_r - y.
@@ -260,7 +242,6 @@ class Axis:
     """
 
     state: int
-    key: str
     signal: Signal
     limit: float
     direction: float
@@ -268,39 +249,25 @@ class Axis:
     is_error: bool
 
     @property
-    def name(self) -> str:
-        """For people."""
-        return f"error of {self.signal.name}" if self.is_error else self.signal.name
-
-    @property
-    def unit(self) -> str:
-        """Unit for people: degrees for angles."""
-        return {"rad": "°"}.get(self.signal.unit, self.signal.unit)
-
-    def shown(self, value: float) -> float:
-        """A value on the axis in the unit for people."""
-        return math.degrees(value) if self.signal.unit == "rad" else value
+    def title(self) -> str:
+        """With symbol and unit; degrees for angles."""
+        name = f"error of {self.signal.name}" if self.is_error else self.signal.name
+        return f"start {name} {self.signal.symbol} [{shown(self.signal, 0.0)[1]}]"
 
     def cells(self, count: int) -> Array:
         """Centres of equal cells from minus to plus the limit."""
         return self.limit * ((2 * np.arange(count) + 1) / count - 1)
 
-    def document(self) -> dict[str, Any]:
-        """It as plain values."""
-        own = {name: getattr(self, name) for name in ("name", "limit", "direction", "origin")}
-        measures = "error" if self.is_error else "state"
-        return {"state": self.key, "measures": measures, "unit": self.signal.unit, **own}
+
+def shown(signal: Signal, value: float) -> tuple[float, str]:
+    """A value of a signal for people, and its unit: degrees for angles."""
+    return (math.degrees(value), "°") if signal.unit == "rad" else (value, signal.unit)
 
 
-def state_names(system: System) -> list[str]:
-    """The states' symbols in ASCII, in order: p, theta, p_dot, theta_dot."""
-    return [_ascii(state.symbol) for state in system.states]
-
-
-def _ascii(symbol: str) -> str:
-    """θ̇ as theta_dot, q₁ as q1."""
+def ascii_symbol(signal: Signal) -> str:
+    """The symbol as on the command line: θ̇ as theta_dot, q₁ as q1."""
     words, dots = "", ""
-    for character in unicodedata.normalize("NFD", symbol):
+    for character in unicodedata.normalize("NFD", signal.symbol):
         name = unicodedata.name(character)
         if name == "COMBINING DOT ABOVE":
             dots = "_dot"
@@ -312,40 +279,45 @@ def _ascii(symbol: str) -> str:
 
 
 def choose_axes(
-    loop: RegionLoop, names: Sequence[str] | None, limits: Mapping[str, float]
+    loop: RegionLoop,
+    names: tuple[str, str] | None = None,
+    limits: tuple[float, float] | None = None,
 ) -> tuple[Axis, Axis]:
     """Two axes: the named states, or the first regulated state and its rate.
 
     Args:
         loop: Whose errors the axes are.
-        names: Two states by symbol, as ``theta`` and ``theta_dot``; None for the default.
-        limits: Largest start by unit, instead of ``LIMITS``.
+        names: Two states by symbol, as ``theta`` and ``theta_dot``.
+        limits: Largest start on each axis, in degrees or the state's unit; instead of ``LIMITS``.
 
     Raises:
         ArgumentError: If a state is unknown or named twice, or of a unit without a limit.
     """
-    system, keys = loop.system, state_names(loop.system)
-    known = {name: i for i, name in enumerate(keys)}
+    system, keys = loop.system, [ascii_symbol(state) for state in loop.system.states]
     for name in names or ():
-        require_known(f"state of {system.name}", name, known)
+        require_known(f"state of {system.name}", name, dict.fromkeys(keys))
     first = loop.regulated[0]
-    chosen = [known[x] for x in names] if names else [first, first + system.degrees_of_freedom]
+    chosen = [keys.index(x) for x in names] if names else [first, first + system.degrees_of_freedom]
     if chosen[0] == chosen[1]:
         raise ArgumentError(
             f"axes {', '.join(keys[i] for i in chosen)} must be two different states of "
             f"{system.name}: {', '.join(keys)}"
         )
 
-    def axis(state: int) -> Axis:
+    def axis(state: int, limit: float | None) -> Axis:
         signal, is_error = system.states[state], state in loop.regulated
-        ends = {**LIMITS, **limits}
-        require_known(f"unit of an axis, of {keys[state]},", signal.unit, ends)
-        row = loop.sensitivity[loop.regulated.index(state)] if is_error else None
-        direction = 1.0 if row is None else float(row[state])
-        origin = float(loop.equilibrium[state])
-        return Axis(state, keys[state], signal, ends[signal.unit], direction, origin, is_error)
+        if limit is None:
+            require_known(f"unit of an axis, of {keys[state]},", signal.unit, LIMITS)
+            limit = LIMITS[signal.unit]
+        elif signal.unit == "rad":
+            limit = math.radians(limit)
+        row = loop.sensitivity[loop.regulated.index(state)] if is_error else np.ones(state + 1)
+        return Axis(
+            state, signal, limit, float(row[state]), float(loop.equilibrium[state]), is_error
+        )
 
-    return axis(chosen[0]), axis(chosen[1])
+    across, up = limits or (None, None)
+    return axis(chosen[0], across), axis(chosen[1], up)
 
 
 def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
@@ -359,10 +331,8 @@ def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: A
         starts[:, axis.state] += axis.direction * values
     wrong = [x for x in starts if system.singular(x) or not system.linearizable(x)]
     if wrong:
-        values = ", ".join(
-            f"{axis.signal.symbol} = {axis.shown(wrong[0][axis.state]):.4g} {axis.unit}"
-            for axis in axes
-        )
+        pairs = [(axis.signal, *shown(axis.signal, wrong[0][axis.state])) for axis in axes]
+        values = ", ".join(f"{signal.symbol} = {value:.4g} {unit}" for signal, value, unit in pairs)
         raise ArgumentError(
             f"{len(wrong)} of {len(starts)} starts, as {values}, lie outside {system.region}, "
             "where law and plant are defined: lower the limits of the axes"
@@ -370,12 +340,10 @@ def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: A
     return starts
 
 
-# Maps on equations, their boundaries confirmed in MuJoCo
+# The reduction: maps on equations, their boundaries confirmed in MuJoCo
 
 
-def confirmed_area(
-    first: Letters, confirm: Callable[[Mask], Letters], seed: int
-) -> tuple[Letters, Mask]:
+def confirmed_map(first: Letters, confirm: Callable[[Mask], Letters]) -> tuple[Letters, int]:
     """Confirm every start beside another outcome, and some of the others.
 
     Of an outcome that MuJoCo overturns every neighbour is confirmed: one that the equations told
@@ -383,21 +351,20 @@ def confirmed_area(
 
     Args:
         first: Outcomes by the equations, (rows, columns).
-        confirm: The outcomes in MuJoCo of some starts, in the order of the area.
-        seed: Of the random ones.
+        confirm: The outcomes in MuJoCo of some starts, in the order of the map.
 
     Returns:
-        The outcomes, and which of them are MuJoCo's, (rows, columns).
+        The outcomes, (rows, columns), and how many of them are MuJoCo's.
     """
     letters, confirmed = first.copy(), np.zeros(first.shape, bool)
     chosen = beside_another(first)
-    drawn = np.random.default_rng(seed).permutation(first.size)[: math.ceil(_RANDOM * first.size)]
+    drawn = np.random.default_rng(0).permutation(first.size)[: math.ceil(_RANDOM * first.size)]
     chosen.reshape(-1)[drawn] = True
     while np.any(new := chosen & ~confirmed):
         letters[new] = confirm(new)
         confirmed |= new
         chosen = beside_another(letters)
-    return letters, confirmed
+    return letters, int(confirmed.sum())
 
 
 def beside_another(letters: Letters) -> Mask:
@@ -414,8 +381,6 @@ class RegionMap:
         case: The case of the plant.
         controller: Name of the law.
         grid: Letters of ``Outcome``, (second axis, first axis).
-        line: Those of starts on the first axis alone, (4 * points,).
-        line_starts: Their values on the first axis.
         confirmed: Starts that MuJoCo judged, of all.
         overturned: Those of them for which the equations gave another outcome.
     """
@@ -423,42 +388,24 @@ class RegionMap:
     case: Case
     controller: str
     grid: Letters
-    line: Letters
-    line_starts: Array
     confirmed: int = 0
     overturned: int = 0
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """Starts of the grid with each outcome."""
+        """Starts with each outcome."""
         letters = Counter(self.grid.ravel().tolist())
         return {outcome: letters[outcome.letter] for outcome in Outcome}
 
     @property
     def converged(self) -> float:
-        """Share of the grid that converges [%]."""
+        """Share of the starts that converges [%]."""
         return 100 * self.counts[Outcome.CONVERGED] / self.grid.size
 
     @property
     def rows(self) -> list[str]:
         """A string for each value of the second axis, from the lowest."""
         return ["".join(row) for row in self.grid.tolist()]
-
-    def rest_interval(self) -> tuple[float, float] | None:
-        """The farthest starts on the first axis from which, and from all between, it converges.
-
-        None if it does not converge from those next to zero.
-        """
-        good, middle = self.line == Outcome.CONVERGED.letter, len(self.line) // 2
-        if not (good[middle - 1] and good[middle]):
-            return None
-        wrong = np.flatnonzero(~good)
-        low = max(wrong[wrong < middle], default=-1) + 1
-        high = min(wrong[wrong >= middle], default=len(good)) - 1
-        return float(self.line_starts[low]), float(self.line_starts[high])
-
-
-# The maps of a system
 
 
 @checked(eq=False)
@@ -470,11 +417,8 @@ class Region:
         points: Starts along each axis.
         duration: Of each run [s].
         axes: Two states by symbol; None for the controlled position and its rate.
-        limits: Largest start by unit (rad, rad/s, m, m/s), where it is not the default.
-        settings: Control period, timestep, integrator and switching.
+        limits: Largest start on each axis, in degrees or the state's unit; None for the default.
         controllers: Laws by name; none for those that validate runs.
-        screen: ``auto`` makes maps on equations, where these agree with MuJoCo, and confirms
-            their boundaries; ``none`` makes all of them in MuJoCo.
 
     Raises:
         ModelError: If the system is unknown.
@@ -485,10 +429,8 @@ class Region:
     points: Annotated[int, Range(2, 1000, whole=True)] = 100
     duration: Annotated[float, Range(0, 1000, unit="s", above=True)] = 12.0
     axes: tuple[str, str] | None = None
-    limits: Mapping[str, Positive] = field(default_factory=dict)
-    settings: Settings = SETTINGS
+    limits: tuple[Positive, Positive] | None = None
     controllers: tuple[str, ...] = ()
-    screen: Literal["auto", "none"] = "auto"
 
     def __post_init__(self) -> None:
         """Lay out the starts at once, so that a mistake is told before the first run."""
@@ -502,9 +444,9 @@ class Region:
     @cached_property
     def experiments(self) -> list[Experiment]:
         """With the nominal plant, and with the perturbed one."""
-        perturbed = _perturbed(self.target, self.duration)
-        both = (_unperturbed(perturbed), perturbed)
-        return [experiment.with_settings(**self.settings.changes()) for experiment in both]
+        perturbed = _perturbed(self.target, self.duration).with_settings(integrator=INTEGRATOR)
+        calm = {"name": "nominal", "title": "nothing is changed", "edits": (), "disturbances": ()}
+        return [perturbed.varied(**calm), perturbed]
 
     @property
     def system(self) -> System:
@@ -523,17 +465,10 @@ class Region:
         return choose_axes(self.loops[0], self.axes, self.limits)
 
     @cached_property
-    def line(self) -> Array:
-        """Values of the starts on the first axis alone, (4 * points,)."""
-        return self.plane[0].cells(_LINE * self.points)
-
-    @cached_property
     def starts(self) -> Array:
-        """The starts of a map row by row, then those on the first axis alone, (nsim, n)."""
+        """The starts of a map row by row, (nsim, n)."""
         first, second = np.meshgrid(*(axis.cells(self.points) for axis in self.plane))
-        across = np.concatenate([first.ravel(), self.line])
-        up = np.concatenate([second.ravel(), np.zeros(len(self.line))])
-        return starts_on(self.loops[0], self.plane, across, up)
+        return starts_on(self.loops[0], self.plane, first.ravel(), second.ravel())
 
     @property
     def batches(self) -> int:
@@ -543,35 +478,24 @@ class Region:
     @cached_property
     def why_not(self) -> dict[str, str]:
         """Why no map of a case is made on equations, by its name; empty where they are."""
-        none = self.screen == "none"
-        return {
-            x.case.name: "screen is none" if none else model_mismatch(x.plant("physics"))
-            for x in self.experiments
-        }
+        return {x.case.name: model_mismatch(x.plant("physics")) for x in self.experiments}
 
     def maps(self, advance: Callable[[str], object] = lambda _: None) -> Iterator[RegionMap]:
         """Compute the maps, one by one; ``advance`` is called after each batch."""
-        size = self.points**2
         for physics in self.loops:
             case, law, loop = physics.experiment.case, physics.controller.name, physics
             if screened := not self.why_not[case.name]:
                 loop = replace(physics, plant=physics.plant.analytic())
             letters = self._outcomes(loop, self.starts, partial(advance, f"{case.name}/{law}"))
-            grid, line = letters[:size].reshape(self.points, -1), letters[None, size:]
-            confirmed, overturned = len(letters), 0
+            grid = first = letters.reshape(self.points, -1)
+            confirmed = grid.size
             if screened:
-                areas = ((grid, self.starts[:size]), (line, self.starts[size:]))
-                (grid, of_grid), (line, of_line) = (
-                    confirmed_area(first, partial(self._some_outcomes, physics, starts), seed)
-                    for seed, (first, starts) in enumerate(areas)
-                )
-                confirmed = int(of_grid.sum() + of_line.sum())
-                overturned = int((np.concatenate([grid.ravel(), line[0]]) != letters).sum())
-            yield RegionMap(case, law, grid, line[0], self.line, confirmed, overturned)
+                grid, confirmed = confirmed_map(first, partial(self._some_outcomes, physics))
+            yield RegionMap(case, law, grid, confirmed, int((grid != first).sum()))
 
-    def _some_outcomes(self, loop: RegionLoop, starts: Array, chosen: Mask) -> Letters:
-        """The outcomes of some starts of an area."""
-        return self._outcomes(loop, starts[chosen.reshape(-1)])
+    def _some_outcomes(self, loop: RegionLoop, chosen: Mask) -> Letters:
+        """The outcomes of some starts of a map."""
+        return self._outcomes(loop, self.starts[chosen.reshape(-1)])
 
     def _outcomes(
         self, loop: RegionLoop, starts: Array, advance: Callable[[], object] = lambda: None
@@ -588,17 +512,6 @@ def _is_edited(experiment: Experiment) -> bool:
     """Whether its plant is edited, and its laws regulate states, on which starts are laid out."""
     law = experiment.law("physics", experiment.controllers[0])
     return bool(experiment.case.edits) and law.coordinates.outputs is None
-
-
-def _unperturbed(perturbed: Experiment) -> Experiment:
-    """The same laws on the nominal plant: the case of the package for it, if there is one."""
-    case, laws = perturbed.case, (perturbed.controllers, perturbed.file.controller)
-    if perturbed.path in shipped_files().values():
-        for other in find_experiments(case.system):
-            calm = not other.case.edits and not other.case.disturbances
-            if calm and (other.controllers, other.file.controller) == laws:
-                return other
-    return perturbed.varied(name="nominal", title="nothing is changed", edits=(), disturbances=())
 
 
 def _perturbed(target: str, duration: float) -> Experiment:
@@ -630,26 +543,21 @@ def _perturbed(target: str, duration: float) -> Experiment:
 
 
 def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
-    """A row a map, from the fewest starts that converge on; how far at rest it converges."""
-    axis, rows = region.plane[0], []
-    for found in sorted(maps, key=lambda found: found.converged):
-        ends = [f"{axis.shown(end):+.1f}" for end in found.rest_interval() or ()]
-        _, *others = found.counts.values()
-        share = f"{found.converged:.1f}"
-        at_rest = " to ".join(ends) or "none"
-        rows.append([found.case.name, found.controller, share, *map(str, others), at_rest])
-    outcomes = ("\n".join(outcome.title.rsplit(" ", 1)) for outcome in list(Outcome)[1:])
-    columns = [
-        *words("plant", "law"),
-        *numbers("converged\n%", *outcomes, f"at rest\n[{axis.unit}]"),
-    ]
-    return table(f"{region.system.title}: outcomes of the starts", columns, rows)
+    """A row a map, from the fewest starts that converge on, with what its words mean."""
+    rows = []
+    for law_map in sorted(maps, key=lambda law_map: law_map.converged):
+        _, *others = law_map.counts.values()
+        name = (law_map.case.name, law_map.controller)
+        rows.append([*name, f"{law_map.converged:.1f}", *map(str, others)])
+    titles = ("\n".join(outcome.title.rsplit(" ", 1)) for outcome in list(Outcome)[1:])
+    columns = [*words("plant", "law"), *numbers("converged\n%", *titles)]
+    title = f"{region.system.title}: outcomes of the starts"
+    return table(title, columns, rows, legend=_legend(region, maps))
 
 
-def legend(region: Region, maps: Sequence[RegionMap]) -> str:
+def _legend(region: Region, maps: Sequence[RegionMap]) -> str:
     """Which engine judged the starts, and what the words of the table mean."""
-    starts = sum(found.grid.size + found.line.size for found in maps)
-    confirmed = sum(found.confirmed for found in maps)
+    starts, confirmed = (sum(x.grid.size for x in maps), sum(x.confirmed for x in maps))
     bounds = sorted(
         {
             f"|error of {symbol}| <= {value:.3g} {unit}"
@@ -660,29 +568,26 @@ def legend(region: Region, maps: Sequence[RegionMap]) -> str:
     judged = (
         f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
         f"MuJoCo, all beside another outcome among them; it overturned "
-        f"{sum(found.overturned for found in maps)}. "
+        f"{sum(x.overturned for x in maps)}. "
     )
     return (judged if confirmed < starts else "") + (
         f"converged: {' and '.join(bounds)} after {region.duration:g} s; left the "
-        f"region: a sample of the law not in the region ({region.system.region}); at rest: the "
-        f"widest interval of starts of {region.plane[0].signal.symbol} alone, about zero, that all "
-        "converge."
+        f"region: a sample of the law not in the region ({region.system.region})."
     )
 
 
 def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
     """A row for each plant, a map for each law."""
-    across, up = (
-        (f"start {x.name} {x.signal.symbol} [{x.unit}]", x.shown(x.limit)) for x in region.plane
-    )
+    across, up = ((axis.title, shown(axis.signal, axis.limit)[0]) for axis in region.plane)
     letters = [Letter(letter=x.letter, name=x.title, colour=x.colour) for x in Outcome]
 
-    def chart(found: RegionMap) -> GridChart:
-        name = f"{label_of(found.controller)}, {found.case.name}: {found.converged:.1f} % converge"
-        return GridChart(name=name, axes=(across, up), grid=found.rows, legend=letters)
+    def chart(law_map: RegionMap) -> GridChart:
+        law = f"{label_of(law_map.controller)}, {law_map.case.name}"
+        name = f"{law}: {law_map.converged:.1f} % converge"
+        return GridChart(name=name, axes=(across, up), grid=law_map.rows, legend=letters)
 
-    cases = dict.fromkeys(found.case.name for found in maps)
-    return [[chart(found) for found in maps if found.case.name == case] for case in cases]
+    cases = dict.fromkeys(law_map.case.name for law_map in maps)
+    return [[chart(x) for x in maps if x.case.name == case] for case in cases]
 
 
 def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> Path:
@@ -691,32 +596,20 @@ def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -
     Raises:
         SetupError: If a file cannot be written.
     """
-    how = f"{region.settings.switching} switching"
-    title = f"{region.system.title}: from where each law converges ({how})"
-    return write_panels(path, in_lines(title, 60), charts(region, maps))
+    title = in_lines(f"{region.system.title}: from where each law converges", 60)
+    return write_panels(path, title, charts(region, maps))
 
 
 def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]:
     """The content of region_SYSTEM.json."""
-    settings, cases = region.settings, {}
-    for experiment in region.experiments:
-        content = case_document(experiment.case)
-        keys = ("case", "title", "source", "edits", "disturbances")
-        cases[experiment.case.name] = {key: content[key] for key in keys}
-    least: dict[str, RegionMap] = {}
-    for found in maps:
-        other = least.get(found.controller, found)
-        least[found.controller] = min(other, found, key=lambda each: each.converged)
-    said = [
-        f"{law} converges from "
-        + (
-            f"{number(x.converged)} % of the starts in {x.case.name}"
-            if x.converged < 100
-            else "every start"
-        )
-        for law, x in least.items()
-    ]
-    system = region.system.name
+    settings, system = region.experiments[1].settings, region.system
+    keys = ("case", "title", "source", "edits", "disturbances")
+    documents = [case_document(experiment.case) for experiment in region.experiments]
+    shares = {}
+    for law in dict.fromkeys(law_map.controller for law_map in maps):
+        least = min((x for x in maps if x.controller == law), key=lambda x: x.converged)
+        part = f"{number(least.converged)} % of the starts in {least.case.name}"
+        shares[law] = "every start" if least.converged == 100 else part
     return result(
         "region",
         {
@@ -725,55 +618,51 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
             "control_period": settings.control_period,
             "timestep": settings.timestep,
             "integrator": settings.integrator,
-            "switching": settings.switching,
-            "surface": settings.surface,
-            "region": region.system.region,
-            "axes": [axis.document() for axis in region.plane],
-            "cases": list(cases.values()),
+            "region": system.region,
+            "axes": [
+                {
+                    "state": ascii_symbol(axis.signal),
+                    "unit": axis.signal.unit,
+                    "measures": "error" if axis.is_error else "state",
+                    "limit": axis.limit,
+                    "direction": axis.direction,
+                    "origin": axis.origin,
+                }
+                for axis in region.plane
+            ],
+            "cases": [{key: content[key] for key in keys} for content in documents],
         },
         answers=[
             Answer(
-                question=f"Region of {system}",
+                question=f"Region of {system.name}",
                 verdict=MEASURED,
-                words="; ".join(said),
-                more=f"the worst of {', '.join(cases)}",
+                words="; ".join(f"{law} converges from {share}" for law, share in shares.items()),
+                more=f"the worst of {', '.join(x.case.name for x in region.experiments)}",
             )
         ],
         sheets=[
             Sheet(
-                table=region_table(region, maps).model_copy(
-                    update={"legend": legend(region, maps)}
-                ),
+                table=region_table(region, maps),
                 charts=[chart for row in charts(region, maps) for chart in row],
             )
         ],
         values=[
             Value(
-                name=f"{system}/{found.case.name} {found.controller}: starts that converge",
-                value=found.converged, unit="%", better=1, relative=0.1,
+                name=f"{system.name}/{x.case.name} {x.controller}: starts that converge",
+                value=x.converged, unit="%", better=1, relative=0.1,
             )
-            for found in maps
+            for x in maps
         ],
-        system=system,
-        outcomes={x.letter: {"name": x.title, "meaning": x.meaning} for x in Outcome},
-        maps=[_map(region, found) for found in maps],
+        system=system.name,
+        maps=[
+            {
+                "case": x.case.name,
+                "controller": x.controller,
+                "counts": {outcome.title: count for outcome, count in x.counts.items()},
+                "judged_in_mujoco": x.confirmed,
+                "overturned": x.overturned,
+                "grid": x.rows,
+            }
+            for x in maps
+        ],
     )  # fmt: skip
-
-
-def _map(region: Region, found: RegionMap) -> dict[str, Any]:
-    """One map as plain values."""
-    low, high = found.rest_interval() or (None, None)
-    return {
-        "case": found.case.name,
-        "controller": found.controller,
-        "counts": {outcome.title: count for outcome, count in found.counts.items()},
-        "converges_on_first_axis": {
-            "from": low,
-            "to": high,
-            "spacing": float(found.line_starts[1] - found.line_starts[0]),
-            "unit": region.plane[0].signal.unit,
-        },
-        "judged_in_mujoco": found.confirmed,
-        "overturned": found.overturned,
-        "grid": found.rows,
-    }

@@ -24,6 +24,7 @@ from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.metrics import crossings, root_mean_square, variation_rate
 from grosmc_mj.experiments.runs import RunResult, Surface
+from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.result import (
     MEASURED,
     Answer,
@@ -35,7 +36,6 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.studies.figures import write_panels
 
 # The laws for one input; those for several are the same ones then.
 LAWS = tuple(name for name in SWITCHINGS if "unit-vector" not in name)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.loop import Loop
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
+from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import (
     MEASURED,
@@ -36,24 +36,11 @@ from grosmc_mj.results.result import (
 from grosmc_mj.results.tables import (
     WIDTH,
     Table,
-    names,
     number,
     numbers,
     prefixed,
     table,
-    text,
     words,
-)
-from grosmc_mj.studies.figures import write_cells
-from grosmc_mj.studies.search import (
-    BEYOND,
-    LEAST,
-    MOST,
-    RESOLUTION,
-    Search,
-    Trial,
-    TrialResult,
-    Trials,
 )
 from grosmc_mj.studies.studied import (
     Condition,
@@ -61,15 +48,24 @@ from grosmc_mj.studies.studied import (
     case_for,
     chosen_laws,
     conditions_of,
+    judgeable_in,
     limits_in,
     of_system,
 )
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
+from grosmc_mj.sweep.runs import MARGIN, Row, run_rows
+from grosmc_mj.sweep.search import Search
 
 # The case of a system whose loop is that of equipment that one can buy.
 BENCH = "bench"
 # Name of all imperfections at once, in the bench's proportions.
 ALL = "all"
+# The grid: factors on an amount, each twice the one before.
+LEAST, MOST = 2.0**-4, 2.0**10
+# Factors up to this many times the largest that is kept are tried.
+BEYOND = 2.0**5
+# Between the largest that is kept and the smallest that fails.
+RESOLUTION = 2.0**0.125
 # More of these is less of an imperfection.
 _LIMITS = ("limit", "rate_limit")
 # Times are below this [s], and so many samples come through at least.
@@ -83,6 +79,7 @@ LEGEND = (
     "none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again beyond; "
     "!: MuJoCo differs from the equations, and counts."
 )
+NOTE = f"{LEGEND} Blue: more than the bench has; red: less."
 # Letters in a line of a header, and octaves of a chart's colours.
 _LETTERS, _OCTAVES = 12, 6.0
 
@@ -378,7 +375,7 @@ class Tolerance:
             shown = endless + kind.text(self.largest_kept)
         return shown + "*" * bool(self.kept_again) + "!" * (self.physics_agrees is False)
 
-    def kept_text(self, factor: float) -> str:
+    def amount_text(self, factor: float) -> str:
         """The amount for a factor with its unit; of all at once the factor."""
         return f"{self.imperfection.text(factor)} {self.imperfection.unit[0]}"
 
@@ -397,19 +394,122 @@ class Tolerance:
         }
 
 
-class _Question(Search):
+class Trial(NamedTuple):
+    """A loop under a condition."""
+
+    condition: Condition
+    loop: Loop
+
+
+class TrialResult(NamedTuple):
+    """Result of a run.
+
+    Attributes:
+        kept: Whether it keeps everything.
+        margin: The least margin in parts of its limit; -inf for a run that ended early.
+        worst: The requirement that it is of, or how the run ended.
+        number: Number of the run; it sets the random draws.
+        impossible: Why there can be no such run; empty if there can.
+    """
+
+    kept: bool
+    margin: float
+    worst: str
+    number: int = 0
+    impossible: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """The runs of one law on one plant in many loops, none made twice.
+
+    Attributes:
+        law: The law.
+        plant: ``corrected`` or ``physics``.
+        limits: What it must keep under each condition.
+        built: The whole loop that the trials' loops are parts of.
+        seeds: Runs of a loop in which something is random.
+        threads: 0 for all cores.
+        known: Results by trial and number of the run.
+    """
+
+    law: StudiedLaw
+    plant: PlantName
+    limits: Mapping[Condition, Sequence[Limit]]
+    built: Loop
+    seeds: int
+    threads: int = 0
+    known: dict[tuple[Trial, int], TrialResult] = field(default_factory=dict)
+
+    def results(self, runs: Sequence[tuple[Trial, int]]) -> list[TrialResult]:
+        """Results of runs, by trial and number; those under one condition run together."""
+        groups: dict[Condition, list[tuple[Trial, int]]] = {}
+        for run in dict.fromkeys(runs):
+            if run not in self.known:
+                groups.setdefault(run[0].condition, []).append(run)
+        for condition, group in groups.items():
+            self._run(condition, group)
+        return [self.known[run] for run in runs]
+
+    def worst(self, trials: Sequence[Trial]) -> list[TrialResult]:
+        """The worst result of all runs of each trial."""
+        first = self.results([(trial, 0) for trial in trials])
+        kept = [t for t, outcome in zip(trials, first, strict=True) if outcome.kept]
+        self.results([(t, i) for t in kept if t.loop.random for i in range(1, self.seeds)])
+        runs = ([self.known.get((trial, i)) for i in range(self.seeds)] for trial in trials)
+        return [min((r for r in own if r), key=lambda r: (r.kept, r.margin)) for own in runs]
+
+    def _run(self, condition: Condition, runs: Sequence[tuple[Trial, int]]) -> None:
+        """Make runs under one condition, and note their results."""
+        experiment, limits, law = condition.experiment, self.limits[condition], self.law
+        plant = experiment.plant(self.plant)
+        rows = [
+            Row(law.controller, case=replace(experiment.case, loop=trial.loop), number=i,
+                plant=plant, predict=law.predict)
+            for trial, i in runs
+        ]  # fmt: skip
+        outcomes = run_rows(
+            experiment, rows, limits, self.plant, keep_impossible=True, threads=self.threads
+        )
+        for row, (trial, i) in enumerate(runs):
+            judged = judgeable_in(limits, trial.loop, self.built)
+            shares = [(float(outcomes[MARGIN + x.key][row] / x.value), x.key) for x in judged]
+            margin, worst = min(shares, default=(1.0, ""))
+            outcome = TrialResult(margin >= 0, margin, worst, i)
+            if why := outcomes.impossible.get(row):
+                outcome = TrialResult(False, -math.inf, "", i, why)
+            elif not outcomes.completed[row]:
+                outcome = TrialResult(False, -math.inf, outcomes["status"][row], i)
+            self.known[trial, i] = outcome
+
+
+def geometric_mean(low: float, high: float) -> float:
+    """The middle of two factors."""
+    return math.sqrt(low * high)
+
+
+def resolved(low: float, high: float) -> bool:
+    """Whether two factors are as near as is wanted."""
+    return high / low <= RESOLUTION * (1 + 1e-9)
+
+
+class Question(Search):
     """One tolerance that is searched."""
 
     def __init__(self, imperfection: Imperfection, condition: Condition) -> None:
-        super().__init__(imperfection.most, imperfection.at)
+        super().__init__(
+            imperfection.most, geometric_mean, resolved, least=LEAST, same=imperfection.at
+        )
         self.imperfection, self.condition = imperfection, condition
         self.results: dict[float, TrialResult] = {}
         self.sure: set[float] = set()
 
     def trial(self, factor: float) -> Trial:
+        """The trial of a factor."""
         return Trial(self.condition, self.imperfection.at(factor))
 
     def note(self, factor: float, result: TrialResult) -> None:
+        """Note the result of a factor."""
         self.results[factor] = result
         if factor > 0:
             self.known[factor] = result.kept
@@ -436,13 +536,13 @@ class _Question(Search):
         failed = None if self.impossible else self.failed
         return [self.largest or 0.0, *([] if failed is None else [failed])]
 
-    def factors(self, *, local: bool) -> list[float]:
-        """Factors to be tried now."""
+    def next_factors(self, *, local: bool) -> list[float]:
+        """Factors to be tried now, from where the search is or on the grid."""
         if self.fails_without:
             return []
         if not self.imperfection.amounts:
             return [] if self.known else [1.0]
-        return self.local_factors() if local else self.next_factors()
+        return self.factors() if local else self.on_grid(BEYOND)
 
     def unsure(self) -> list[float]:
         """The largest factor that is kept, if it is known from the first random run alone."""
@@ -452,6 +552,7 @@ class _Question(Search):
         return [largest] if self.imperfection.at(largest).random else []
 
     def tolerance(self, law: str, agrees: bool | None) -> Tolerance:
+        """The answer for a law."""
         first = self.results[0.0]
         end = self.results.get(self.failed or 0.0, first)
         return Tolerance(
@@ -473,8 +574,6 @@ def tolerances_of_laws(
     seeds: int,
     executor: Executor,
     notice: Notice = lambda _: None,
-    *,
-    every: bool = False,
 ) -> Iterator[tuple[int, list[Tolerance]]]:
     """The tolerances of each law, by its number; several laws at once, in the order they finish.
 
@@ -483,28 +582,24 @@ def tolerances_of_laws(
         seeds: As for ``tolerances``.
         executor: Where laws are studied; a process reads the target again.
         notice: Called if a worker died and was replaced.
-        every: As for ``tolerances``.
     """
-    work = partial(
-        tolerances, studied, seeds=seeds, threads=executor.threads_per_worker, every=every
-    )
+    work = partial(tolerances, studied, seeds=seeds, threads=executor.threads_per_worker)
     with closing(executor.run(work, range(len(studied.laws)), notice)) as answers:
         yield from ((answer.index, answer.report) for answer in answers)
 
 
-def tolerances(
-    studied: Setting, index: int, seeds: int, threads: int = 0, *, every: bool = False
-) -> list[Tolerance]:
+def tolerances(studied: Setting, index: int, seeds: int, threads: int = 0) -> list[Tolerance]:
     """How much of each imperfection a law stands under each condition.
+
+    MuJoCo runs at both ends of those answers of the equations that matter: of the least one over
+    the conditions for each imperfection those next to a limit, the least of all, and some at
+    random.
 
     Args:
         studied: The target.
         index: Number of one of its laws.
         seeds: Runs of a loop in which something is random.
         threads: For its runs; 0 for all cores.
-        every: Whether MuJoCo runs at both ends of each answer of the equations, instead of those
-            that matter: of the least one over the conditions for each imperfection those next to a
-            limit, the least of all, and some at random.
     """
     law = studied.laws[index]
     limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
@@ -512,15 +607,13 @@ def tolerances(
         Trials(law, plant, limits, studied.bench, seeds, threads) for plant in studied.plants
     )
     questions = [
-        _Question(imperfection, condition)
+        Question(imperfection, condition)
         for imperfection in studied.imperfections
         for condition in studied.conditions
     ]
     _answer(questions, equations)
-    agreed: dict[_Question, bool] = {}
-    if physics and every:
-        agreed = _confirmed(questions, physics[0])
-    elif physics:
+    agreed: dict[Question, bool] = {}
+    if physics:
         least = [
             min((q for q in questions if q.imperfection is x), key=lambda q: q.weakness)
             for x in studied.imperfections
@@ -530,7 +623,7 @@ def tolerances(
     return [question.tolerance(law.name, agreed.get(question)) for question in questions]
 
 
-def _answer(questions: Sequence[_Question], trials: Trials, *, local: bool = False) -> None:
+def _answer(questions: Sequence[Question], trials: Trials, *, local: bool = False) -> None:
     """Search until every question is answered, all of a round in one batch.
 
     Where something is random, the first run looks for the amount, and all of them must keep it.
@@ -540,7 +633,7 @@ def _answer(questions: Sequence[_Question], trials: Trials, *, local: bool = Fal
     for question, outcome in zip(missing, bases, strict=True):
         question.note(0.0, outcome)
     while True:
-        tried = [(q, factor) for q in questions for factor in q.factors(local=local)]
+        tried = [(q, factor) for q in questions for factor in q.next_factors(local=local)]
         sure = not tried
         if sure:
             tried = [(q, factor) for q in questions for factor in q.unsure()]
@@ -554,7 +647,7 @@ def _answer(questions: Sequence[_Question], trials: Trials, *, local: bool = Fal
                 question.sure.add(factor)
 
 
-def _screened(questions: Sequence[_Question], physics: Trials) -> dict[_Question, bool]:
+def _screened(questions: Sequence[Question], physics: Trials) -> dict[Question, bool]:
     """As ``_confirmed``, of the least, of some at random and of all that are next to a limit.
 
     That is as near as the equations have been wrong, with a factor. Where MuJoCo differs once, it
@@ -563,7 +656,7 @@ def _screened(questions: Sequence[_Question], physics: Trials) -> dict[_Question
     chance = np.random.default_rng(len(questions)).random(len(questions)) < _RANDOM
     chosen = [question for question, drawn in zip(questions, chance, strict=True) if drawn]
     chosen.append(min(questions, key=lambda question: question.weakness))
-    agreed: dict[_Question, bool] = {}
+    agreed: dict[Question, bool] = {}
     band = LEAST_BAND
     while chosen:
         ours = {(q, end): q.results[end] for q in chosen for end in q.ends}
@@ -579,15 +672,15 @@ def _screened(questions: Sequence[_Question], physics: Trials) -> dict[_Question
     return agreed
 
 
-def _confirmed(questions: Sequence[_Question], physics: Trials) -> dict[_Question, bool]:
+def _confirmed(questions: Sequence[Question], physics: Trials) -> dict[Question, bool]:
     """Whether MuJoCo agrees at both ends of each; where it differs, its own answer replaces it.
 
     Of several runs the one that decides is made.
     """
     ends = [(question, end) for question in questions for end in question.ends]
     runs = [(q.trial(end), q.results[end].number) for q, end in ends]
-    theirs = {q: _Question(q.imperfection, q.condition) for q in questions}
-    differing: dict[_Question, _Question] = {}
+    theirs = {q: Question(q.imperfection, q.condition) for q in questions}
+    differing: dict[Question, Question] = {}
     for (question, end), outcome in zip(ends, physics.results(runs), strict=True):
         theirs[question].note(end, outcome)
         if outcome.kept != question.results[end].kept:
@@ -601,21 +694,21 @@ def _confirmed(questions: Sequence[_Question], physics: Trials) -> dict[_Questio
 # The answer: words, tables, charts, document
 
 
-def stands_ideally(rows: Iterable[Tolerance], law: str, condition: str) -> bool:
-    """Whether a law keeps everything without any imperfection under a condition."""
-    own = (x for x in rows if (x.law, x.condition) == (law, condition))
-    return any(row.kept_ideally for row in own if row.imperfection.amounts)
+def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
+    """Laws with the conditions under which each keeps everything without any imperfection."""
+    return {(x.law, x.condition) for x in rows if x.imperfection.amounts and x.kept_ideally}
 
 
-def least_of(rows: Sequence[Tolerance]) -> list[Tolerance]:
-    """The least of each law and imperfection, over the conditions that the law stands."""
+def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
+    """The least by law and imperfection, over the conditions that the law stands."""
     least: dict[tuple[str, str], Tolerance] = {}
+    ideal = kept_ideally(rows)
     for row in rows:
-        if stands_ideally(rows, row.law, row.condition):
+        if (row.law, row.condition) in ideal:
             key = row.law, row.imperfection.name
             pair = (least.get(key, row), row)
             least[key] = min(pair, key=lambda x: (x.weakness, x.largest_kept))
-    return list(least.values())
+    return least
 
 
 def verdict(rows: Sequence[Tolerance]) -> str:
@@ -628,7 +721,7 @@ def verdict(rows: Sequence[Tolerance]) -> str:
     worst = min(broken, key=lambda row: row.weakness)
 
     def amount(factor: float) -> str:
-        return f"{worst.kept_text(factor)} ({number(factor)} times the bench's)"
+        return f"{worst.amount_text(factor)} ({number(factor)} times the bench's)"
 
     kept = "only without it" if worst.none else f"up to {amount(worst.largest_kept)}"
     where = "" if worst.condition == "nominal" else f" under {worst.condition}"
@@ -636,22 +729,6 @@ def verdict(rows: Sequence[Tolerance]) -> str:
         f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
         f"no longer at {amount(worst.weakness)}: {worst.reason}."
     )
-
-
-def notes(rows: Sequence[Tolerance]) -> Iterator[str]:
-    """Which laws keep the bench, and which keep nothing."""
-    for condition in dict.fromkeys(row.condition for row in rows):
-        own = [row for row in rows if row.condition == condition]
-        kept = [
-            row.law
-            for row in own
-            if row.imperfection.name == ALL and row.kept_ideally and not row.impossible
-            and row.largest_kept >= 1.0
-        ]  # fmt: skip
-        yield f"The whole bench, {condition}: {'; '.join(kept) or 'no law'}."
-        laws = dict.fromkeys(row.law for row in own)
-        if never := [law for law in laws if not stands_ideally(rows, law, condition)]:
-            yield f"Not kept even ideally, {condition}: {'; '.join(never)}."
 
 
 def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
@@ -665,30 +742,27 @@ def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
 
     The strongest law stands first, and the imperfection of which the least is stood.
     """
-    least = {(row.law, row.imperfection.name): row for row in least_of(rows)}
+    least, ideal = least_of(rows), kept_ideally(rows)
     conditions = dict.fromkeys(row.condition for row in rows)
-    stands = {
-        law: [name for name in conditions if stands_ideally(rows, law, name)] for law, _ in least
-    }
+    stands = {law: [x for x in conditions if (law, x) in ideal] for law, _ in least}
     kinds = {row.imperfection.name: row.imperfection for row in least.values()}
 
     def weakest(kind: str) -> float:
         own = (row for (_, name), row in least.items() if name == kind and row.kept_ideally)
         return min((row.weakness for row in own), default=0.0)
 
-    ordered = sorted(kinds, key=weakest)
-
     def strength(law: str) -> tuple[int, float]:
         row = least.get((law, ALL))
         return len(stands[law]), row.weakness if row else 0.0
 
-    def cell(law: str, name: str) -> str:
-        row = least.get((law, name))
-        return row.cell if row else ""
-
+    ordered = sorted(kinds, key=weakest)
     headings = [in_lines(kinds[name].heading, _LETTERS) for name in ordered]
     cells = [
-        [law, ", ".join(stands[law]), *(cell(law, name) for name in ordered)]
+        [
+            law,
+            ", ".join(stands[law]),
+            *(row.cell if (row := least.get((law, name))) else "" for name in ordered),
+        ]
         for law in sorted(stands, key=strength, reverse=True)
     ]
     columns = [*words("law", "keeps ideally"), *numbers(*headings)]
@@ -705,57 +779,20 @@ def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
     return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), left
 
 
-def every_answer(rows: Sequence[Tolerance]) -> Table:
-    """Every tolerance, the smallest factor first."""
-    columns = [
-        *words("condition"), *names("law"), *text("imperfection"), *numbers("kept up to", "factor"),
-        *words("breaks", "again", "physics"),
-    ]  # fmt: skip
-    cells = [
-        (
-            row.condition,
-            row.law,
-            row.imperfection.name,
-            row.kept_text(row.largest_kept)
-            if row.largest_kept > 0 and row.imperfection.amounts
-            else row.cell,
-            number(row.largest_kept) if row.kept_ideally and row.imperfection.amounts else "",
-            row.reason,
-            "; ".join(f"{number(low)} to {number(high)}" for low, high in row.kept_again),
-            {None: "", True: "agrees", False: "differs"}[row.physics_agrees],
-        )
-        for row in sorted(rows, key=lambda row: row.weakness)
-    ]
-    return table("Every answer", columns, cells)
-
-
 def charts(studied: Setting, rows: Sequence[Tolerance]) -> list[CellChart]:
     """A map for each condition: octaves below what the bench has, blue for more of it."""
-    maps = []
-    for condition in studied.conditions:
-        cells = {}
-        for row in rows:
-            if row.condition == condition.name and not row.impossible:
-                factor = row.largest_kept if row.kept_ideally and not row.none else 0.0
-                octaves = math.log2(factor) if factor > 0 else -_OCTAVES
-                octaves = _OCTAVES if math.isinf(row.weakness) else octaves
-                why = f"then breaks: {row.reason}" if row.breaks else ""
-                value = -max(-_OCTAVES, min(_OCTAVES, octaves))
-                cells[row.law, row.imperfection.heading] = (value, row.cell, why)
-        if cells:
-            maps.append(CellChart.of(f"{condition.name}: {condition.title}", cells, _OCTAVES))
-    return maps
-
-
-def write_tolerance_figure(studied: Setting, rows: Sequence[Tolerance], path: Path) -> Path:
-    """Draw the maps of all conditions; the SVG lies beside the PNG.
-
-    Raises:
-        SetupError: If a file cannot be written.
-    """
-    note = f"{LEGEND} Blue: more than the bench has; red: less."
-    title = f"{studied.target}: what of the loop each law stands"
-    return write_cells(path, title, charts(studied, rows), note)
+    cells = []
+    for row in rows:
+        if not row.impossible:
+            factor = row.largest_kept if row.kept_ideally and not row.none else 0.0
+            octaves = math.log2(factor) if factor > 0 else -_OCTAVES
+            octaves = _OCTAVES if math.isinf(row.weakness) else octaves
+            value = -max(-_OCTAVES, min(_OCTAVES, octaves))
+            why = f"then breaks: {row.reason}" if row.breaks else ""
+            place = (row.condition, row.law, row.imperfection.heading)
+            cells.append((*place, value, row.cell, why))
+    titles = {x.name: f"{x.name}: {x.title}" for x in studied.conditions}
+    return list(cell_charts(titles, cells, _OCTAVES).values())
 
 
 def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[Standing]:
@@ -769,9 +806,8 @@ def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Ite
         elif failed:
             least = min(failed, key=lambda row: row.largest_kept)
             at = "all of them" if least.imperfection.name == ALL else least.imperfection.name
-            kept = (
-                "only without it" if least.none else f"up to {least.kept_text(least.largest_kept)}"
-            )
+            most = f"up to {least.amount_text(least.largest_kept)}"
+            kept = "only without it" if least.none else most
             answer = f"kept {kept}, then {least.reason} ({least.condition})"
         yield Standing(case=target, law=law, breaks_at=at, words=answer, complete=complete)
 
@@ -852,7 +888,7 @@ def tolerance_document(
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """A heading and the table of each document, for ``docs/as_built.md``."""
+    """A heading and the table of each document, for ``docs/tolerance.md``."""
     parts = []
     for document in documents:
         least = Table.model_validate(document["sheets"][0]["table"])

@@ -3,5 +3,4 @@
 import lazy_loader
 
 __getattr__, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)
-# The modules are there for the commands, which load each when they need it.
 __all__ = ["Findings", "Specification", "run_campaign"]  # pyright: ignore

@@ -1,17 +1,4 @@
-from . import campaign, findings, map, radius, replay, statistics, store, worst
 from .campaign import Specification
 from .findings import Findings, run_campaign
 
-__all__ = [
-    "Findings",
-    "Specification",
-    "campaign",
-    "findings",
-    "map",
-    "radius",
-    "replay",
-    "run_campaign",
-    "statistics",
-    "store",
-    "worst",
-]
+__all__ = ["Findings", "Specification", "run_campaign"]

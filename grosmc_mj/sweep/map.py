@@ -9,21 +9,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.results.figure import board, in_lines, write_figure
+from grosmc_mj.results.charts import write_panels
+from grosmc_mj.results.figure import figure_written, in_lines
 from grosmc_mj.results.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity
 from grosmc_mj.sweep.findings import Findings
-from grosmc_mj.sweep.promise import premise_grid, speaks_of
-from grosmc_mj.sweep.radius import Radius, draw_radius
+from grosmc_mj.sweep.promise import premise_grid
+from grosmc_mj.sweep.radius import Radius, chart
 from grosmc_mj.sweep.store import Folder
 
-_MAP_SIZE, _RADIUS_SIZE = (4.4, 4.1), (5.2, 4.9)
+# Inches: a panel, and beside the panels the legend.
+_MAP_SIZE, _LEGEND = (4.4, 4.1), 2.4
 
 
 # Runs that a map shows, and points of the premise's margin along each axis.
@@ -72,19 +73,18 @@ def write_figures(
         reached: How far the uncertainty may grow; empty if nobody looked.
         axes: Names of the two numbers of the map; empty for those that drive margins most.
     """
-    title, figures = campaign.experiment.case.title, dict[str, Figure]()
+    title, files = campaign.experiment.case.title, list[Path]()
     if (pair := map_axes(campaign, found, axes)) is not None:
         shown = pass_map_of(campaign, folder, pair)
         count = len(next(iter(shown.runs.values()))[0])
         words = f"{title}: all requirements ({found.sampled._replace(runs=count).words})"
-        figures["map"] = draw_pass_map(shown, words, found.sampled.footnote)
+        path = folder.path / "map.png"
+        files.append(write_pass_map(path, shown, words, found.sampled.footnote))
     if reached:
         plants = max(search.plants for search in reached)
         words = f"{title}: scale of the uncertainty ({plants} plants at each)"
-        figures["radius"] = draw_radius(reached, words)
-    files = [folder.path / f"{name}.png" for name in figures]
-    for file, figure in zip(files, figures.values(), strict=True):
-        write_figure(figure, [file, file.with_suffix(".svg")])
+        charts = [chart(search) for search in reached]
+        files.append(write_panels(folder.path / "radius.png", words, [charts]))
     return files
 
 
@@ -112,21 +112,26 @@ def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quanti
     shards = range(min(specification.shards, -(-_MOST_POINTS // specification.shard)))
     names, factors = [axis.name for axis in axes], [axis.shown_unit[1] for axis in axes]
     columns, runs, premises = folder.columns(campaign, [*names, "relative"], shards), {}, {}
+    spoken = all(axis.in_premises for axis in axes)
     for law in campaign.judged:
         x, y = (campaign.as_run(axis, columns[law][axis.name]) for axis in axes)
         runs[law] = (x * factors[0], y * factors[1], columns[law]["relative"])
-        grid = premise_grid(campaign, law, axes, _GRID) if all(map(speaks_of, axes)) else None
+        grid = premise_grid(campaign, law, axes, _GRID) if spoken else None
         if grid is not None:
             premises[law] = (grid[0] * factors[0], grid[1] * factors[1], grid[2])
     first, second = (f"{axis.name} [{axis.shown_unit[0]}]".removesuffix(" []") for axis in axes)
     return PassMap((first, second), runs, premises)
 
 
-def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
-    """A panel a law, a mark a run; hatched where a premise does not hold."""
+def write_pass_map(path: Path, shown: PassMap, title: str, footnote: str) -> Path:
+    """Draw a panel a law, a mark a run; hatched where a premise does not hold."""
     styles, entries = law_styles(shown.runs), dict[str, Artist]()
-    with board(len(shown.runs), _MAP_SIZE, title, footnote) as drawn:
-        for axes, (law, (x, y, margins)) in zip(drawn.panels, shown.runs.items(), strict=True):
+    width, height = _MAP_SIZE[0] * len(shown.runs), _MAP_SIZE[1]
+    with figure_written(path, (width + _LEGEND, height + 1.0)) as figure:
+        figure.suptitle(in_lines(title, round(9 * width)), fontsize=13)
+        figure.supxlabel(in_lines(footnote, round(16 * width)), fontsize=8.5)
+        panels = figure.subplots(1, len(shown.runs), squeeze=False)[0]
+        for axes, (law, (x, y, margins)) in zip(panels, shown.runs.items(), strict=True):
             diverged, size = margins == -np.inf, float(np.clip(16000 / len(margins), 3, 40))
             masks = (margins >= 0, (margins < 0) & ~diverged, diverged)
             for above, (outcome, mask) in enumerate(zip(_MARKS, masks, strict=True)):
@@ -144,11 +149,8 @@ def draw_pass_map(shown: PassMap, title: str, footnote: str) -> Figure:
             axes.set(xlabel=shown.titles[0], ylabel=shown.titles[1])
             axes.set_title(in_lines(f"{styles[law].label}: {kept}"))
             axes.margins(0.02)
-        drawn.area.legend(
-            handles=list(entries.values()), loc="outside lower center",
-            ncols=min(len(shown.runs), 2), frameon=False, handleheight=1.2,
-        )  # fmt: skip
-    return drawn.figure
+        figure.legend(handles=list(entries.values()), loc="outside right upper", frameon=False)
+    return path
 
 
 def _draw_premises(axes: Axes, x: Array, y: Array, margin: Array) -> dict[str, Artist]:
@@ -157,12 +159,12 @@ def _draw_premises(axes: Axes, x: Array, y: Array, margin: Array) -> dict[str, A
     cap = float(np.abs(margin[np.isfinite(margin)]).max(initial=0.0)) or 1.0
     capped, entries = np.clip(margin, -cap, cap), dict[str, Artist]()
     if not (capped < 0).any():
-        return {"hold": Line2D([], [], ls="", label="the premises hold all over the map")}
+        return {"hold": Line2D([], [], ls="", label="the premises hold\nall over the map")}
     areas = axes.contourf(
         x, y, capped, levels=[-2 * cap, 0.0], colors="none", hatches=[_HATCH], zorder=3
     )
     areas.set(edgecolor=_EDGE, linewidth=0)
-    fails = "a premise does not hold (other parameters at their worst)"
+    fails = "a premise does not hold\n(other parameters at their worst)"
     entries["fail"] = Patch(fc="none", ec=_EDGE, hatch=_HATCH, lw=0, label=fails)
     if (capped >= 0).any():
         axes.contour(x, y, capped, levels=[0.0], colors=_EDGE, linewidths=2, zorder=4)

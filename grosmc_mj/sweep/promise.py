@@ -26,8 +26,9 @@ from grosmc_mj.assumptions.audit import largest_rate, least_margin
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
-from grosmc_mj.sweep.campaign import Campaign, largest_passing
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.search import largest_passing
 
 # Scales are known to this part of themselves, up to the largest.
 _TOLERANCE = 0.01
@@ -174,11 +175,6 @@ class PromisedFamily:
         region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
         left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
         return low, f"over {region}{left}"
-
-
-def speaks_of(quantity: Quantity) -> bool:
-    """Whether premises depend on a number: on the plant's and on how large a disturbance is."""
-    return quantity.of_plant or quantity.quantity == "amplitude"
 
 
 def promise(campaign: Campaign, controller: str) -> Promise:

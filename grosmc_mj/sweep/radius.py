@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.results.figure import board, in_lines
-from grosmc_mj.results.palette import FAILED_SHADE, OPTIMUM, label_of, law_styles
+from grosmc_mj.results.palette import label_of
 from grosmc_mj.results.result import (
     MEASURED,
     Answer,
@@ -22,10 +20,11 @@ from grosmc_mj.results.result import (
     finite,
 )
 from grosmc_mj.results.tables import Table, names, numbers, table, text
-from grosmc_mj.sweep.campaign import Campaign, largest_passing
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import screened_search
+from grosmc_mj.sweep.search import largest_passing
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
 RADIUS = "radius.json"
@@ -207,7 +206,7 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
                 words="; ".join(f"{name} {scale:.3g}" for name, scale in reached.items()),
             )
         ],
-        sheets=[Sheet(table=radius_table(campaign, found), charts=list(map(_chart, found)))],
+        sheets=[Sheet(table=radius_table(campaign, found), charts=list(map(chart, found)))],
         values=[Value(name=name, value=scale, better=1) for name, scale in reached.items()],
         says=NO_PROOF,
         controllers={
@@ -239,62 +238,21 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
     )
 
 
-def _chart(search: Radius) -> LineChart:
-    """Least margin over the scale of the uncertainty."""
-    looks = search.looks
+def chart(search: Radius) -> LineChart:
+    """Least margin over the scale of the uncertainty; marked are the radius and the promise."""
+    looks, promised = search.looks, search.promised
     series = Series(
-        name="least margin",
+        name="least margin (hollow: a failure)",
         x=[look.scale for look in looks],
         y=[finite(look.least) for look in looks],
         good=[look.failures == 0 for look in looks],
     )
+    words = f"no failure up to {search.found:.3g}"
+    words += "" if promised.scale is None else f", promised {promised.scale:.3g}"
     return LineChart(
-        name=search.controller,
+        name=f"{label_of(search.controller)}: {words}",
         titles=("scale of the uncertainty (1 as declared)", "least margin over its limit"),
         lines=[series],
         limit=0.0,
-        marks=[at for at in (search.found, search.promised.scale) if at],
+        marks=[at for at in (search.found, promised.scale) if at],
     )
-
-
-def draw_radius(searches: Sequence[Radius], title: str) -> Figure:
-    """A panel a law: the least margin at each scale that was tried, and the radii."""
-    styles = law_styles(search.controller for search in searches)
-    with board(len(searches), (5.2, 4.9), title, NO_PROOF) as drawn:
-        for axes, search in zip(drawn.panels, searches, strict=True):
-            style, chart = styles[search.controller], _chart(search)
-            scales, least = np.array([(look.scale, look.least) for look in search.looks]).T
-            # A run that did not complete has no least margin: its mark lies on the lower edge.
-            low = 1.2 * least[least > -np.inf].min(initial=-0.1)
-            shown = np.maximum(least, low)
-            axes.axhspan(low, 0, color=FAILED_SHADE, zorder=0)
-            axes.plot(scales, shown, color=style.colour, lw=1.2)
-            for mask, face, label in (
-                (least >= 0, style.colour, "no failure found"),
-                (least < 0, "white", "failure found"),
-            ):
-                axes.plot(scales[mask], shown[mask], "o", mfc=face, mec=style.colour, label=label)
-            for at, label, line in _radii(search, style.colour):
-                if at:
-                    axes.axvline(at, lw=1.8, ls=line[0], color=line[1], label=in_lines(label, 52))
-                else:
-                    axes.plot([], [], ls="", label=in_lines(label, 52))
-            axes.set_title(in_lines(style.label), pad=18)
-            axes.set(xlabel=chart.titles[0], ylabel=chart.titles[1], xlim=(0, None))
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False)
-    return drawn.figure
-
-
-def _radii(search: Radius, colour: str) -> list[tuple[float | None, str, tuple[str, str]]]:
-    """Scale, words and line of each radius."""
-    promised, left = search.promised, search.left
-    promises = "premises promise no radius"
-    if promised.scale is not None:
-        promises = f"promised: {promised.scale:.3g}"
-    kept = f"|s| keeps the promised bound up to {search.stayed or 0:.3g}"
-    kept += f", leaves it at {left.scale:.3g}" if left else ""
-    return [
-        (search.found, f"no failure found up to {search.found:.3g}", ("-", colour)),
-        (promised.scale, f"{promises}: {promised.note}", ("--", OPTIMUM)),
-        *([(search.stayed, kept, (":", OPTIMUM))] if search.stayed else []),
-    ]

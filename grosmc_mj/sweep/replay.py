@@ -12,15 +12,15 @@ import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
-from grosmc_mj.experiments.metrics import METRICS, Metric, compare_with_optimum, measure, settling
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.metrics import METRICS, Metric, settling
+from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.plants import Plant
 from grosmc_mj.results.result import KEPT, MEASURED, NOT_KEPT, Answer
-from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.radius import RADIUS
-from grosmc_mj.sweep.runs import MARGIN, Outcomes, columns_of, meters_for, ready
+from grosmc_mj.sweep.runs import MARGIN, Outcomes, ready
 from grosmc_mj.sweep.screening import EQUATIONS, Batch
 from grosmc_mj.sweep.store import Folder, result_of
 from grosmc_mj.sweep.worst import WORST
@@ -71,6 +71,7 @@ def replay(
     law = list(campaign.laws)[-1] if controller is None else controller
     require_known("controller", law, campaign.laws)
     runs, stored = campaign.specification.runs, None
+    campaign = replace(campaign, experiment=campaign.experiment.with_settings(engine=engine))
     if which in SEARCHED:
         batch = Batch(campaign, searched_values(campaign, folder.path, which, law)[None], [0])
     elif which.isdecimal() and len(which) <= 18 and int(which) < runs:
@@ -79,12 +80,12 @@ def replay(
         stored = _stored(campaign, folder, number, law)
     else:
         raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(SEARCHED)}")
-    result, outcome = _run(batch, law, batch.physics[0], which, engine)
+    result, outcome = _run(batch, law, batch.physics[0], which)
     if stored is None:
         return ReplayedRun(result, result, outcome, None)
     judged = result
     if stored.get("judged_by") == EQUATIONS:
-        judged, outcome = _run(batch, law, batch.equations[0], which, engine)
+        judged, outcome = _run(batch, law, batch.equations[0], which)
     lines = [
         f"{name}: {value} was stored, {outcome[name][0]} is found"
         for name, value in stored.items()
@@ -119,39 +120,19 @@ def searched_values(campaign: Campaign, folder: Path, which: str, controller: st
     return values
 
 
-def _run(
-    batch: Batch, controller: str, plant: Plant, which: str, engine: Engine
-) -> tuple[RunResult, Outcomes]:
+def _run(batch: Batch, controller: str, plant: Plant, which: str) -> tuple[RunResult, Outcomes]:
     """The run, recorded, on a plant, with the metrics that a campaign stores of it."""
-    campaign, (sample,), limits = batch.campaign, batch.samples, batch.campaign.requirements
-    law, settings, ended = campaign.laws[controller], campaign.experiment.settings, ""
-    row = ready(campaign.experiment, batch.row(controller, 0, plant))
-    try:
-        run = simulate(
-            plant,
-            row.law,
-            sample.case.x0,
-            duration=campaign.duration,
-            control_period=settings.control_period,
-            timestep=settings.timestep,
-            disturbances=sample.case.disturbances,
-            meters=meters_for(campaign.experiment, [row], limits)[0],
-            engine=engine,
-        )
-    except DivergenceError as error:
-        run, ended = error.trajectory, str(error)
-    comparison = compare_with_optimum(run, law)
-    metrics = measure(run, law, comparison, sample.case.onset)
-    case = replace(sample.case, name=which, title=f"{sample.case.title}: run {which}")
-    experiment = replace(campaign.experiment, case=case)
-    ends = (np.atleast_1d(run.meters), run.state[-1:], [run.status], [run.valid_until])
-    columns = columns_of(campaign.experiment, [row], limits, *ends)
-    rows = batch.completed(Outcomes(limits, columns), controller, [0], plant)
-    if not ended:
-        common = metrics.keys() & METRICS.keys()
-        stored = {name: _metric(metrics[name], float(rows[name][0])) for name in common}
-        metrics = {name: stored.get(name, metric) for name, metric in metrics.items()}
-    return RunResult(experiment, plant.kind, law, run, comparison, metrics, ended, plant), rows
+    experiment, (sample,) = batch.campaign.experiment, batch.samples
+    outcome = batch.run(controller, plants=[plant])
+    title = f"{sample.case.title}: run {which}"
+    named = replace(experiment, case=replace(sample.case, name=which, title=title))
+    law = ready(experiment, batch.row(controller, 0, plant)).law
+    result = run_on(named, plant.kind, law, plant)
+    if result.ended:
+        return result, outcome
+    common = result.metrics.keys() & METRICS.keys()
+    stored = {name: _metric(result.metrics[name], float(outcome[name][0])) for name in common}
+    return replace(result, metrics={**result.metrics, **stored}), outcome
 
 
 def _metric(recorded: Metric, stored: float) -> Metric:

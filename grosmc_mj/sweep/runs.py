@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -75,7 +75,7 @@ class Outcomes:
             a limit, -inf for runs that ended early; ``order``, by which a worse run is told from a
             better one, finite: ``relative``, which has no lower bound where a run never settles; of
             runs that ended early the earlier is the worse; ``status``, in lower case; ``ended``, up
-            to when the run is valid [s].
+            to when the run is valid [s]; ``last``, the last state, (n, states).
         impossible: By number of the row: why there can be no such run.
     """
 
@@ -163,7 +163,8 @@ def run_rows(
     columns |= {"status": np.full(count, IMPOSSIBLE, object), "ended": np.zeros(count)}
     for runs in groups.values():
         for name, values in _run_group(experiment, list(runs.values()), limits, threads).items():
-            columns.setdefault(name, np.full(count, np.nan))[list(runs)] = values
+            empty = np.full((count, *values.shape[1:]), np.nan)
+            columns.setdefault(name, empty)[list(runs)] = values
     return Outcomes(limits, columns, impossible)
 
 
@@ -233,8 +234,8 @@ def meters_for(
 def _run_group(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit], threads: int
 ) -> dict[str, NDArray[Any]]:
-    """The columns of runs of one law and duration."""
-    settings = experiment.settings
+    """The columns of ``Outcomes`` of runs of one law and duration."""
+    settings, law = experiment.settings, runs[0].law
     batch = simulate(
         [run.plant for run in runs],
         [run.law for run in runs],
@@ -244,42 +245,18 @@ def _run_group(
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],
         meters=meters_for(experiment, runs, limits),
-        engine=settings.engine_for(runs[0].law),
+        engine=settings.engine_for(law),
         record=False,
         threads=threads,
     )
-    ends = (batch.meters, batch.state[:, -1], batch.status, batch.valid_until)
-    return columns_of(experiment, runs, limits, *ends)
-
-
-def columns_of(
-    experiment: Experiment,
-    runs: Sequence[Run],
-    limits: Sequence[Limit],
-    meters: Any,
-    last: Array,
-    status: Iterable[Any],
-    valid_until: Any,
-) -> dict[str, NDArray[Any]]:
-    """The columns of ``Outcomes`` from the meters of n runs of one law and duration.
-
-    Args:
-        experiment: Theirs.
-        runs: n of them.
-        limits: What is required.
-        meters: Of each, (n,).
-        last: Their last states, (n, states).
-        status: How each ended, ``Status`` values, (n,).
-        valid_until: Up to when each is valid [s], (n,).
-    """
-    law, duration, x0 = runs[0].law, runs[0].case.duration, [run.case.x0 for run in runs]
+    duration, x0 = runs[0].case.duration, np.array([run.case.x0 for run in runs], float)
     onsets = np.array([run.case.onset for run in runs])
-    recording = Recording.sampled(experiment.settings.timestep, duration, onsets, windows(limits))
-    words = np.array([end.name.lower() for end in status], object)
-    completed = words == COMPLETED
-    ended = np.where(completed, duration, np.asarray(valid_until, float))
-    starts, costs = np.array(x0, float), costs_wanted(limits)
-    metrics = said_by(law, meters, recording, starts, last, completed, costs=costs)
+    recording = Recording.sampled(settings.timestep, duration, onsets, windows(limits))
+    status = np.array([end.name.lower() for end in batch.status], object)
+    completed = status == COMPLETED
+    ended = np.where(completed, duration, np.asarray(batch.valid_until, float))
+    last, costs = batch.state[:, -1], costs_wanted(limits)
+    metrics = said_by(law, batch.meters, recording, x0, last, completed, costs=costs)
     own = [limit for limit in limits if law.name in limit.of]
     margins = margins_of(own, metrics, completed)
     shares = [np.ones(len(runs)), *(margins[limit.key] / limit.value for limit in own)]
@@ -290,8 +267,9 @@ def columns_of(
         **{MARGIN + limit.key: margins.get(limit.key, nothing) for limit in limits},
         "relative": np.where(completed, np.min(shares, axis=0), -np.inf),
         "order": np.where(completed, order, -_CUT / (1 + ended)),
-        "status": words,
+        "status": status,
         "ended": ended,
+        "last": last,
     }
 
 

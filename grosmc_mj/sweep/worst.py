@@ -24,6 +24,7 @@ from grosmc_mj.results.tables import Table, names, number, numbers, table, text,
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import inside
 from grosmc_mj.sweep.screening import evaluate, screened_search
+from grosmc_mj.sweep.search import largest_passing
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
 WORST = "worst.json"
@@ -32,8 +33,8 @@ WORST = "worst.json"
 _POPULATION, _SAMPLES, _CORNERS = 64, 16, 16
 # The fewest runs of a search: two generations.
 LEAST = 2 * _POPULATION
-# Points of one look along a line, and how often it is refined.
-_LINE, _REFINED = 16, 2
+# How near to the nominal plant the nearest failing one is known, of its distance.
+_NEAR = 1 / 256
 # Who may have the worst plant; of equally bad ones the first has it.
 SOURCES = ("samples", "search", "random")
 
@@ -169,15 +170,12 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
         if not tried.min() < 0:
             break
         plant = candidates[int(tried.argmin())]
-    low, high = 0.0, 1.0
-    for _ in range(_REFINED):
-        shares = np.linspace(low, high, _LINE + 1)
-        failing = order(nominal + shares[1:, None] * (plant - nominal)) < 0
-        if not failing.any():
-            break
-        first = int(failing.argmax())
-        low, high = float(shares[first]), float(shares[first + 1])
-    return plant if high == 1.0 else nominal + high * (plant - nominal)
+
+    def passes(share: float) -> bool:
+        return bool(order((nominal + share * (plant - nominal))[None])[0] >= 0)
+
+    high = largest_passing(passes, 0.0, 1.0, 1.0, 0.0, _NEAR)[1]
+    return plant if high >= 1.0 else nominal + high * (plant - nominal)
 
 
 def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+from commands import run as command
 from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
 
 from grosmc_mj import cli
@@ -24,10 +25,9 @@ from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments import catalogue
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.machine import Stop, Transmission
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
@@ -138,6 +138,8 @@ def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing() -> None:
     assert along(result, "input gain").margin == pytest.approx(1.0)
     assert [each.name for each in audited(result).premises] == list(KEPT)
     assert all(each.holds for each in audited(result).premises)
+    # Of a law that does not switch those of torques and joints alone.
+    assert [each.name for each in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
 
 
 def test_of_a_machine_its_rigid_plant_is_looked_at_and_the_note_says_so() -> None:
@@ -149,18 +151,9 @@ def test_of_a_machine_its_rigid_plant_is_looked_at_and_the_note_says_so() -> Non
     assert required(geared).max() < 1e-10
     assert along(geared, "input gain").margin == pytest.approx(1.0)
     assert along(geared, "joint limits").margin > 0.3
-    assert "not in it: that the law is sampled, the parts of its machine, and" in _note(geared)
-    assert "machine" not in _note(run(law()))
-
-
-def _note(result: RunResult) -> str:
-    return premise(result, "epsilon").note
-
-
-def test_a_payload_raises_the_required_rate_and_leaves_less_of_the_configured_one() -> None:
-    light, heavy = run(law()), run(law(), LOAD)
-    assert required(heavy).max() > required(light).max() + 1
-    assert along(heavy, "input gain").margin < along(light, "input gain").margin - 0.1
+    note = "not in it: that the law is sampled, the parts of its machine, and"
+    assert note in premise(geared, "epsilon").note
+    assert "machine" not in premise(run(law()), "epsilon").note
 
 
 def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
@@ -202,6 +195,55 @@ def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
         )
         # Sliding friction is against the motion, of its full size.
         np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
+
+
+# --- what takes the dominance of the input gain away ---
+
+THREE_LINKS = """
+<mujoco model="three"><option timestep="0.001" integrator="RK4"/><compiler angle="radian"/>
+<default><geom type="capsule" contype="0" conaffinity="0"/><joint axis="0 1 0"/></default>
+<worldbody><body name="a"><joint name="j1"/><geom fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
+<body name="b" pos="0.4 0 0"><joint name="j2"/><geom fromto="0 0 0 0.3 0 0" size="0.03" mass="0.7"/>
+<body name="c" pos="0.3 0 0"><joint name="j3"/><geom fromto="0 0 0 0.2 0 0" size="0.02" mass="0.3"/>
+</body></body></body></worldbody>
+<actuator><motor name="m1" joint="j1"/><motor name="m2" joint="j2"/><motor name="m3" joint="j3"/>
+</actuator></mujoco>
+"""
+THREE_LINKS_CASE = """
+[plant]
+model = "three.xml"
+[run]
+duration = "0.05 s"
+[task]
+reference = ["0.5", "-0.5", "0.3"]
+Q = [100, 20, 100, 20, 100, 20]
+R = 1
+[[edit]]
+body = "c"
+mass_scale = {scale}
+[[controller]]
+law = "grosmc"
+k = 5
+epsilon = 60
+switching = "implicit"
+"""
+
+
+def three_links(folder: Path, scale: float) -> Path:
+    (folder / "three.xml").write_text(THREE_LINKS)
+    (folder / "three.toml").write_text(THREE_LINKS_CASE.format(scale=scale))
+    return folder / "three.toml"
+
+
+def test_the_row_is_named_and_a_smaller_payload_restores_it(tmp_path: Path) -> None:
+    heavy, light = (Experiment.load(three_links(tmp_path, scale)).run() for scale in (4.0, 1.01))
+    failed = {each.name: each for each in robot_audit(heavy).failed()}
+    gain, rate = failed["input gain"], failed["epsilon"]
+    assert "in the row of j3 0.25 is its own" in gain.note
+    assert "most of it j1's" in gain.note
+    assert rate.restores == "no ρ, while r is not positive: see the input gain"
+    assert gain.restores.startswith(("a unit-vector switching law", "another G, smaller edits"))
+    assert "input gain" not in [premise.name for premise in robot_audit(light).failed()]
 
 
 # --- torques and joints ---
@@ -251,8 +293,7 @@ def test_a_touched_joint_limit_is_noticed() -> None:
 
 
 def test_a_robot_without_limits_keeps_them() -> None:
-    free = ARM.replace(' limited="true" range="-2 2"', "").replace('ctrllimited="true"', "")
-    free = free.replace('ctrlrange="-25 25"', "").replace('ctrlrange="-9 9"', "")
+    free = re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM)
     robot = Robot.from_mjcf(free)
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
@@ -261,19 +302,7 @@ def test_a_robot_without_limits_keeps_them() -> None:
     assert premise(result, "joint limits").note == "no joint has a limit"
 
 
-# --- as a table and as values ---
-
-
-def test_a_law_that_does_not_switch_has_the_premises_of_torques_and_joints_alone() -> None:
-    assert [each.name for each in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
-
-
-def test_table_and_document_have_every_premise() -> None:
-    found = robot_audit(run(law(epsilon=0.5), LOAD))
-    content = json.loads(json_text(audit_document(found)))
-    assert [each["name"] for each in content["premises"]] == list(KEPT)
-    assert [each["holds"] for each in content["premises"]] == [e.holds for e in found.premises]
-    assert len(audit_table(found).rows) == len(KEPT)
+# --- which runs have premises, and as a table and as values ---
 
 
 @pytest.mark.slow
@@ -288,31 +317,42 @@ def test_other_runs_have_no_such_premises() -> None:
 
 @pytest.mark.slow
 def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    results = [run(law("lqr"), LOAD), run(law(epsilon=0.5), LOAD)]
-    prepared = SimpleNamespace(
-        laws=results,
-        limits=[],
-        not_judged=[],
-        case=results[0].case,
-        settings=PYTHON,
-        nominal=SimpleNamespace(robot=None, at=None, system=None),
-        runs=lambda: iter(results),
-        document=dict,
-        file=SimpleNamespace(uncertain=[], claim=[], **dict.fromkeys(MACHINE_PARTS, ())),
-        path=Path("robot.toml"),
-        plant_names=["physics"],
-        controllers=["lqr", "grosmc"],
-    )
-    monkeypatch.setattr(catalogue, "find_experiments", lambda _target: [prepared])
+    file = three_links(tmp_path, 4.0)
+    file.write_text(file.read_text() + '[[controller]]\nlaw = "lqr"\n')
+    found = robot_audit(Experiment.load(file).run(law="grosmc"))
+    assert len(audit_table(found).rows) == len(found.premises)
     with pytest.raises(SystemExit) as stop:
-        cli.main(("run", "robot.toml", "--verbose", "--out", str(tmp_path)))
+        cli.main(("run", str(file), "--verbose", "--out", str(tmp_path)))
     assert stop.value.code == cli.DONE
     said = capsys.readouterr().out
     assert said.count("torque headroom") == 1
     assert "epsilon: worst in the run at t =" in said
-    written = json.loads((tmp_path / "robot.json").read_text(encoding="utf-8"))
-    (document,) = written["premises"]
+    (document,) = json.loads((tmp_path / "three.json").read_text(encoding="utf-8"))["premises"]
+    assert document == json.loads(json_text(audit_document(found)))
     assert document["controller"] == "grosmc"
-    assert [each["name"] for each in document["premises"] if not each["holds"]] == ["epsilon"]
+    written = {each["name"]: each["holds"] for each in document["premises"]}
+    assert written == {each.name: each.holds for each in found.premises}
+    assert not written["epsilon"]
+
+
+def test_of_torques_beyond_all_numbers_no_headroom_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    geom = '<geom size="0.02" type="capsule" fromto="0 0 0 0 0 0.3" mass="1"'
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco model="two"><worldbody><body name="upper"><joint name="a" axis="0 1 0" '
+        f'damping="0.1" armature="1e308"/>{geom}/><body name="lower" pos="0 0 0.3"><joint name="b" '
+        f'axis="0 1 0"/>{geom} contype="0" conaffinity="0"/></body></body></worldbody><actuator>'
+        '<motor name="a" joint="a" ctrlrange="-50 50"/><motor name="b" joint="b" '
+        'ctrlrange="-20 20"/></actuator></mujoco>'
+    )
+    (tmp_path / "case.toml").write_text(
+        '[plant]\nmodel = "robot.xml"\n[run]\nstart = { a = "0.1 rad" }\nduration = "0.01 s"\n'
+        '[task]\nQ = 10\nR = 1\n[[controller]]\nlaw = "grosmc"\nk = 5\nepsilon = 2\n'
+    )
+    code = command("run", tmp_path / "case.toml", "--no-figures", "--out", tmp_path)
+    said = capsys.readouterr()
+    assert (code, "unforeseen" in said.err) == (cli.DIFFERS, False)
+    assert "premise fails: torque headroom of grosmc" in said.out

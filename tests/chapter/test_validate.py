@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import math
-import os
-import subprocess
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +13,8 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from conftest import hear_interrupts
+from commands import run
+from conftest import Store, Stored
 from rich.cells import cell_len
 
 from grosmc_mj import cli
@@ -25,6 +22,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.claim import Verdict
 from grosmc_mj.chapter.claims.ledger import CLAIMS
+from grosmc_mj.cli import screen
+from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.catalogue import select_experiments
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
@@ -39,46 +38,29 @@ METRICS = {
 }  # fmt: skip
 
 
-def run(*arguments: str) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
-
-
 def read(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "validation.json").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, Path]:
-    """One ``validate`` of everything, with what it prints in ``said.txt``.
-
-    Somebody who has just run it says in ``VALIDATED`` where that is.
-    """
-    if folder := os.environ.get("VALIDATED"):
-        return cli.DONE, Path(folder)
-    out, said = tmp_path_factory.mktemp("renders"), io.StringIO()
-    with contextlib.redirect_stdout(said):
-        code = run("validate", "--out", str(out))
-    (out / "said.txt").write_text(said.getvalue(), encoding="utf-8")
-    return code, out
+def everything(store: Store) -> Stored:
+    """One ``validate`` of everything."""
+    return store.command("validate")
 
 
 @pytest.fixture(scope="module")
-def document(everything: tuple[int, Path]) -> dict[str, Any]:
-    return read(everything[1])
+def document(everything: Stored) -> dict[str, Any]:
+    return everything.read("validation.json")
 
 
 def test_all_is_as_recorded_and_can_be_repeated(
-    everything: tuple[int, Path], document: dict[str, Any]
+    everything: Stored, document: dict[str, Any]
 ) -> None:
     result = Result.model_validate(document)
     assert (result.kind, result.complete, result.seed) == ("validation", True, 0)
     assert result.answers[0].verdict == "kept"
     assert (document["differences"], document["as_recorded"]) == ([], True)
-    assert everything[0] == cli.DONE
+    assert everything.code == cli.DONE
     assert {"python", "mujoco", "numpy", "numba"} <= set(result.versions)
     assert document["configuration"]["control_period"] == 1e-3
     assert len(document["configuration"]["cases"]) == 18
@@ -91,20 +73,14 @@ def test_all_is_as_recorded_and_can_be_repeated(
         assert all(x["value"] is not None or x["note"] for x in one["metrics"].values())
         assert one["status"] == "completed"
         assert one["gains"]
-    plan = [
-        (*experiment.key, *law)
-        for experiment in select_experiments((), None)
-        if not experiment.on_machine
-        for law in experiment.laws
+    keys = [
+        "/".join((x["system"], x["case"], x["plant"], x["controller"])) for x in document["runs"]
     ]
-    assert len(document["runs"]) == len(plan) == len(set(plan)) == 127
-
-
-def test_every_law_stands_in_every_case_by_its_requirement_or_by_the_record(
-    document: dict[str, Any],
-) -> None:
+    assert sorted(keys) == sorted(expected.load_expected()["runs"])
+    assert len(keys) == 127
+    # Every law stands in every case by its requirement or by the record.
+    standings = {(x.case, x.law): x for x in result.standings}
     ran = {(f"{x['system']}/{x['case']}", x["controller"]) for x in document["runs"]}
-    standings = {(x.case, x.law): x for x in Result.model_validate(document).standings}
     assert standings.keys() == ran
     required, free = (standings["servo/case1", law] for law in ("grosmc", "lqr"))
     assert (required.required, free.required) == (True, False)
@@ -115,107 +91,122 @@ def test_every_law_stands_in_every_case_by_its_requirement_or_by_the_record(
     assert broken == {("arm/bench", "lqr"), ("cart_pendulum/bench", "lqr")}
 
 
-def test_the_answer_comes_first_and_figures_are_there(everything: tuple[int, Path]) -> None:
-    text = (everything[1] / "said.txt").read_text(encoding="utf-8")
+def test_the_answer_comes_first_and_figures_are_there(everything: Stored) -> None:
     # Films, if there are any, come after it.
-    answer, end, _ = text.partition("validation.json\n")
+    answer, end, _ = everything.said.partition("validation.json\n")
     lines = f"{answer}{end}".rstrip("\n").split("\n")
     assert lines[0].startswith("All 127 runs are as recorded")
     assert len(lines) <= 40
     assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
-    names = sorted(path.name for path in everything[1].glob("fig*"))
+    names = sorted(path.name for path in everything.folder.glob("fig*"))
     assert [name[:4] for name in names] == [f"fig{i}" for i in range(1, 9) for _ in range(2)]
-    for path in everything[1].glob("fig*.png"):
+    for path in everything.folder.glob("fig*.png"):
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.stat().st_size > 20_000
         assert "</svg>" in path.with_suffix(".svg").read_text(encoding="utf-8")
-    assert not [*everything[1].glob(".*"), *everything[1].glob("*.part")]
+    assert not [*everything.folder.glob(".*"), *everything.folder.glob("*.part")]
 
 
 def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    recorded = expected.load_expected()
+    recorded, moved = expected.load_expected(), tmp_path / "expected.json"
     recorded["runs"]["servo/nominal/physics/lqr"]["metrics"]["deviation"] *= 1.1
     recorded["runs"]["servo/nominal/physics/grosmc"]["status"] = "diverged"
     del recorded["runs"]["servo/nominal/corrected/lqr"]
-    moved = tmp_path / "expected.json"
     moved.write_text(json.dumps(recorded), encoding="utf-8")
     monkeypatch.setattr(expected, "EXPECTED_FILE", moved)
-    arguments = ("servo/nominal", "--no-figures", "--out", str(tmp_path))
-    assert run("validate", *arguments) == cli.DIFFERS
-    said = capsys.readouterr().out
-    assert "servo/nominal/physics/lqr: deviation is" in said
-    assert "servo/nominal/physics/grosmc: completed, recorded diverged" in said
-    assert "servo/nominal/corrected/lqr: not recorded" in said
+    arguments = ("validate", "servo/nominal", "--no-figures", "--out", tmp_path)
+    assert run(*arguments) == cli.DIFFERS
+    output = capsys.readouterr().out
+    assert "servo/nominal/physics/lqr: deviation is" in output
+    assert "servo/nominal/physics/grosmc: completed, recorded diverged" in output
+    assert "servo/nominal/corrected/lqr: not recorded" in output
     broken = {x["law"]: x["breaks_at"] for x in read(tmp_path)["standings"]}
     assert broken == {"lqr": "record", "grosmc": ""}
-    assert run("validate", *arguments, "--record") == cli.DONE
-    assert run("validate", *arguments) == cli.DONE
+    for record in (["--record"], []):
+        assert run(*arguments, *record) == cli.DONE
 
 
 def test_equations_that_differ_from_mujoco_are_named_and_exit_1(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Without a backend all works but the films."""
     monkeypatch.setattr(agreement, "AGREEMENT_BOUND", 0.0)
-    assert run("validate", "servo/nominal", "--no-figures", "--out", str(tmp_path)) == cli.DIFFERS
-    assert "differs: servo, nominal: accelerations" in " ".join(capsys.readouterr().out.split())
-    document = read(tmp_path)
-    assert (document["as_recorded"], bool(document["differences"])) == (False, True)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    options = ("--films", "--no-figures", "--out", tmp_path)
+    assert run("validate", "servo/nominal", *options) == cli.DIFFERS
+    output = " ".join(capsys.readouterr().out.split())
+    assert "differs: servo, nominal: accelerations" in output
+    assert "No films: no OpenGL backend renders off-screen (glfw: no display" in output
+    content = read(tmp_path)
+    assert (content["as_recorded"], bool(content["differences"])) == (False, True)
 
 
-def test_ctrl_c_keeps_what_was_computed(tmp_path: Path) -> None:
-    """Interrupted after the first runs: one line, exit code 2, a document that says so."""
-    program = (
-        "import os, signal, grosmc_mj.experiments.runs as runs, grosmc_mj.cli as cli\n"
-        "original = runs.simulate\n"
-        "count = 0\n"
-        "def counted(*args, **numbers):\n"
-        "    global count\n"
-        "    count += 1\n"
-        "    if count == 4:\n"
-        "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "    return original(*args, **numbers)\n"
-        "runs.simulate = counted\n"
-        f"cli.main(['validate', 'servo', '--no-figures', '--out', {str(tmp_path)!r}])\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False,
-        preexec_fn=hear_interrupts,
-    )  # fmt: skip
-    assert done.returncode == cli.INTERRUPTED
-    assert "Traceback" not in done.stderr
-    assert done.stderr.strip().splitlines()[-1].startswith("grosmc-mj: interrupted")
-    document = read(tmp_path)
-    assert (document["complete"], len(document["runs"])) == (False, 3)
-    assert not any(standing["complete"] for standing in document["standings"])
-    assert done.stdout.startswith("Not complete: 3 runs are done.")
+def test_ctrl_c_keeps_the_results_that_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Interrupted after the first runs: one line, exit code 130, a document that says so."""
+    simulate, count, totals = runs.simulate, iter(range(100)), list[int]()
+
+    def counted(*arguments: Any, **numbers: Any) -> Any:
+        if next(count) == 3:
+            raise KeyboardInterrupt
+        return simulate(*arguments, **numbers)
+
+    @contextlib.contextmanager
+    def progress(total: int, unit: str = "") -> Iterator[Callable[..., None]]:
+        totals.append(total)
+        yield lambda *_, **__: None
+
+    monkeypatch.setattr(runs, "simulate", counted)
+    monkeypatch.setattr(screen, "progress", progress)
+    assert run("validate", "servo", "--no-figures", "--out", tmp_path) == cli.INTERRUPTED
+    output, content = capsys.readouterr(), read(tmp_path)
+    line = "grosmc-mj: interrupted; run the same command again to start over\n"
+    assert output.err == line
+    assert output.out.startswith("Not complete: 3 runs are done.\n")
+    assert (content["complete"], len(content["runs"])) == (False, 3)
+    assert not any(standing["complete"] for standing in content["standings"])
+    # Runs, the agreement of one system, and the claims of that system were to be done.
+    laws = sum(len(one.laws) for one in select_experiments(("servo",), None) if not one.on_machine)
+    assert totals[0] == laws + 1 + sum(claim.system == "servo" for claim in CLAIMS)
+
+
+def test_page_and_comparison_read_what_it_has_written(
+    everything: Stored, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "report.html"
+    assert run("report", everything.folder, "-o", page) == cli.DONE
+    assert everything.said.partition(".")[0] in page.read_text(encoding="utf-8")
+    assert run("diff", everything.folder, everything.folder, "--out", tmp_path) == cli.DONE
+    assert "Nothing got worse" in capsys.readouterr().out
 
 
 # The ledger of claims.
 
 
 @pytest.fixture(scope="module")
-def found(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The claims of the ledger by their ids."""
+def ledger(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The claims of the document by their ids."""
     return {claim["id"]: claim for claim in document["claims"]}
 
 
 @pytest.fixture(scope="module")
-def value(found: dict[str, dict[str, Any]]) -> Callable[..., float]:
+def value(ledger: dict[str, dict[str, Any]]) -> Callable[..., float]:
     """The value of a claim in MuJoCo."""
-    return lambda claim: found[claim]["plants"]["physics"]["value"]
+    return lambda claim: ledger[claim]["plants"]["physics"]["value"]
 
 
-def test_whole_ledger_is_as_expected(found: dict[str, dict[str, Any]]) -> None:
-    assert list(found) == [claim.id for claim in CLAIMS]
+def test_the_ledger_is_as_expected(ledger: dict[str, dict[str, Any]]) -> None:
+    assert list(ledger) == [claim.id for claim in CLAIMS]
     for own in CLAIMS:
-        claim = found[own.id]
+        claim = ledger[own.id]
         verdicts = {plant: Verdict(x["verdict"]) for plant, x in claim["plants"].items()}
         assert verdicts == own.verdicts, own.id
         assert claim["verdict"] == own.verdicts[own.plants[-1]].value
-        # Nothing is left open at the default settings.
-        assert Verdict.INCONCLUSIVE not in verdicts.values()
         assert bool(claim["because"]) <= (claim["verdict"] in ("premise not met", "undetermined"))
         for plant in claim["plants"].values():
             evidence = plant["evidence"]
@@ -231,7 +222,7 @@ def test_whole_ledger_is_as_expected(found: dict[str, dict[str, Any]]) -> None:
             else:
                 assert physics == pytest.approx(equations, rel=1e-6, abs=1e-6), own.id
     for name in ("arm-rejects-d", "arm-sliding", "arm-index"):
-        assert "epsilon (Theorem 3" in found[name]["because"]
+        assert "epsilon (Theorem 3" in ledger[name]["because"]
 
 
 # The servo's closed loop by hand, for the printed K: J z1'' = -(B + Kt k2) z1' - Kt k1 z1 + T_d.
@@ -244,13 +235,15 @@ def loop(inertia: float) -> Array:
 
 
 def response(A: Array, z0: Any, push: Any, time: Array) -> Array:
-    """z1 of z' = A z + push at the instants: exact."""
+    """z1 of z' = A z + push at the instants: exact, by the modes of A."""
     rest = np.linalg.solve(A, push)
-    return np.array([(scipy.linalg.expm(A * t) @ (z0 + rest) - rest)[0] for t in time])
+    rates, modes = np.linalg.eig(A)
+    shares = modes[0] * np.linalg.solve(modes, np.asarray(z0) + rest)
+    return np.real(np.exp(np.outer(time, rates)) @ shares) - rest[0]
 
 
 def test_servo_under_load_inertia_and_drift_is_its_linear_loop(
-    found: dict[str, dict[str, Any]], value: Callable[..., float]
+    ledger: dict[str, dict[str, Any]], value: Callable[..., float]
 ) -> None:
     """The load turns it back as a spring and a damper do: T_d/(Kt k1) = 1.5 rad at rest."""
     time = np.linspace(0, 3, 301)
@@ -265,7 +258,7 @@ def test_servo_under_load_inertia_and_drift_is_its_linear_loop(
     lost = 100 * (1 - 1 / math.sqrt(3))
     assert value("servo-inertia-stability") == pytest.approx(lost, rel=1e-6)
     zeta = (B + KT * K2) / (2 * math.sqrt(KT * K1 * 3 * J))
-    note = found["servo-inertia-stability"]["plants"]["physics"]["note"]
+    note = ledger["servo-inertia-stability"]["plants"]["physics"]["note"]
     assert f"{zeta:.3g} under 3J" in note
     assert zeta > 1
     assert heavy.min() > 0
@@ -273,12 +266,12 @@ def test_servo_under_load_inertia_and_drift_is_its_linear_loop(
     # A drift of the angle, unmatched: z2' = -(Kt k1 z1 + (B + Kt k2) z2)/J, z1' = z2 - 0.05.
     away = response(loop(J), [0, 0], [-0.05, 0.0], np.linspace(0, 5, 501))
     # 1 ms of chatter moves it by half a percent of itself; see the value at half the period.
-    values = found["servo-unmatched"]["plants"]["corrected"]["evidence"]["values"]
+    values = ledger["servo-unmatched"]["plants"]["corrected"]["evidence"]["values"]
     assert 2 * values[1] - values[0] == pytest.approx(100 * np.abs(away).max(), rel=2e-3)
 
 
 def test_gains_that_are_sized_without_the_switching_term(
-    found: dict[str, dict[str, Any]], value: Callable[..., float]
+    ledger: dict[str, dict[str, Any]], value: Callable[..., float]
 ) -> None:
     """Servo: |(1 - j)(K x - B/Kt x2)| at j = 3, and r = 1/3 of it without the circle.
 
@@ -287,7 +280,7 @@ def test_gains_that_are_sized_without_the_switching_term(
     """
     assert value("servo-circular-bound") == pytest.approx(1 / 3, rel=1e-9)
     gamma1 = 2 * math.hypot(K1, K2 + B / KT)
-    note = found["servo-circular-bound"]["plants"]["physics"]["note"]
+    note = ledger["servo-circular-bound"]["plants"]["physics"]["note"]
     assert note == f"γ1 = {gamma1 / 3:.3g} sized so, {gamma1:.4g} required"
     c = math.cos(math.pi / 18)
     E = [c / (1 + k * 0.2) / (k * 0.5 * (4 / 3 - k * 0.2 / (1 + k * 0.2) * c * c)) for k in (1, 4)]

@@ -1,234 +1,165 @@
-"""Every command's answer: its verdict first, all of it within a screen; and names of commands."""
+"""Every command's answer: its verdict first, all of it within a screen; lists, help and names."""
 
 from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
+from commands import run
 from rich.cells import cell_len
 
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import faults, ledger
+from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
-from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
 
-_LINES, _COLUMNS = 40, 100
-
-
-def run(*arguments: str) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main(arguments)
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
-
-
-def slow(*values: Any) -> Any:
-    return pytest.param(*values, marks=pytest.mark.slow)
+slow = pytest.mark.slow
+CAMPAIGN = "campaign short.toml --runs 8 --worst --evaluations 128 --no-figures"
 
 
 @pytest.mark.parametrize(
-    ("command", "verdict"),
+    ("command", "code", "verdict", "words"),
     [
-        ("--help", "usage: grosmc-mj"),
-        ("list", f"4 systems, {len(shipped_files())} case files."),
-        ("new mine", r"mine\.toml written"),
-        slow("claims arm-eq57", "All verdicts are as expected"),
-        slow("doctor", "Films can"),
-        slow("run servo/case1", "All 3 requirements are kept"),
-        slow("run servo/bench --no-figures", "All 20 requirements are kept"),
-        slow("run cart_pendulum/case1 --no-figures", "All 5 requirements are kept"),
-        slow("claims premises arm/case1", "1 of 8 premises of grosmc fail"),
-        slow("claims premises two_link_arm", "All 40 premises of grosmc hold"),
-        slow("validate servo/case1 --no-figures", "All 4 runs are as recorded"),
-        slow(
-            "campaign short.toml --runs 8 --worst --evaluations 128 --no-figures",
-            r"lqr keeps everything on \d of 8 plants",
+        ("list", 0, f"4 systems, {len(shipped_files())} case files.", ["cart_pendulum", "grosmc"]),
+        ("list cart_pendulum", 0, "cart_pendulum:", ["force [N]", "slider [m]", "fl-lqr"]),
+        ("new mine", 0, r"mine\.toml written", []),
+        pytest.param(
+            "run servo/machine --no-figures", 1, r"6 of 20 requirements are not kept",
+            ["transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",
+             "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm,", "assumed of it:"],
+            marks=slow,
         ),
-        slow("study region arm --points 3 --duration 3", "lqr on case2 converges from the fewest"),
+        ("claims premises arm/case1", 0, "1 of 8 premises of grosmc fail", []),
+        pytest.param("run servo/bench --no-figures", 0, "All 20 requirements", [], marks=slow),
+        pytest.param(CAMPAIGN, 0, r"lqr keeps everything on \d of 8 plants", [], marks=slow),
+        pytest.param(
+            "study region arm --points 3 --duration 3", 0, "lqr on case2 converges from the fewest",
+            [], marks=slow,
+        ),
     ],
-)
+)  # fmt: skip
 def test_the_answer_comes_first_and_fits_on_a_screen(
-    command: str,
-    verdict: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    command: str, code: int, verdict: str, words: list[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     # The shipped campaign, cut before its load.
-    text = re.sub(
-        r'(?m)^duration = ".*"', 'duration = "0.5 s"', campaign_files()["servo"].read_text()
-    )
-    (tmp_path / "short.toml").write_text(text)
-    code = run(*command.split())
-    lines = capsys.readouterr().out.rstrip("\n").split("\n")
-    # A machine may lack what films need.
-    assert code in ((cli.DONE, cli.DIFFERS) if command == "doctor" else (cli.DONE,))
+    text = campaign_files()["servo"].read_text(encoding="utf-8")
+    short = re.sub(r'(?m)^duration = ".*"', 'duration = "0.5 s"', text)
+    (tmp_path / "short.toml").write_text(short, encoding="utf-8")
+    assert run(*command.split()) == code
+    output = capsys.readouterr().out
+    lines = output.rstrip("\n").split("\n")
     assert re.match(verdict, lines[0]), lines[0]
-    assert len(lines) <= _LINES
-    # Help is as wide as the terminal.
-    if command != "--help":
-        assert [line for line in lines if cell_len(line.rstrip()) > _COLUMNS] == []
+    for word in words:
+        assert word in " ".join(output.split())
+    assert "…" not in output
+    # A machine is told part by part.
+    if not {"--verbose", "servo/machine", "cart_pendulum"} & {*command.split()}:
+        assert len(lines) <= 40
+        assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
 
-def test_a_machine_is_told_with_units_and_what_is_assumed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = run("run", "servo/machine", "--no-figures", "--out", str(tmp_path))
-    assert code == cli.DIFFERS
-    said = " ".join(capsys.readouterr().out.split())
-    assert "transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*," in said
-    assert "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm," in said
-    assert "assumed of it:" in said
-    assert "…" not in said
+@pytest.mark.parametrize(
+    ("target", "lines"),
+    [
+        ("servo", {
+            "states": "rotor angle [rad], rotor speed [rad/s]",
+            "inputs": "current [A]",
+            "bodies": "rotor",
+            "joints": "shaft [rad]",
+            "laws": "lqr, fl-lqr, grosmc, lqi, pid, adrc, adaptive",
+            "rotor": "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2",
+            "equations": "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A",
+        }),
+        ("cart_pendulum/bench", {"bodies": "cart, pole", "joints": "slider [m], hinge [rad]"}),
+        ("maglev", {"states": "gap [m], rate [m/s], current [A]", "parameters": "m, g, C, R, L"}),
+        ("mine.toml", {"states": "rotor angle [rad], rotor speed [rad/s]"}),
+    ],
+)  # fmt: skip
+def test_list_names_what_tables_of_a_case_file_take(
+    target: str, lines: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Those names are taken, too: a file of one's own has them."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(
+        'title = "[/] of mine"\n[plant]\nsystem = "servo"\n[run]\nduration = "0.1 s"\n'
+        'start = { "rotor speed" = "1 rad/s" }\n[[controller]]\nlaw = "lqr"\n'
+        '[[edit]]\nbody = "rotor"\nmass_scale = 2\n[[edit]]\njoint = "shaft"\ndamping = 0.1\n'
+        '[[sensor]]\nof = "rotor angle"\nnoise = "1 mrad"\n[[estimator]]\nof = "rotor speed"\n'
+        '[[actuator]]\nof = "current"\nlimit = "4 A"\n'
+    )
+    assert run("list", target) == cli.DONE
+    output = capsys.readouterr().out
+    words = [line.partition("  (")[0].strip().split(None, 1) for line in output.splitlines()]
+    assert lines.items() <= {pair[0]: pair[1] for pair in words if len(pair) == 2}.items()
+    assert ("[/] of mine" in output) == (target == "mine.toml")
 
 
-@pytest.mark.parametrize("system", ["servo", "arm", "cart_pendulum", "two_link_arm"])
-def test_list_names_the_same_laws_of_a_system(
-    system: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    laws = []
-    for arguments in (["list"], ["list", system]):
-        assert run(*arguments) == cli.DONE
-        block = capsys.readouterr().out.split(f"{system}{':' if arguments[1:] else ''}", 1)[1]
-        laws.append(next(re.finditer(r"laws +(.*)", block))[1].strip())
-    assert laws[0] == laws[1]
-
-
-@pytest.mark.slow
-def test_a_self_test_says_first_what_nobody_notices(
+@slow
+def test_a_self_test_begins_with_the_faults_that_no_claim_notices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Only the pendulum's law can believe a printed a."""
-    two = [claim for claim in ledger.CLAIMS if claim.id in ("servo-index", "servo-load-grosmc")]
-    assert len(two) == 2
-    monkeypatch.setattr(ledger, "CLAIMS", two)
-    fault = next(fault for fault in faults.FAULTS if fault.name == "printed a in the law")
+    claim, name = ledger.find_claim("servo-load-grosmc"), "printed a in the law"
+    monkeypatch.setattr(ledger, "CLAIMS", (claim,))
+    fault = next(fault for fault in faults.FAULTS if fault.name == name)
     monkeypatch.setattr(faults, "FAULTS", (fault,))
-    assert run("claims", "self-test", "servo", "--out", str(tmp_path)) == cli.DIFFERS
+    assert run("claims", "self-test", "servo", "--out", tmp_path) == cli.DIFFERS
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "1 of 1 faults are not noticed: printed a in the law."
+    assert lines[0] == f"1 of 1 faults are not noticed: {name}."
     assert "notices no fault" in " ".join(lines)
-    noticed = json.loads((tmp_path / "self_test.json").read_text())["noticed_by"]
-    assert noticed == {"printed a in the law": []}
-
-
-@pytest.mark.slow
-@pytest.mark.render
-@pytest.mark.parametrize(("target", "name"), [("servo/case2", "servo_case2"), ("FILE", "small")])
-def test_a_film_is_of_a_case_or_a_file(
-    target: str,
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
-    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--controllers", "lqr")
-    assert run("film", target.replace("FILE", "small.toml"), *size) == cli.DONE
-    assert (tmp_path / "renders" / "films" / f"{name}.mp4").is_file()
-    said = capsys.readouterr().out
-    assert re.match("2 frames, 0.5 s", said)
-    assert len(said.splitlines()) == 2
-
-
-@pytest.mark.slow
-def test_a_film_of_a_file_refuses_what_the_file_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "small.toml"
-    file.write_text(resolved_text(shipped_files()["servo/case2"]))
-    for arguments, says in (
-        (("--controllers", "mpc"), "unknown law 'mpc': valid: lqr"),
-        (("--controllers",), "1 to 4 controllers, not 0"),
-        (("--from", "100"), "shows nothing"),
-    ):
-        assert run("film", str(file), *arguments) == cli.WRONG
-        assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ("campaign servo --film", "--film is for --replay only"),
-        ("campaign servo --case-file x.toml", "--case-file is for --replay only"),
-        ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
-        ("claims premises", "SYSTEM|SYSTEM/CASE"),
-        ("claims arm/case1", "unknown claim 'arm/case1'"),
-        ("validate mine.toml", "judged by grosmc-mj run"),
-        ("study switching two_link_arm/case1", "has 2 inputs"),
-        ("film leg/case1", "unknown case 'leg/case1'"),
-        ("view nothing.toml", "there is no such file"),
-    ],
-)
-def test_what_a_command_cannot_be_about_is_one_line(
-    arguments: str, says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*arguments.split()) == cli.WRONG
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
+    assert json.loads((tmp_path / "self_test.json").read_text())["noticed_by"] == {name: []}
 
 
 def test_one_grammar_for_targets(tmp_path: Path) -> None:
-    cases = [one.case.name for one in recorded_experiments("arm")]
-    assert cases == ["nominal", "case1", "case2", "bench"]
-    assert [one.case.name for one in recorded_experiments("arm/case2")] == ["case2"]
-    assert shown_experiment("arm").case.name == "case1"
-    assert shown_experiment("arm/nominal").case.name == "nominal"
-    assert shown_experiment("jaco").path == shipped_files()["jaco/eight"]
-    mine = tmp_path / "mine.toml"
-    mine.write_text(resolved_text(shipped_files()["arm/case1"]), encoding="utf-8")
-    assert shown_experiment(str(mine)).path == mine
-    assert (result_name(mine), result_name(shipped_files()["arm/case1"])) == ("mine", "arm_case1")
-    for wrong in ("leg", "arm/case9", "leg/case1", "nothing.toml", str(tmp_path)):
-        with pytest.raises(GrosmcError):
-            shown_experiment(wrong)
-    with pytest.raises(ArgumentError, match="judged by grosmc-mj run"):
-        recorded_experiments(str(mine))
+    recorded = {name: [one.case.name for one in recorded_experiments(name)] for name in
+                ("arm", "arm/case2")}  # fmt: skip
+    assert recorded == {"arm": ["nominal", "case1", "case2", "bench"], "arm/case2": ["case2"]}
+    mine, packaged = tmp_path / "mine.toml", shipped_files()["arm/case1"]
+    mine.write_text(resolved_text(packaged), encoding="utf-8")
+    for target, path in (("arm", packaged), ("arm/nominal", shipped_files()["arm/nominal"]),
+                         ("jaco", shipped_files()["jaco/eight"]), (str(mine), mine)):  # fmt: skip
+        assert shown_experiment(target).path == path
+    assert (result_name(mine), result_name(packaged)) == ("mine", "arm_case1")
 
 
-def test_every_command_has_a_summary_and_takes_verbose() -> None:
-    commands = [each for each in COMMANDS.values() if isinstance(each, type)]
-    for each in [*commands, *STUDIES.values(), *CLAIMS.values()]:
-        assert (each.__doc__ or "").partition("\n")[0].endswith((".", ":"))
-        assert "verbose" in each.__dataclass_fields__
-    named = ["new", "run", "campaign", "film", "view", "validate", "claims", "study", "identify",
-             "compare", "report", "diff", "list", "doctor"]  # fmt: skip
-    assert list(COMMANDS) == named
-
-
-_HEAVY = ("numpy", "mujoco", "numba", "sympy", "scipy", "pydantic", "matplotlib", "typeguard")
-_FOR_OTHERS = ("matplotlib", "control", "pint", "scipy.stats", "scipy.optimize", "pyarrow",
-               "dask", "loky")  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("command", "without"),
-    [
-        ("--help", (*_HEAVY, "rich.console")),
-        ("list", _HEAVY),
-        ("run servo/nominal --no-figures --out {}", _FOR_OTHERS),
-    ],
-)
-def test_a_command_imports_what_it_needs(
-    command: str, without: tuple[str, ...], tmp_path: Path
+def test_every_command_has_a_summary_takes_verbose_and_its_help_names_its_options(
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    program = (
-        "import sys\nfrom grosmc_mj.cli import main\n"
-        f"try:\n    main({command.format(tmp_path).split()})\nexcept SystemExit:\n    pass\n"
-        f"print([n for n in {without} if n in sys.modules], file=sys.stderr)"
-    )
-    run = [sys.executable, "-c", program]
-    done = subprocess.run(run, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr.splitlines()[-1]) == (0, "[]")
+    assert list(COMMANDS) == ["new", "run", "campaign", "film", "view", "validate", "claims",
+        "study", "identify", "compare", "report", "diff", "list", "doctor"]  # fmt: skip
+    commands = [command for command in COMMANDS.values() if isinstance(command, type)]
+    for command in [*commands, *STUDIES.values(), *CLAIMS.values()]:
+        assert (command.__doc__ or "").partition("\n")[0].endswith((".", ":"))
+        assert "verbose" in command.__dataclass_fields__
+    for arguments, words in (
+        ("", f"usage: grosmc-mj {' '.join(COMMANDS)}"),
+        ("validate", "SYSTEM/CASE --verbose --out"),
+        ("film", "FILE.toml --laws --camera --size --from -o"),
+        ("study", "switching region tolerance ladder"),
+    ):
+        assert run(*arguments.split(), "--help") == cli.DONE
+        output = capsys.readouterr().out
+        assert [word for word in words.split() if word not in output] == []
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert screen.LINE_EVERY == 10.0
+    for seconds, lines in (
+        (10.0, []),
+        (0.0, ["1 of 3 runs in 0 s: one of them", "3 of 3 runs in 0 s"]),
+    ):
+        monkeypatch.setattr(screen, "LINE_EVERY", seconds)
+        with screen.progress(3, "runs") as advance:
+            advance("one  of them ")
+            advance(by=2)
+        assert capsys.readouterr().err.splitlines() == lines

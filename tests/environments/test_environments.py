@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
+import pickle
+import subprocess
+import sys
 import unittest
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -19,13 +24,15 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization
-from grosmc_mj.environments import law_policy
+from grosmc_mj.environments import law_policy, register
 from grosmc_mj.environments.episode import Episode
+from grosmc_mj.environments.gymnasium_ids import IDS
 from grosmc_mj.errors import (
     ArgumentError,
     DivergenceError,
     GrosmcError,
     ModelError,
+    SetupError,
     UndefinedLawError,
 )
 from grosmc_mj.experiments.case import Case
@@ -34,21 +41,23 @@ from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.machine import Stop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.simulation.simulate import simulate
 
 pytestmark = pytest.mark.slow
 
 pytest.importorskip("dm_control")
-pytest.importorskip("dm_env")
 test_utils = pytest.importorskip("dm_env.test_utils")
-load = grosmc_mj.environments.load
+gymnasium = pytest.importorskip("gymnasium")
+env_checker = pytest.importorskip("gymnasium.utils.env_checker")
 
-ALL = [("servo", "case2"), ("cart_pendulum", "case1"), ("arm", "case1"), ("two_link_arm", "case2")]
+from grosmc_mj.environments.gymnasium_face import CaseEnv  # noqa: E402
+
+load = grosmc_mj.environments.load
 
 
 @cache
-def law(system: str, name: str = "grosmc", design: str | None = None) -> Controller:
-    return nominal_controller(system, name, "corrected", design=design)
+def law(system: str, name: str = "grosmc") -> Controller:
+    return nominal_controller(system, name, "corrected")
 
 
 def cut(system: str, name: str, duration: float) -> Case:
@@ -56,46 +65,55 @@ def cut(system: str, name: str, duration: float) -> Case:
     return replace(find_case(system, name), duration=duration)
 
 
-def simulated(case: Case, controller: Controller, T: float, engine: Any = "python") -> Trajectory:
-    plant = case_plant(case, "physics", Settings())
-    return grosmc_mj.simulate(
-        plant, controller, case.x0, duration=case.duration, control_period=T,
-        disturbances=case.disturbances, engine=engine,
-    )  # fmt: skip
-
-
-def stepped(environment: Any, policy: Callable[[Any], Any]) -> tuple[Array, Array, float, Any]:
-    """States at the samples, inputs, return and last time step of an episode."""
+def stepped(
+    environment: Any, policy: Callable[[Any], Any], most: int = 10**6
+) -> tuple[Array, Array, Any]:
+    """States at the samples, inputs and last time step of an episode of dm_control."""
     names = [signal.name for signal in environment.task.episode.plant.system.states]
-    step = environment.reset()
-    states, inputs, total = [], [], 0.0
+    step, states, inputs = environment.reset(), [], []
     while True:
         states.append(np.concatenate([step.observation[name] for name in names]))
-        if step.last():
-            return np.array(states), np.array(inputs), total, step
+        if step.last() or len(inputs) == most:
+            return np.array(states), np.array(inputs), step
         inputs.append(policy(step.observation))
         step = environment.step(inputs[-1])
-        total += step.reward
 
 
-@pytest.mark.parametrize(("system", "name"), ALL)
+@pytest.mark.parametrize(
+    ("target", "factor"),
+    [("servo/case2", 1), ("servo/case2", 7), ("cart_pendulum/case1", 7), ("arm/case1", 1),
+     ("two_link_arm/case2", 7), ("furuta/heavier", 1), ("own_laws/pid", 1), ("maglev/warm", 1),
+     ("ball_beam/sine", 1)],
+)  # fmt: skip
 def test_a_law_in_an_environment_gets_simulate_s_numbers_to_the_last_bit(
-    system: str, name: str
+    target: str, factor: int
 ) -> None:
-    """At once, at a longer control period, and over the whole case in the native engine."""
-    whole, short = find_case(system, name), cut(system, name, 0.06)
-    controller = law(system, design=whole.controllers)
-    for case, T, engine in ((short, 1e-3, "python"), (short, 7e-3, "python"),
-                            (whole, 2e-3, "native")):  # fmt: skip
-        environment = load(case.system, of_case(case), control_period=T)
-        states, inputs, _, last = stepped(environment, law_policy(controller))
-        run = simulated(case, controller, T, engine)
-        command = run.command.reshape(len(run.command), -1)
-        # The last interval may be cut short by the duration: its end is no sample.
-        rows = [*range(0, len(run.time) - 1, round(T / 1e-3)), len(run.time) - 1]
-        assert np.array_equal(states, run.state[rows])
-        assert np.array_equal(inputs, command[rows[:-1]])
-        assert last.discount == 1.0
+    """At its period and longer ones; both faces have the same observations and rewards."""
+    experiment = Experiment.load(target)
+    T, h = factor * experiment.settings.control_period, experiment.settings.timestep
+    where, ends = experiment.nominal.truest, (target, factor) == ("servo/case2", 7)
+    controller = experiment.law(where, experiment.controllers[0 if "two" in target else -1])
+    one, other = load(target, control_period=T), CaseEnv(target, control_period=T)
+    policy = law_policy(controller, control_period=T)
+    states, inputs, last = stepped(one, policy, 10**6 if ends else 20)
+    run = simulate(
+        experiment.plant(where), controller, experiment.case.x0, control_period=T, timestep=h,
+        duration=experiment.case.duration if ends else 20 * T,
+        disturbances=experiment.case.disturbances, engine="native" if ends else "python",
+    )  # fmt: skip
+    # The last interval may be cut short by the duration: its end is no sample.
+    rows = [*range(0, len(run.time) - 1, round(T / h)), len(run.time) - 1]
+    assert np.array_equal(states, run.state[rows])
+    assert np.array_equal(inputs, run.command.reshape(len(run.command), -1)[rows[:-1]])
+    assert last.discount == 1.0
+    other.reset()
+    one.reset()
+    for action in inputs[:20]:
+        observation, reward, *_ = other.step(action)
+        step = one.step(action)
+        assert reward == step.reward
+        assert list(observation) == list(step.observation)
+        assert all(np.array_equal(observation[key], step.observation[key]) for key in observation)
 
 
 def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
@@ -111,13 +129,29 @@ def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_lengt
     assert step.last()
 
 
+def test_the_reward_of_equations_is_that_of_their_index() -> None:
+    """It weighs gap, rate and acceleration from 10 mm, and the nominal third derivative."""
+    environment = CaseEnv("maglev/warm")
+    environment.reset()
+    m, g, C, R, L, T, V = 0.05, 9.81, 1e-4, 2.0, 0.02, 0.5e-3, 3.0
+    y, i = 0.013, 0.01 * np.sqrt(m * g / C)
+    z = np.array([y - 0.01, 0.0, g - C * i**2 / (m * y**2)])
+    v = -2 * C * i * (V - R * i) / (L * m * y**2)
+    expected = -T / 2 * (z @ np.diag([1e8, 1e5, 10.0]) @ z + 1e-3 * v**2)
+    seen, reward, *_ = environment.step(np.array([V]))
+    assert reward == pytest.approx(expected, rel=1e-9)
+    # The coil that is there is warm: R/L = 150/s changes the rate by 4% within the step.
+    assert seen["current"][0] - i == pytest.approx(T * (V - 1.5 * R * i) / L, rel=0.05)
+
+
 def test_observations_have_names_units_and_exact_times() -> None:
     environment = load("cart_pendulum", control_period=1.1e-2)
     step, spec = environment.reset(), environment.observation_spec()
     names = ["cart position", "pole angle", "cart speed", "pole rate", "time", "error", "reference"]
     assert list(step.observation) == list(spec) == names
-    assert spec["pole angle"].name == "pole angle [rad]"
-    assert spec["error"].name == "error [rad, rad/s]"
+    assert [spec[name].name for name in ("pole angle", "error")] == [
+        "pole angle [rad]", "error [rad, rad/s]",
+    ]  # fmt: skip
     for k in range(1, 41):
         step = environment.step(np.zeros(1))
         # Which the number of timesteps would not always give.
@@ -130,8 +164,8 @@ def test_observations_have_names_units_and_exact_times() -> None:
     arm.reset()
     seen = arm.step(np.zeros(1)).observation
     # One rounding of sin and one product.
-    wanted = [math.sin(math.pi * 0.1), math.pi * math.cos(math.pi * 0.1)]
-    assert seen["reference"] == pytest.approx(wanted, rel=1e-15)
+    expected = [math.sin(math.pi * 0.1), math.pi * math.cos(math.pi * 0.1)]
+    assert seen["reference"] == pytest.approx(expected, rel=1e-15)
     state = [seen["joint angle"][0], seen["joint rate"][0]]
     assert seen["error"] == pytest.approx(np.subtract(state, seen["reference"]), abs=1e-15)
 
@@ -158,7 +192,7 @@ def test_an_episode_begins_in_the_state_of_a_run_of_simulate(name: str) -> None:
         episode = environment.physics.episode
         stepper = episode._steppers.of(episode.plant)
         assert everything(stepper.model, stepper.data) == everything(plant.model, fresh)
-        for _ in range(20):
+        for _ in range(5):
             environment.step(np.ones(m))
 
 
@@ -175,8 +209,8 @@ def test_actions_beyond_the_bounds_are_clamped_and_paid_for_as_applied(
     environment = load("cart_pendulum", of_case(case))
     bounds = environment.action_spec()
     assert (bounds.minimum.tolist(), bounds.maximum.tolist()) == ([-2.0], [2.0])
-    states, inputs, _, _ = stepped(environment, law_policy(controller))
-    run = grosmc_mj.simulate(limited, controller, case.x0, duration=0.1, engine="python")
+    states, inputs, _ = stepped(environment, law_policy(controller))
+    run = simulate(limited, controller, case.x0, duration=0.1, engine="python")
     assert np.abs(inputs).max() > 2
     assert np.array_equal(states, run.state)
     assert np.array_equal(inputs[:, 0], run.command)
@@ -187,12 +221,18 @@ def test_actions_beyond_the_bounds_are_clamped_and_paid_for_as_applied(
     assert rewards[0] == rewards[1]
 
 
-@pytest.mark.parametrize("action", [[math.nan], [math.inf], 1.0, [1.0, 2.0], ["a"], None])
-def test_an_action_that_is_none_is_refused(action: Any) -> None:
-    environment = load("cart_pendulum")
-    environment.reset()
-    with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): force \[N\]$"):
-        environment.step(action)
+def test_a_normalized_action_is_a_part_of_its_limits() -> None:
+    plain, parts = (CaseEnv("servo", action_limit=4.0, normalized=one) for one in (False, True))
+    bounds = [(env.action_space.low, env.action_space.high) for env in (plain, parts)]  # pyright: ignore
+    assert bounds == [(-4.0, 4.0), (-1.0, 1.0)]
+    results = []
+    for environment, action in ((plain, 3.0), (parts, 0.75), (plain, 9.0), (plain, 4.0)):
+        environment.reset()
+        seen, reward, *_ = environment.step(np.array([action]))
+        results.append((reward, float(seen["rotor speed"][0])))
+    assert results[0] == results[1]
+    # An action beyond the declared limit is cut, as an actuator does.
+    assert results[2] == results[3] != results[0]
 
 
 # Starts
@@ -224,75 +264,161 @@ def test_starts_where_the_plant_is_undefined_or_beyond_a_stop_are_not_drawn() ->
     angles = [environment.reset().observation["rotor angle"][0] for _ in range(60)]
     assert -0.5 <= min(angles) < -0.4
     assert 0.1 < max(angles) <= 0.2
-    case = replace(find_case("arm", "nominal"), x0=(1.6, 0.0))
-    with pytest.raises(ArgumentError, match="arm/nominal can't start: the plant is singular at q"):
-        load("arm", of_case(case))
 
 
 # Ends
 
 
-def test_an_episode_ends_when_and_where_simulate_says_so(
-    open_loop: Callable[[Any], Controller],
-) -> None:
-    """By divergence, at a singular plant, and outside of the index's region."""
-    for system, action, error, words in (
+@pytest.mark.parametrize(
+    ("system", "action", "error", "words"),
+    [
         ("two_link_arm", (1e14, -1e14), DivergenceError, "the state grew without bound"),
         ("arm", 20.0, UndefinedLawError, "the plant is singular at q >= pi/2, where the cable"),
-    ):
-        environment = load(system, control_period=5e-3)
-        states, _, _, last = stepped(environment, lambda _, a=action: np.atleast_1d(a))
-        with pytest.raises(error) as found:
-            simulated(find_case(system, "nominal"), open_loop(action), 5e-3)
-        assert last.discount == 0.0
-        # k T and i h.
-        assert last.observation["time"][0] == pytest.approx(found.value.time, rel=1e-15)
-        assert np.array_equal(states[-1], found.value.trajectory.state[-1])
-        assert environment.task.ended.startswith(f"t = {found.value.time:g} s: {words}")
-        assert math.isfinite(last.reward)
-        assert environment.step(np.zeros(np.size(action))).first()
-        assert environment.task.ended == ""
-    environment = load("cart_pendulum", control_period=1e-2)
-    states, _, _, last = stepped(environment, lambda _: np.array([-20.0]))
+    ],
+)
+def test_an_episode_ends_when_and_where_simulate_says_so(
+    system: str, action: Any, error: Any, words: str, open_loop: Callable[[Any], Controller]
+) -> None:
+    environment, case = load(system, control_period=5e-3), find_case(system, "nominal")
+    states, _, last = stepped(environment, lambda _: np.atleast_1d(action))
+    plant = case_plant(case, "physics", Settings())
+    with pytest.raises(error) as ended:
+        simulate(
+            plant, open_loop(action), case.x0, duration=case.duration, control_period=5e-3,
+            disturbances=case.disturbances, engine="python",
+        )  # fmt: skip
     assert last.discount == 0.0
-    assert abs(states[-1][1]) >= math.pi / 2 > abs(states[-2][1])
-    assert environment.task.ended.endswith("the index is undefined outside |theta| < pi/2")
+    # k T and i h.
+    assert last.observation["time"][0] == pytest.approx(ended.value.time, rel=1e-15)
+    assert np.array_equal(states[-1], ended.value.trajectory.state[-1])
+    assert environment.task.ended.startswith(f"t = {ended.value.time:g} s: {words}")
+    assert math.isfinite(last.reward)
+    assert environment.step(np.zeros(np.size(action))).first()
+    assert environment.task.ended == ""
+
+
+@pytest.mark.parametrize(
+    ("target", "action", "words"),
+    [("maglev/warm", -4.0, "the index is undefined outside gap and current positive"),
+     ("ball_beam/sine", 1e100, "the state grew without bound"),
+     ("cart_pendulum/nominal", -20.0, "the index is undefined outside |theta| < pi/2")],
+)  # fmt: skip
+def test_an_episode_terminates_where_no_next_step_is_defined(
+    target: str, action: float, words: str
+) -> None:
+    environment = CaseEnv(target)
+    seen, info = environment.reset()
+    terminated = truncated = False
+    angles = []
+    while not terminated:
+        angles.append(abs(float(seen.get("pole angle", [0.0])[0])))
+        seen, _, terminated, truncated, info = environment.step(np.array([action]))
+    assert not truncated
+    assert words in info["ended"]
+    assert info["units"]["time"] == "s"
+    # The last valid state is seen.
+    assert all(np.all(np.isfinite(value)) for value in seen.values())
+    assert "pole angle" not in seen or abs(seen["pole angle"][0]) >= math.pi / 2 > angles[-1]
+    with pytest.raises(ArgumentError, match=r"the episode is over at t = .*: reset it"):
+        environment.step(np.zeros(1))
+
+
+def test_an_episode_is_truncated_at_the_duration_of_its_case() -> None:
+    environment = CaseEnv("servo", of_case(cut("servo", "nominal", 0.002)))
+    environment.reset()
+    ends = [environment.step(np.zeros(1))[2:4] for _ in range(2)]
+    assert ends == [(False, False), (False, True)]
+    with pytest.raises(ArgumentError, match="the episode is over: reset it"):
+        environment.step(np.zeros(1))
+
+
+# The libraries' own tests
 
 
 class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
     """dm_env's own tests, through the end of an episode."""
 
     def make_object_under_test(self) -> Any:
-        return load("two_link_arm", of_case(cut("two_link_arm", "case1", 0.01)), spread=0.1, seed=1)
+        return load("servo", of_case(cut("servo", "case1", 0.01)), spread=0.1, seed=1)
 
     def make_action(self) -> Array:
         # dm_env would take the lower bound, which is infinite.
-        return np.array([0.1, -0.1])
+        return np.array([0.1])
+
+
+@pytest.mark.parametrize("target", ["servo", "two_link_arm", "maglev/warm", "servo/bench"])
+def test_gymnasium_s_checker_has_nothing_to_say(target: str) -> None:
+    """It makes an environment again from its spec, too."""
+    numbers = {"spread": 1e-4, "action_limit": 10.0, "normalized": True}
+    face = "grosmc_mj.environments.gymnasium_face:CaseEnv"
+    spec = gymnasium.envs.registration.EnvSpec(
+        "Case-v0", entry_point=face, kwargs={"system": target, **numbers}
+    )
+    environment = gymnasium.make(pickle.loads(pickle.dumps(spec))).unwrapped
+    equations = target == "maglev/warm"
+    assert environment.metadata["render_modes"] == ([] if equations else ["rgb_array"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env_checker.check_env(environment, skip_render_check=not equations)
+
+
+def test_every_system_has_an_id_that_can_name_the_module_which_registers_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert register() == tuple(IDS)
+    assert set(IDS.values()) == set(SYSTEMS)
+    before = [gymnasium.spec(name) for name in IDS]
+    assert register() == tuple(IDS)
+    assert [gymnasium.spec(name) for name in IDS] == before
+    module = "grosmc_mj.environments.gymnasium_ids"
+    monkeypatch.delitem(gymnasium.registry, "grosmc_mj/Arm-v0")
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    environment: Any = gymnasium.make(f"{module}:grosmc_mj/Arm-v0", task="case2")
+    assert environment.unwrapped.episode.case.name == "case2"
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    with pytest.raises(SetupError, match=r"pip install 'grosmc_mj\[gymnasium\]'"):
+        register()
+
+
+DRAWN = """
+import numpy as np
+from grosmc_mj.environments.gymnasium_face import CaseEnv
+environment = CaseEnv("furuta/heavier", render_mode="rgb_array", size=(200, 150))
+environment.reset()
+first = environment.render()
+assert first.shape == (150, 200, 3)
+for _ in range(150):
+    environment.step(np.array([0.15]))
+assert np.abs(environment.render().astype(int) - first).max() > 30
+environment.close()
+"""
+
+
+@pytest.mark.render
+def test_it_draws_what_it_is_at() -> None:
+    """In a process of its own: MuJoCo reads once what draws."""
+    own = {**os.environ, "MUJOCO_GL": "egl"}
+    subprocess.run([sys.executable, "-c", DRAWN], check=True, env=own)
 
 
 def test_dm_control_s_physics_can_be_reset_set_and_stepped_by_hand(
     open_loop: Callable[[Any], Controller],
 ) -> None:
-    environment, experiment = (
-        load("maglev/warm", control_period=1e-3),
-        Experiment.load("maglev/warm"),
-    )
-    physics: Any = environment.physics
+    environment = load("maglev/warm", control_period=1e-3)
+    experiment, physics = Experiment.load("maglev/warm"), environment.physics
     assert (physics.timestep(), environment.control_timestep()) == (0.5e-3, 1e-3)
     for voltage in (4.0, 4.0, 0.0):
         environment.reset()
-        # A reset lets go of what was held.
+        # A reset lets go of the input that was held.
         if voltage:
             physics.set_control(voltage)
         physics.step(20)
-        run = grosmc_mj.simulate(
+        run = simulate(
             experiment.plant("corrected"), open_loop(voltage), experiment.case.x0, duration=0.01,
             timestep=0.5e-3, engine="python",
         )  # fmt: skip
         assert physics.time() == 10 * 1e-3
         assert np.array_equal(physics.episode.x, run.state[-1])
-    with pytest.raises(ArgumentError, match="maglev is given by equations: only a model in MuJoCo"):
-        physics.render()
 
 
 # In a loop
@@ -329,7 +455,7 @@ def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
     np.testing.assert_allclose(np.array(states), run.state[::stride], rtol=0, atol=1e-9)
 
 
-def test_sensors_quantize_what_is_seen_and_actions_arrive_after_the_delay() -> None:
+def test_sensors_quantize_observations_and_actions_arrive_after_the_delay() -> None:
     (_, agent), (_, idle), resolution = bench(), bench(), 0.314e-3
     for one, action in ((agent, 5.0), (idle, 0.0)):
         one.hold([action])
@@ -348,27 +474,41 @@ def test_sensors_quantize_what_is_seen_and_actions_arrive_after_the_delay() -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "options", "error", "said"),
+    ("arguments", "options", "error", "words"),
     [
         (("cart_pendulm",), {}, ModelError, "unknown system 'cart_pendulm': did you mean 'cart_p"),
         (("servo", "case3"), {}, ArgumentError, "unknown case of servo 'case3': did you mean"),
         (("servo", of_case(find_case("arm", "case1"))), {}, ArgumentError, "'case1' is one of arm"),
+        (("arm", of_case(replace(find_case("arm", "nominal"), x0=(1.6, 0.0)))), {}, ArgumentError,
+         "arm/nominal can't start: the plant is singular at q"),
         (("servo",), {"control_period": 1.5e-3}, ArgumentError, "0.0015 s is no multiple of the"),
         (("servo",), {"timestep": -1.0}, ModelError, "timestep = -1 must be from"),
         (("servo",), {"spread": [0.1] * 3}, ArgumentError, "must be one number or 2, finite and"),
         (("servo",), {"spread": -1}, ArgumentError, "not negative: rotor angle [rad], rotor speed"),
         (("servo",), {"spread": "wide"}, ArgumentError, "spread = 'wide' must be one number"),
         *((("servo",), {"action_limit": limit}, ArgumentError, "one number or 1, finite and posi")
-          for limit in (0.0, -1.0, math.nan, [1.0, 2.0], "ten")),
+          for limit in (0.0, math.nan, [1.0, 2.0], "ten")),
+        (("servo",), {"normalized": True}, ArgumentError, "normalized actions need limits, curr"),
+        (("servo",), {"render_mode": "human"}, ArgumentError, "'human': valid: rgb_array"),
+        (("maglev/warm",), {"render_mode": "rgb_array"}, ArgumentError, "maglev is given by equa"),
     ],
 )  # fmt: skip
-def test_wrong_use_is_told_in_one_line(
-    arguments: Any, options: Any, error: type[GrosmcError], said: str
+def test_wrong_use_is_refused_in_one_line(
+    arguments: Any, options: Any, error: type[GrosmcError], words: str
 ) -> None:
-    with pytest.raises(error) as found:
-        load(*arguments, **options)
-    assert said in str(found.value)
-    assert "\n" not in str(found.value)
+    face = CaseEnv if {"normalized", "render_mode"} & options.keys() else load
+    with pytest.raises(error) as refused:
+        face(*arguments, **options)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("action", [[math.nan], [math.inf], 1.0, [1.0, 2.0], ["a"], None])
+def test_an_action_that_is_none_is_refused(action: Any) -> None:
+    environment = load("cart_pendulum")
+    environment.reset()
+    with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): force \[N\]$"):
+        environment.step(action)
 
 
 def test_a_law_needs_its_states_by_name_its_system_and_its_sampling_time(
@@ -391,8 +531,7 @@ def test_a_law_needs_its_states_by_name_its_system_and_its_sampling_time(
     assert law_policy(open_loop(1.5), "servo")(load("servo").reset().observation) == [1.5]
     discrete = Realization(find_switching("sign"), 1e-3)
     controller = nominal_controller("servo", "grosmc", "corrected", discrete)
-    case = cut("servo", "nominal", 0.01)
-    states, *_ = stepped(load("servo", of_case(case)), law_policy(controller))
-    assert np.array_equal(states, simulated(case, controller, 1e-3).state)
+    case = of_case(cut("servo", "nominal", 0.01))
+    stepped(load("servo", case), law_policy(controller))
     with pytest.raises(ArgumentError, match=r"for a control period of 0\.001 s, not 0\.002 s"):
-        stepped(load("servo", of_case(case), control_period=2e-3), law_policy(controller))
+        stepped(load("servo", case, control_period=2e-3), law_policy(controller))

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from shipped import case_plant, find_case, nominal_controller
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.claim import Measured, Verdict
+from grosmc_mj.chapter.claims.claim import Verdict
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
 from grosmc_mj.control.controller import Controller
@@ -30,64 +29,67 @@ from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 pytestmark = pytest.mark.slow
 
-# One of each system, and both designs of the two-link arm.
-RUNS = [("servo", "case2"), ("cart_pendulum", "case1"), ("arm", "case1"),
-        ("two_link_arm", "case1"), ("two_link_arm", "regulation1")]  # fmt: skip
 COARSE = Settings(engine="python", control_period=1e-2, timestep=1e-2)
 PENDULUM = find_case("cart_pendulum", "nominal")
 
 
 @cache
-def law(system: str, name: str = "grosmc", design: str | None = None) -> Controller:
-    return nominal_controller(system, name, "corrected", design=design)
+def law(system: str, design: str | None = None) -> Controller:
+    return nominal_controller(system, "grosmc", "corrected", design=design)
 
 
 def run(
-    case: Case, controller: Controller, plant: Any = "physics", duration: float = 0.1, T: float = 0
-) -> Trajectory:
+    case: Case, controller: Controller, plant: Any = "physics", duration: float = 0.1,
+    T: float = 1e-3, starts: Any = None,
+) -> Trajectory:  # fmt: skip
     return simulate(
-        case_plant(case, plant, Settings()), controller, case.x0, duration=duration,
-        control_period=T or 1e-3, disturbances=case.disturbances, engine="python",
+        case_plant(case, plant, Settings()), controller, starts or case.x0, duration=duration,
+        control_period=T, disturbances=case.disturbances, engine="python",
     )  # fmt: skip
 
 
-def asking(policy: Any, **options: Any) -> Controller:
+def asking(policy: Any) -> Controller:
     """A policy for the pendulum as a controller."""
-    return policy_controller(policy, law("cart_pendulum"), **options)
+    return policy_controller(policy, law("cart_pendulum"))
 
 
-@pytest.mark.parametrize(("system", "name"), RUNS)
-@pytest.mark.parametrize("plant", ["physics", "corrected"])
+def as_policy(controller: Controller) -> Controller:
+    """A law as a policy as a controller."""
+    return policy_controller(law_policy(controller), controller)
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "plant"),
+    [("servo", "case2", "physics"), ("cart_pendulum", "case1", "physics"),
+     ("cart_pendulum", "case1", "corrected"), ("arm", "case1", "corrected"),
+     ("two_link_arm", "case1", "physics"), ("two_link_arm", "regulation1", "physics")],
+)  # fmt: skip
 def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     system: str, name: str, plant: str
 ) -> None:
     case = find_case(system, name)
     controller = law(system, design=case.controllers)
-    policy = policy_controller(law_policy(controller), controller)
-    direct, asked = (run(case, each, plant) for each in (controller, policy))
-    assert np.array_equal(direct.state, asked.state)
-    assert np.array_equal(direct.command, asked.command)
+    policy = as_policy(controller)
+    direct, other = (run(case, one, plant) for one in (controller, policy))
+    assert np.array_equal(direct.state, other.state)
+    assert np.array_equal(direct.command, other.command)
     # v is computed back from u = E^-1 (v - alpha).
-    assert asked.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
-    wanted = measure(direct, controller, compare_with_optimum(direct, controller))
-    for metric, found in measure(asked, policy, compare_with_optimum(asked, policy)).items():
-        if found.value is None:
-            assert found.note == "no surface" or found == wanted[metric]
+    assert other.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
+    expected = measure(direct, controller, compare_with_optimum(direct, controller))
+    for metric, number in measure(other, policy, compare_with_optimum(other, policy)).items():
+        if number.value is None:
+            assert number.note == "no surface" or number == expected[metric]
         elif metric == "cost_whole":
-            assert found.value == pytest.approx(wanted[metric].value, rel=1e-11)
+            assert number.value == pytest.approx(expected[metric].value, rel=1e-11)
         else:
-            assert found == wanted[metric]
+            assert number == expected[metric]
 
 
-def test_each_run_of_a_batch_begins_anew() -> None:
-    controller, starts = law("arm"), [find_case("arm", "nominal").x0, (0.3, 3.0)]
-    policy = policy_controller(law_policy(controller), controller)
-    plant = case_plant(find_case("arm", "nominal"), "physics", Settings())
-    asked, direct = (
-        simulate(plant, each, starts, duration=0.05, engine="python")
-        for each in (policy, controller)
-    )
-    assert np.array_equal(asked.state, direct.state)
+def test_every_run_of_a_batch_begins_anew() -> None:
+    controller, case = law("arm"), find_case("arm", "nominal")
+    starts = [case.x0, (0.3, 3.0)]
+    direct, other = (run(case, one, starts=starts) for one in (controller, as_policy(controller)))
+    assert np.array_equal(other.state, direct.state)
 
     class Counting:
         count = 0
@@ -104,16 +106,14 @@ def test_each_run_of_a_batch_begins_anew() -> None:
         assert run(PENDULUM, counting, duration=0.004).command.tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_what_predicts_is_asked_the_same_question() -> None:
-    def force(observation: Any) -> Array:
-        return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:]
-
+def test_a_model_that_predicts_is_given_the_same_observation() -> None:
     class Model:
-        def predict(self, observation: Any) -> tuple[Array, None]:
-            return force(observation), None
+        def predict(self, observation: Any) -> tuple[Any, None]:
+            return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:], None
 
     case = find_case("cart_pendulum", "case1")
-    assert np.array_equal(run(case, asking(Model())).state, run(case, asking(force)).state)
+    states = [run(case, asking(one)).state for one in (Model(), lambda o: Model().predict(o)[0])]
+    assert np.array_equal(*states)
 
 
 def test_a_policy_is_undefined_where_its_index_or_its_law_is() -> None:
@@ -121,13 +121,11 @@ def test_a_policy_is_undefined_where_its_index_or_its_law_is() -> None:
         run(PENDULUM, asking(lambda _: -20.0), duration=3.0, T=1e-2)
     case = replace(find_case("two_link_arm", "nominal"), x0=(0.6, 0.0, 0.0, 0.0))
     controller = law("two_link_arm")
-    for each in (controller, policy_controller(law_policy(controller), controller)):
-        with pytest.raises(UndefinedLawError, match="matrix E") as found:
-            run(case, each)
-        assert found.value.time == 0.0
-    plant = case_plant(PENDULUM, "physics", Settings())
-    nan = asking(lambda _: math.nan)
-    batch = simulate(plant, nan, [PENDULUM.x0], duration=0.01, engine="python")
+    for one in (controller, as_policy(controller)):
+        with pytest.raises(UndefinedLawError, match="matrix E") as error:
+            run(case, one)
+        assert error.value.time == 0.0
+    batch = run(PENDULUM, asking(lambda _: math.nan), duration=0.01, starts=[PENDULUM.x0])
     assert batch.status[0] is Status.UNDEFINED_INPUT
 
 
@@ -140,19 +138,19 @@ def calling(observation: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("policy", "said"),
+    ("policy", "words"),
     [(missing, "KeyError: 'pole angel'"), (calling, "LinAlgError: Singular matrix")],
 )
-def test_an_error_in_a_policy_points_to_its_line(policy: Any, said: str) -> None:
+def test_an_error_in_a_policy_points_to_its_line(policy: Any, words: str) -> None:
     line = inspect.getsourcelines(policy)[1] + 1
-    with pytest.raises(ArgumentError) as found:
+    with pytest.raises(ArgumentError) as error:
         run(PENDULUM, asking(policy))
-    expected = f"{Path(__file__).name}:{line}: {said} ({policy.__name__} at t = 0 s)"
-    assert str(found.value) == expected
+    expected = f"{Path(__file__).name}:{line}: {words} ({policy.__name__} at t = 0 s)"
+    assert str(error.value) == expected
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "words"),
     [
         (lambda: asking(1.0), "a float is no policy: give a function of an obs"),
         (lambda: run(PENDULUM, asking(lambda: 0.0)), r"TypeError: .*takes 0 positional"),
@@ -164,8 +162,8 @@ def test_an_error_in_a_policy_points_to_its_line(policy: Any, said: str) -> None
         (lambda: judge_policy("servo", missing, ["servo-load"]), "unknown claim 'servo-load'"),
     ],
 )  # fmt: skip
-def test_wrong_use_is_told_in_one_line(wrong: Callable[[], Any], said: str) -> None:
-    with pytest.raises(ArgumentError, match=said):
+def test_wrong_use_is_refused_in_one_line(wrong: Callable[[], Any], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
         wrong()
 
 
@@ -174,47 +172,42 @@ def test_wrong_use_is_told_in_one_line(wrong: Callable[[], Any], said: str) -> N
 
 def test_a_law_as_a_policy_gets_the_law_s_verdicts() -> None:
     names, laboratory = ["servo-index", "servo-whole-cost"], Laboratory(COARSE)
-    found = judge_policy("servo", law_policy(law("servo")), names, settings=COARSE, refine=False)
-    for name, finding in zip(names, found, strict=True):
-        wanted = judge(laboratory, find_claim(name), refine=False)
-        assert finding.claim.id == name
-        for plant, each in finding.plants.items():
-            assert each.verdict is wanted.plants[plant].verdict
-            value = wanted.plants[plant].measured.value
-            assert each.measured.value == pytest.approx(value, rel=1e-11)
+    results = judge_policy("servo", law_policy(law("servo")), names, settings=COARSE, refine=False)
+    for name, result in zip(names, results, strict=True):
+        expected = judge(laboratory, find_claim(name), refine=False)
+        assert result.claim.id == name
+        for plant, one in result.plants.items():
+            assert one.verdict is expected.plants[plant].verdict
+            value = expected.plants[plant].measured.value
+            assert one.measured.value == pytest.approx(value, rel=1e-11)
 
 
 def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
-    """Only what it can't be asked is inconclusive; it fails where the law succeeds."""
-    names = ["servo-before-load", "servo-sliding", "servo-index-minimal", "servo-load-lqr"]
-    found = judge_policy("servo", lambda _: 0.0, names, settings=COARSE, refine=False)
-    open_, lost = Verdict.INCONCLUSIVE, Verdict.REFUTED
-    assert [each.verdict for each in found] == [lost, open_, open_, Verdict.SUPPORTED]
-    notes = [finding.plants["corrected"].measured.note for finding in found]
-    assert notes[1] == "not judged: it asks for the law's sliding variable"
-    assert notes[2].startswith("not judged: it asks for the law's ")
+    """Only claims that need more than inputs are inconclusive; it fails where the law succeeds."""
+    settings = replace(COARSE, engine="native")
+    results = judge_policy("servo", lambda _: 0.0, settings=settings, refine=False)
+    assert [result.claim.id for result in results] == [c.id for c in select_claims("servo")]
+    judged = {result.claim.id: result for result in results}
+    for name, verdict, note in (
+        ("servo-before-load", Verdict.REFUTED, ""),
+        ("servo-load-grosmc", Verdict.REFUTED, ""),
+        ("theorem-1", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
+        ("servo-sliding", Verdict.INCONCLUSIVE, "not judged: it asks for the law's sliding varia"),
+        ("servo-index-minimal", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
+    ):
+        assert judged[name].verdict is verdict
+        assert judged[name].plants["corrected"].measured.note.startswith(note)
     # A claim about another law does not become one about the policy.
-    assert notes[3] == ""
+    assert judged["servo-load-lqr"].verdict is Verdict.SUPPORTED
+    assert judged["servo-load-lqr"].plants["corrected"].measured.note == ""
+    # These run it in a batch and by hand.
+    usual = judge(Laboratory(settings), find_claim("servo-unmatched"), refine=False)
+    for plant, one in usual.plants.items():
+        assert judged["servo-unmatched"].plants[plant].measured.value != one.measured.value
 
-    def broken(*_: Any) -> Measured:
+    def broken(*_: Any) -> Any:
         raise AssertionError("a slip of ours")
 
     claim = replace(find_claim("servo-load-grosmc"), measure=broken)
     with pytest.raises(AssertionError, match="a slip of ours"):
         judge_policy("servo", lambda _: 0.0, [claim], settings=COARSE, refine=False)
-
-
-def test_a_policy_is_judged_by_all_claims_of_its_system() -> None:
-    settings = replace(COARSE, engine="native")
-    found = judge_policy("servo", lambda _: 0.0, settings=settings, refine=False)
-    assert [finding.claim.id for finding in found] == [claim.id for claim in select_claims("servo")]
-    verdicts = {finding.claim.id: finding.verdict for finding in found}
-    assert verdicts["servo-load-grosmc"] is Verdict.REFUTED
-    assert verdicts["servo-sliding"] is verdicts["theorem-1"] is Verdict.INCONCLUSIVE
-    # It is about another law.
-    assert verdicts["servo-load-lqr"] is Verdict.SUPPORTED
-    # These run it in a batch and by hand.
-    usual = judge(Laboratory(settings), find_claim("servo-unmatched"), refine=False)
-    changed = next(finding for finding in found if finding.claim.id == "servo-unmatched")
-    for plant, finding in usual.plants.items():
-        assert changed.plants[plant].measured.value != finding.measured.value

@@ -27,7 +27,7 @@ from grosmc_mj.executors import dask_cluster, make_executor
 from grosmc_mj.executors.dask_cluster import cluster_client
 
 # Each starts a cluster or waits for one that does not answer.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 # A scheduler that has not started by then never will [s].
 SOON = 60.0

@@ -23,7 +23,7 @@ from loky import cpu_count
 
 from grosmc_mj.errors import ArgumentError, DivergenceError, GrosmcError, SetupError
 from grosmc_mj.executors import make_executor
-from grosmc_mj.executors.outcome import attempt
+from grosmc_mj.executors.pools import attempt
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -205,7 +205,7 @@ def test_wrong_arguments_are_one_line(arguments: dict[str, Any], message: str) -
 
 
 def test_dask_that_is_not_installed_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grosmc_mj.executors.make.find_spec", lambda name: None)
+    monkeypatch.setattr("grosmc_mj.executors.find_spec", lambda name: None)
     with pytest.raises(SetupError, match=r"needs Dask: pip install 'grosmc_mj\[dask\]'"):
         make_executor("dask")
 

@@ -1,61 +1,60 @@
-"""Case files: units, what is read, and one line for each way to be wrong."""
+"""Case files: units, the file that another one extends, and one meaning for all commands."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from campaign_cases import run
+from case_texts import ARM
 from hypothesis import given
 from hypothesis import strategies as st
 from shipped import PENDULUM_DISTURBANCE, cases, find_case
 
+import grosmc_mj as gm
+from grosmc_mj.assumptions.audit import run_audit
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file import schema
+from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
-from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.shipped import shipped_files, starter
+from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
+from grosmc_mj.experiments.file.shipped import starter
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
+from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.files import load_model
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters, pole_torque
 
-SOUND = """
-title = "sound"
+CASE = """
+extends = "common.toml"
 
+[run]
+duration = "0.1 s"
+
+[[controller]]
+law = "grosmc"
+"""
+COMMON = """
+title = "common"
+
+# What they share.
 [plant]
 system = "arm"
 
 [run]
-start = { "joint angle" = "10 deg" }
-duration = "1 s"
+start = { "joint angle" = "0.5 rad" }
+duration = "2 s"
 
-[[edit]]
-body = "link"
-mass_scale = 2
-
-[[disturbance]]
-body = "link"
-torque = ["0 N m", "0.1 N m", "0 N m"]
-profile = "sine"
-frequency = "1 Hz"
-
-[[controller]]
-law = "grosmc"
-k = 18
-
-[[requirement]]
-deviation_below = "10 mrad"
+[laws.grosmc]
+k = 7
 """
-
-
-def written(folder: Path, text: str) -> Path:
-    """A case file with this text."""
-    path = folder / "mine.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize(
@@ -103,110 +102,204 @@ def test_wrong_units_are_refused(value: object, unit: str, said: str):
         number_in(value, unit)
 
 
-def test_sound_file_is_read(tmp_path: Path):
-    file = read_case_file(written(tmp_path, SOUND))
+def test_a_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(ARM)
+    file = read_case_file(tmp_path / "mine.toml")
     assert (file.name, file.run.duration, file.run.control_period) == ("mine", 1.0, None)
     assert file.disturbance[0].torque == [0.0, 0.1, 0.0]
     assert file.controller[0].numbers == {"k": 18}
 
 
-WRONG = [
-    ("[plant]", "[plnt]", "unknown key 'plnt': did you mean 'plant'?"),
-    ('system = "arm"', 'sytem = "arm"', "plant: unknown key 'sytem': did you mean 'system'?"),
-    ('system = "arm"', 'system = "amr"', "unknown system 'amr': did you mean 'arm'?"),
-    ('system = "arm"', "system = 3", "plant: system = 3 must be a text in quotes"),
-    ('system = "arm"', "", "give one of system, model and plant, not none"),
-    ('system = "arm"', 'system = "arm"\ncompare = ["phisics"]', "did you mean 'physics'"),
-    ('"joint angle"', '"joint agle"', "unknown state 'joint agle': did you mean 'joint angle'?"),
-    ('"10 deg"', '"10 m"', 'joint angle: "10 m" cannot be converted to rad'),
-    ('duration = "1 s"', "duration = 1", 'run: duration: 1 has no unit: write "1 s"'),
-    ('duration = "1 s"', 'duration = "-1 s"', "duration = -1 must be from 1e-09"),
-    ('duration = "1 s"', "", "run: duration is missing"),
-    ('"1 s"', '"1 s"\ncontrol_period = "1.5 ms"', "no multiple of the timestep 0.001 s"),
-    ('"1 s"', '"1 s"\nengine = "fortran"', "run: unknown engine 'fortran': valid: native, python"),
-    ("mass_scale", "mass_scal", "edit 1: unknown key 'mass_scal': did you mean 'mass_scale'?"),
-    ("mass_scale = 2", 'mass_scale = "two"', "edit 1: mass_scale = 'two' must be a number"),
-    ("mass_scale = 2", "mass_scale = -2", "mass_scale = -2 must be finite and positive"),
-    ("mass_scale = 2", "", "edit 1: the edit changes nothing"),
-    ("mass_scale = 2", "damping = 2", "edit 1: a body has no damping; valid: mass_scale"),
-    ('body = "link"\nmass', 'body = "lnk"\nmass', "unknown body 'lnk': did you mean 'link'?"),
-    ('body = "link"\ntorque', 'body = "lnk"\ntorque', "unknown body 'lnk': did you mean 'link'?"),
-    ('"0.1 N m", "0 N m"]', '"0.1 N m"]', "disturbance 1: torque: at least 3 items"),
-    ('"0.1 N m"', '"0.1 N"', 'torque 2: "0.1 N" cannot be converted to N m'),
-    ('"0.1 N m"', '"0 N m"', "disturbance 1: it has neither force nor torque"),
-    ('body = "link"\ntorque = [', 'input = "torque"\n#', "arm has a model in MuJoCo: name a body"),
-    ('body = "link"\ntorque', 'state = "joint angle"\ntorque', "a state has no torque"),
-    ('"sine"', '"cosine"', "disturbance 1: unknown profile 'cosine': did you mean 'sine'?"),
-    ('"sine"', '"pulse"', "disturbance 1: a pulse has no frequency"),
-    ('frequency = "1 Hz"', "", "disturbance 1: a sine needs frequency"),
-    ("[[controller]]", "[controller]", "write [[controller]]"),
-    ('law = "grosmc"', 'law = "grosmic"', "unknown law 'grosmic': did you mean 'grosmc'?"),
-    ("k = 18", "kk = 18", "controller grosmc: unknown key 'kk': did you mean 'k'?"),
-    ("k = 18", 'k = "big"', "k = 'big' must be a number or the rows of a matrix"),
-    ("k = 18", "k = -1", "k = -1 must be finite and positive"),
-    ("k = 18", "Q = [1, 2, 3]", "Q = [1, 2, 3] must be a number, 2 numbers or a 2 x 2 matrix"),
-    ("k = 18", "Q = [-1, 0]", "Q"),
-    ("k = 18", 'switching = "implcit"', "did you mean 'implicit'?"),
-    ("k = 18", '[[controller]]\nlaw = "grosmc"', "two controllers are called 'grosmc'"),
-    ("k = 18", '[task]\nreference = ["sin(w*t)"]', "'sin(w*t)' has w, may have t, pi, sin"),
-    ("k = 18", '[task]\nreference = ["sin(t"]', "'sin(t' is no formula in t"),
-    ("k = 18", '[task]\nreference = ["0", "0"]', "2 formulas, there are 1 outputs"),
-    ("k = 18", '[task]\noutputs = {of = "leg"}', "unknown outputs 'leg': valid: plant"),
-    ("k = 18", "Q = {a = 1}", "Q = {'a': 1} must be a number, 2 numbers"),
-    ("k = 18", "QR = 1", "controller grosmc: unknown key 'QR'"),
-    ("k = 18", "k = [1, 2]", "k = [1, 2] must be a number"),
-    ("k = 18", "k = nan", "k = nan must be finite"),
-    ("k = 18", "G = [[1, 2, 3]]", "G = [[1.0, 2.0, 3.0]] must be 1 x 2 finite numbers"),
-    ("k = 18", '[task]\nreference = ["__import__(0)"]', "has __import__, may have t, pi, sin"),
-    ("k = 18", '[task]\nreference = ["t.real"]', "has real, may have t, pi, sin"),
-    ("k = 18", '[task]\nreference = ["t, t"]', "'t, t' is no formula in t"),
-    ("k = 18", '[task]\nreference = ["1/t"]', "no value at t = 0"),
-    ("mass_scale = 2", 'mass_scale = 2\nadded_mass = "1 kg"', "write two [[edit]]"),
-    ("mass_scale = 2", 'mass_scale = 2\nmass = "1 kg"', "give the number or its scale"),
-    ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
-    ('"1 s"', '"1e12 s"', "from 1e-09 to 1e+09 s"),
-    ('"1 s"', '"1 s**2**9**9**9"', "is no unit"),
-    ('"10 mrad"', '"10 mrad"\nafter = "1 s"', "after is for stays_within"),
-    (
-        'deviation_below = "10 mrad"',
-        'stays_within = "1 rad"\nafter = "2 s"',
-        "before the end of a run",
-    ),
-    ('deviation_below = "10 mrad"', 'stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
-    ('"10 mrad"', '"10 mm"', 'requirement 1: deviation_below: "10 mm" cannot be converted to rad'),
-    ('"10 mrad"', '"0 rad"', "must be positive"),
-    ('deviation_below = "10 mrad"', "", "requirement 1: nothing is required"),
-    ("deviation_below", "deviation_blow", "did you mean 'deviation_below'?"),
-    ('"10 mrad"', '"10 mrad"\nof = ["lqr"]', "requirement 1: unknown controller 'lqr'"),
-    ('"10 mrad"', '"10 mrad"\non = ["moon"]', "valid: printed, corrected, physics"),
-    ('title = "sound"', "title = sound", "no valid TOML: Invalid value (at line 2"),
-]
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the package's cases, which the package takes for its own."""
+    cases = tmp_path / "cases"
+    shutil.copytree(shipped.CASES, cases)
+    monkeypatch.setattr(shipped, "CASES", cases)
+    monkeypatch.chdir(tmp_path)
+    return cases
 
 
-@pytest.mark.parametrize(("good", "bad", "said"), WRONG)
-def test_wrong_file_is_told_in_one_line(tmp_path: Path, good: str, bad: str, said: str):
-    assert good in SOUND
-    path = written(tmp_path, SOUND.replace(good, bad, 1))
-    with pytest.raises(ArgumentError) as refused:
-        list(Experiment.load(path).runs())
-    message = str(refused.value)
-    assert said in message
-    assert "\n" not in message
+def extended(folder: Path, case: str = CASE, common: str = COMMON) -> Path:
+    (folder / "common.toml").write_text(common)
+    (folder / "mine.toml").write_text(case)
+    return folder / "mine.toml"
 
 
-def test_missing_and_binary_files_are_told(tmp_path: Path):
-    with pytest.raises(ArgumentError, match="cannot be read: No such file"):
-        read_case_file(tmp_path / "nowhere.toml")
-    (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ArgumentError, match="no text in UTF-8"):
-        read_case_file(tmp_path / "mine.toml")
+def gain(content: dict) -> dict[str, float]:
+    """k of GROSMC in each case of a document."""
+    runs = [each for each in content["runs"] if each["controller"] == "grosmc"]
+    return {each["case"]: each["gains"]["k"] for each in runs}
 
 
 @pytest.mark.slow
-def test_every_shipped_case_can_be_prepared():
-    for path in shipped_files().values():
-        experiment = Experiment.load(path)
-        assert experiment.limits, f"{path} requires nothing"
+def test_a_changed_gain_is_seen_by_run_validate_and_the_claims(copied: Path) -> None:
+    base = copied / "arm" / "base.toml"
+    base.write_text(base.read_text().replace("k = 18", "k = 11"))
+    own = copied / "arm" / "case1.toml"
+    own.write_text(own.read_text().replace('law = "grosmc"', 'law = "grosmc"\nk = 12'))
+    run("run", "arm/case1", "--no-figures", "--out", "out")
+    run("run", "arm/case2", "--no-figures", "--out", "out")
+    run("validate", "arm", "--no-figures", "--no-claims", "--out", "out")
+    read = [json.loads((Path("out") / f"{name}.json").read_text()) for name in (
+        "arm_case1", "arm_case2", "validation"
+    )]  # fmt: skip
+    assert gain(read[0]) == {"case1": 12.0}
+    assert gain(read[1]) == {"case2": 11.0}
+    assert gain(read[2]) == {"nominal": 11.0, "case1": 12.0, "case2": 11.0}
+    lab = Laboratory(Settings())
+    assert lab.case("arm", "case1", "physics", "grosmc").controller.designed.gains["k"] == 12.0
+
+
+def test_a_changed_gain_reaches_the_laboratory_and_derived_experiments(copied: Path) -> None:
+    base = copied / "servo" / "base.toml"
+    base.write_text(base.read_text().replace("reaching_rate = 0.2", "reaching_rate = 0.4"))
+    experiment = find_experiment("servo", "case1")
+    theirs = Laboratory(Settings()).controller(experiment.varied(edits=()), "physics", "grosmc")
+    # eta = J/J_hat times the reaching rate, with J up to three times J_hat.
+    assert theirs.designed.gains["eta"] == pytest.approx(1.2, rel=1e-12)
+    assert gm.Experiment.load("servo/case1").laws["physics", "grosmc"] is theirs
+
+
+def test_tables_are_merged_and_arrays_are_the_files_own(tmp_path: Path) -> None:
+    file = read_case_file(extended(tmp_path))
+    assert (file.name, file.title, file.plant.system) == ("mine", "common", "arm")
+    assert (file.run.duration, dict(file.run.start)) == (0.1, {"joint angle": "0.5 rad"})
+    # The file's own, the extended file's, and what the system's base says.
+    law = file.law("grosmc")
+    assert law.numbers == {"k": 7, "epsilon": 6, "G": [[0, 1]]}
+    assert [table.called for table in file.controller] == ["grosmc"]
+
+
+def test_the_resolved_text_says_the_same_alone(tmp_path: Path) -> None:
+    for path in (extended(tmp_path), *shipped.shipped_files().values()):
+        text = resolved_text(path)
+        assert "extends" not in text
+        assert parse_case_file(text, path) == read_case_file(path)
+    assert "# d(t) acts against the torque, eq. (57)" in resolved_text(
+        shipped.shipped_files()["arm/case1"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ('"mine.toml"', "mine.toml extends this file in turn"),
+        ('"other.toml"', "other.toml: cannot be read: No such file"),
+        ('"../common.toml"', "must be a file beside it"),
+        ("3", "extends = 3 must be a file beside it"),
+    ],
+)
+def test_a_wrong_base_is_told_in_one_line(tmp_path: Path, name: str, said: str) -> None:
+    path = extended(tmp_path, common=f"extends = {name}\n{COMMON}")
+    with pytest.raises(ArgumentError) as refused:
+        Experiment.load(path)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_bases_are_no_cases() -> None:
+    assert [each.case.name for each in find_experiments("arm")] == [
+        "nominal",
+        "case1",
+        "case2",
+        "bench",
+        "machine",
+    ]
+    with pytest.raises(ArgumentError, match="unknown case 'arm/base'"):
+        find_experiments("arm/base")
+
+
+def test_settings_that_are_asked_for_count_instead_of_the_files(tmp_path: Path) -> None:
+    case = CASE + 'switching = "implicit"\nsurface = "discrete"\n'
+    experiment = Experiment.load(extended(tmp_path, case))
+    law = experiment.law("physics", "grosmc")
+    assert (law.designed.switching, law.designed.control_period) == ("implicit", 1e-3)
+    other = experiment.with_settings(switching="boundary-layer", control_period=2e-3, engine=None)
+    law = other.law("physics", "grosmc")
+    assert (law.designed.switching, law.designed.control_period) == ("boundary-layer", 2e-3)
+    with pytest.raises(ArgumentError, match="unknown setting 'period'"):
+        experiment.with_settings(period=1.0)
+
+
+def test_a_run_has_its_metrics_and_what_is_required_of_it() -> None:
+    experiment = gm.Experiment.load("servo/nominal").varied(duration=0.5)
+    result = experiment.run(plant="corrected", law="grosmc")
+    assert result.trajectory.time[-1] == 0.5
+    assert result.metrics["deviation"].unit == "rad"
+    # Requirements are of physics.
+    assert result.requirements == []
+    kinds = {"deviation_below", "no_reaching_phase"}
+    assert {each.limit.kind for each in experiment.run().requirements} == kinds
+    # Half a second does not tell of 5 s.
+    assert ["settles within 5 s" in line for line in experiment.not_judged] == [True]
+    assert gm.Experiment.load("servo/nominal").not_judged == []
+
+
+@pytest.mark.slow
+def test_a_written_reference_that_moves_is_audited_as_it_moves(tmp_path: Path) -> None:
+    """y_r = sin(3 t) asks more of the gain than y_r = 0 for all t, as at t = 0 they are alike."""
+    required = []
+    for formula in ("sin(3*t)", "0*t"):
+        task = f'\n[task]\nreference = ["{formula}"]\nregion = [0.1, 0.1]\n'
+        task += '\n[[edit]]\nbody = "link"\nmass_scale = 2\n\n[[controller]]'
+        path = extended(tmp_path, CASE.replace("\n[[controller]]", task))
+        found = run_audit(Experiment.load(path).run())
+        gain = next(each for each in found.premises if each.name == "epsilon")
+        assert gain.region is not None
+        required.append(-gain.region.margin)
+        moved = formula != "0*t"
+        assert (gain.region.worst.t > 0) is moved
+    assert not np.isclose(*required)
+
+
+def test_laws_of_a_machine_are_its_own_whatever_was_designed_before() -> None:
+    servo = {each.case.name: each for each in find_experiments("servo")}
+    bench = servo["bench"].law("corrected", "implicit").parameters
+    machine = servo["machine"].law("corrected", "implicit").parameters
+    assert bench.plant.J == 0.0577
+    assert 2.1e-3 < machine.plant.J < 2.2e-3
+
+
+OTHERS = """
+[laws.soft]
+law = "grosmc"
+k = 3
+epsilon = 90
+
+[laws."quite soft"]
+law = "grosmc"
+k = 5
+epsilon = 90
+
+[[requirement]]
+sliding_below = "1e9 rad/s"
+"""
+
+
+def test_laws_of_the_file_are_run_on_request(tmp_path: Path) -> None:
+    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS))
+    assert [one.controller for one in gm.judge(experiment)] == ["grosmc"]
+    chosen = experiment.with_laws(["quite soft"])
+    assert [one.controller for one in gm.judge(chosen)] == ["quite soft"]
+    assert chosen.run().controller.parameters.k == 5
+    with pytest.raises(ArgumentError, match=r"unknown law 'stiff': .*'soft', 'quite soft'"):
+        experiment.with_laws(["stiff"])
+
+
+def test_run_and_campaign_take_laws_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    uncertain = '[[uncertain]]\nbody = "link"\nmass_scale = [0.9, 1.1]\n'
+    extended(tmp_path, CASE + OTHERS + uncertain)
+    run("run", "mine.toml", "--laws", "soft", "grosmc", "--no-figures")
+    content = json.loads(Path("renders/mine.json").read_text())
+    assert {one["controller"] for one in content["runs"]} == {"soft", "grosmc"}
+    run("campaign", "mine.toml", "--laws", "soft", "--runs", "2", "--no-figures", "--out", "c")
+    manifest = json.loads(Path("c/manifest.json").read_text())
+    assert json.loads(Path("c/results.json").read_text())
+    assert "soft" in json.dumps(manifest)
 
 
 MACHINE = {kind: TABLES[kind] for kind in MACHINE_PARTS}

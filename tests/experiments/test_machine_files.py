@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, TRANSMISSION, load, written
 
-from grosmc_mj import cli
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.machine import (
     LuGre,
@@ -26,55 +27,11 @@ from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.dynamics import bias
 
-HEAD = """
-[plant]
-system = "{}"
-
-[run]
-duration = "20 ms"
-control_period = "1 ms"
-timestep = "0.25 ms"
-
-[[controller]]
-law = "lqr"
-"""
-TRANSMISSION = """
-[[transmission]]
-joint = "shaft"
-inertia = "10 g m^2"
-"""
-PLAY = f'{TRANSMISSION}backlash = "0.3 deg"\n'
-LUGRE = """
-[[lugre]]
-joint = "shaft"
-coulomb = "0.05 N m"
-"""
-MOTOR = """
-[[motor]]
-input = "current"
-constant = "7.68 mN m/A"
-resistance = "2.6 ohm"
-"""
 DEGREE = math.pi / 180
 
 
-def written(folder: Path, text: str, system: str = "servo") -> Path:
-    file = folder / "mine.toml"
-    file.write_text(HEAD.format(system) + text, encoding="utf-8")
-    return file
-
-
 def read(folder: Path, text: str, system: str = "servo") -> Experiment:
-    return Experiment.load(written(folder, text, system))
-
-
-def numbers(part: Any) -> dict[str, Any]:
-    """What a part has; numbers within the rounding of a unit's conversion."""
-    found = {item.name: getattr(part, item.name) for item in fields(part)}
-    return {
-        name: pytest.approx(value, rel=1e-12) if type(value) is float else value
-        for name, value in found.items()
-    }
+    return load(folder, PARTS_OF.format(system) + text)
 
 
 READ: list[tuple[str, str, MachinePart]] = [
@@ -178,10 +135,15 @@ READ: list[tuple[str, str, MachinePart]] = [
 def test_a_part_is_read_with_its_units(
     system: str, text: str, part: MachinePart, tmp_path: Path
 ) -> None:
-    (found,) = read(tmp_path, text, system).case.edits
-    assert type(found) is type(part)
-    assert {item.name: getattr(found, item.name) for item in fields(found)} == numbers(part)
-    assert str(found) == str(part)
+    path = written(tmp_path, PARTS_OF.format(system) + text)
+    (edit,) = undesigned(read_case_file(path), path).case.edits
+    assert type(edit) is type(part)
+    for item in fields(part):
+        value = getattr(part, item.name)
+        # Within the rounding of a unit's conversion.
+        expected = pytest.approx(value, rel=1e-12) if type(value) is float else value
+        assert getattr(edit, item.name) == expected, item.name
+    assert str(edit) == str(part)
 
 
 def test_parts_are_the_plants_and_no_laws(tmp_path: Path) -> None:
@@ -254,10 +216,12 @@ def test_edits_of_inputs_and_tilts_reach_the_model(tmp_path: Path) -> None:
     physics: Any = experiment.plant("physics")
     assert physics.model.actuator_gear[0, 0] == 0.3
     text = '[[edit]]\nknown = {}\njoint = "shoulder"\ntilt = "5 deg"\n'
-    (edit,) = read(tmp_path, text.format("false"), "two_link_arm").case.edits
+    path = written(tmp_path, PARTS_OF.format("two_link_arm") + text.format("false"))
+    tilted = undesigned(read_case_file(path), path)
+    (edit,) = tilted.case.edits
     assert isinstance(edit, JointEdit)
     assert (edit.joint, edit.tilt) == ("shoulder", pytest.approx(5 * DEGREE))
-    leaning: Any = read(tmp_path, text.format("false"), "two_link_arm").plant("physics")
+    leaning: Any = tilted.plant("physics")
     upright = MujocoPlant.load("two_link_arm").model
     cosine = leaning.model.jnt_axis[0] @ upright.jnt_axis[0]
     assert cosine == pytest.approx(math.cos(5 * DEGREE))
@@ -271,16 +235,14 @@ ROBOT = """<mujoco model="arm"><option timestep="0.001" integrator="RK4"/><world
 
 def test_a_robots_known_edits_are_in_the_dynamics_of_its_laws(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(ROBOT, encoding="utf-8")
-    file = tmp_path / "mine.toml"
-    file.write_text(
+    text = (
         '[plant]\nmodel = "arm.xml"\n[run]\nduration = "20 ms"\n[[controller]]\nlaw = "lqr"\n'
         '[task]\nreference = ["0.1"]\nQ = [1, 1]\nR = 1\n'
         '[[edit]]\nknown = true\nbody = "a"\nmass_scale = 2\n'
         '[[edit]]\njoint = "hinge"\ndamping = 0.5\n'
-        '[[lugre]]\njoint = "hinge"\ncoulomb = "0.05 N m"\n',
-        encoding="utf-8",
+        '[[lugre]]\njoint = "hinge"\ncoulomb = "0.05 N m"\n'
     )
-    experiment = Experiment.load(file)
+    experiment = load(tmp_path, text)
     robot = experiment.nominal.robot
     assert robot is not None
     assert robot.plant.model.body("a").mass[0] == 2
@@ -292,106 +254,6 @@ def test_a_robots_known_edits_are_in_the_dynamics_of_its_laws(tmp_path: Path) ->
     assert physics.model.body("a").mass[0] == 2
     assert physics.model.dof_damping[0] == 0.5
     assert len(physics.parts) == 1
-
-
-# --- mistakes ---
-
-MISTAKES = [
-    (PLAY.replace("shaft", "shfat"), "transmission 1: unknown joint 'shfat': did you mean 'shaft'"),
-    (TRANSMISSION + "stiffness = 100\n", 'stiffness: 100 has no unit: write "100 N m/rad"'),
-    (TRANSMISSION + 'stiffness = "1 N/m"\n', '"1 N/m" cannot be converted to N m/rad'),
-    (TRANSMISSION, "transmission of 'shaft': it is rigid: give a stiffness, a backlash or both"),
-    (PLAY + "added = 1\n", "transmission 1: added = 1 must be true or false"),
-    (PLAY + PLAY, "'shaft' has two of the kind 'transmission': give one"),
-    (LUGRE + LUGRE, "'shaft' has two of the kind 'lugre': give one"),
-    (MOTOR + MOTOR, "'current' has two of the kind 'motor': give one"),
-    (LUGRE.replace("[[lugre]]", "[lugre]"), "[lugre] is one of possibly several: write [[lugre]]"),
-    (LUGRE + 'coloumb = "1 N m"\n', "lugre 1: unknown key 'coloumb': did you mean 'coulomb'"),
-    ('[[lugre]]\njoint = "shaft"\n', "lugre 1: coulomb is missing"),
-    (LUGRE + 'static = "0.01 N m"\n', "static = 0.01 must be at least coulomb = 0.05"),
-    (LUGRE + 'stiffness = "1 GN m/rad"\n', "with a timestep of 0.00025 s makes unstable: take"),
-    (MOTOR.replace("current", "currant"), "motor 1: unknown input 'currant': did you mean 'curr"),
-    (MOTOR.replace("mN m/A", "mV"), '"7.68 mV" cannot be converted to N m/A'),
-    (MOTOR + 'ratio = "70"\n', "motor 1: ratio: '70' must be a number without a unit"),
-    (MOTOR + 'bandwidth = 1000\n', 'bandwidth: 1000 has no unit: write "1000 rad/s"'),
-    (MOTOR + "ratio = 70\nadded = false\n", "which is no part of the model's damping of 0.0088"),
-    (MOTOR + 'heat_capacity = "3 J/K"\n', "heating needs both"),
-    ('[[stop]]\njoint = "shaft"\nlow = "1 rad"\nhigh = "-1 rad"\n', "must be below high = -1"),
-    ('[[stop]]\njoint = "shaft"\nlow = "-1 rad"\nhigh = "1 m"\n', "cannot be converted to rad"),
-    (
-        '[[stop]]\njoint = "shaft"\nlow = "-2 rad"\nhigh = "-1 rad"\n',
-        "shaft starts at 0 rad, beyond its stops at -2 and -1 rad: move the start or the stops",
-    ),
-    (
-        '[[swinging_load]]\nbody = "roter"\nmass = "1 kg"\nlength = "1 m"\n',
-        "unknown body 'roter': did you mean 'rotor'",
-    ),
-    (
-        '[[swinging_load]]\nbody = "rotor"\nmass = "1 kg"\nlength = "1 m"\nat = ["1 m", "0 m"]\n',
-        "swinging_load 1: at: at least 3 items",
-    ),
-    (
-        '[[sliding_load]]\nbody = "rotor"\nmass = "-1 kg"\nstiffness = "1 N/m"\n',
-        "sliding_load 1: sliding load of 'rotor': mass = -1 must be from 1e-15 to",
-    ),
-    ('[[wall]]\nbody = "rotor"\nradius = "1 cm"\nnormal = [0, 0, 0]\n', "must point somewhere"),
-    (
-        '[[edit]]\nknown = true\nparameter = "inertia"\nscale = 2\n',
-        "edit 1: known is for a model: give equations of your own the numbers at once",
-    ),
-    ('[[edit]]\nknown = true\nbody = "rotor"\n', "edit 1: the edit changes nothing"),
-    ('[[edit]]\nknown = "yes"\ninput = "current"\ngear = 1\n', "known = 'yes' must be true or"),
-    ('[[edit]]\nknown = true\njoint = "shfat"\ndamping = 1\n', "unknown joint 'shfat': did you"),
-    ('[[edit]]\nknown = true\njoint = "shaft"\ndamping = 1\n' * 2, "'shaft' has two of the k"),
-    ('[[edit]]\ninput = "currant"\ngear = 1\n', "unknown input 'currant': did you mean 'current'"),
-    ('[[edit]]\ninput = "current"\ngear = 0\n', "edit of 'current': gear = 0 must not be zero"),
-    ('[[edit]]\njoint = "shaft"\ngear = 2\n', "edit 1: a joint has no gear; valid: damping"),
-    ('[[edit]]\njoint = "shaft"\ntilt = 0.1\n', 'edit 1: tilt: 0.1 has no unit: write "0.1 rad"'),
-    ('[[edit]]\njoint = "shaft"\ntilt = "90 deg"\n', "must be above -1.5708 to below 1.5708 rad"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("text", "said"), MISTAKES, ids=[said for _, said in MISTAKES])
-def test_a_mistake_is_one_line_with_the_file_and_exit_code_2(
-    text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = written(tmp_path, text)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["run", str(file), "--out", str(tmp_path)])
-    assert stop.value.code == 2
-    error = capsys.readouterr().err.strip()
-    assert error.startswith(f"grosmc-mj: {file}: ")
-    assert said in error
-    assert "\n" not in error
-
-
-def test_two_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = written(tmp_path, PLAY.replace("shaft", "shfat") + LUGRE + "stiffness = 4\n")
-    with pytest.raises(SystemExit):
-        cli.main(["run", str(file), "--out", str(tmp_path)])
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert lines[0] == f"grosmc-mj: {file}: 2 mistakes:"
-    assert "transmission 1: unknown joint" in lines[1]
-    assert "lugre 1: stiffness: 4 has no unit" in lines[2]
-
-
-def test_equations_of_ones_own_have_no_machine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "mine.py").write_text(
-        "from grosmc_mj.cases.maglev.maglev import plant\n", encoding="utf-8"
-    )
-    file = tmp_path / "mine.toml"
-    file.write_text(
-        '[plant]\nplant = "mine:plant"\nat = { gap = "10 mm" }\n[run]\nduration = "10 ms"\n'
-        '[[controller]]\nlaw = "lqr"\nQ = [1, 1, 1]\nR = 1\n' + MOTOR,
-        encoding="utf-8",
-    )
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["run", str(file), "--out", str(tmp_path)])
-    assert stop.value.code == 2
-    said = f"grosmc-mj: {file}: maglev has no model in MuJoCo, so no machine as built\n"
-    assert capsys.readouterr().err == said
 
 
 # --- the machines of the package ---

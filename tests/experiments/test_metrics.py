@@ -25,6 +25,7 @@ from grosmc_mj.experiments.metrics import (
     note_all,
     overshoot,
     settling_time,
+    tolerance_of,
 )
 from grosmc_mj.experiments.requirements import Limit, judge, margins_of
 from grosmc_mj.experiments.runs import RunResult, Settings
@@ -371,14 +372,20 @@ def test_a_number_that_comes_or_goes_is_a_difference(servo_lqr: Controller) -> N
 @pytest.mark.usefixtures("record")
 def test_only_laws_that_switch_may_repeat_roughly(servo_lqr: Controller) -> None:
     smooth = optimal_run(servo_lqr)
-    for run, count in ((smooth, 1), (replace(smooth, sliding=np.zeros(10_000)), 0)):
-        before, now = (
-            result_of(run, servo_lqr, cost_whole=Metric(value, "1")) for value in (1.0, 1.001)
+    for sliding, apart, as_recorded in (
+        (None, 5e-7, True),
+        (None, 5e-6, False),
+        (np.zeros(10_000), 1e-3, True),
+    ):
+        run = replace(smooth, sliding=sliding)
+        relative, _ = tolerance_of("cost_whole", switched=sliding is not None)
+        before, now, beyond = (
+            result_of(run, servo_lqr, cost_whole=Metric(value, "1"))
+            for value in (1.0, 1.0 + apart, 1.0 + 2 * relative)
         )
         expected.record_expected([before])
-        found = expected.differences([now])
-        assert found is not None
-        assert len(found) == count
+        assert (expected.differences([now]) == []) is as_recorded
+        assert expected.differences([beyond]) != []
 
 
 def test_recording_one_run_keeps_the_others_and_the_settings(

@@ -1,4 +1,4 @@
-"""Damaged and forged campaign folders: one line, or what the undamaged folder says."""
+"""Damaged and forged campaign folders: one line, or the results of the undamaged folder."""
 
 from __future__ import annotations
 
@@ -14,24 +14,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaign_cases import pair
-from mutation import TEXTS, code
-from trial import LINE, TIMES, Trial, trial
+from commands import run
+from hostile import LINE, TEXTS, TIMES, code, trial
 
 from grosmc_mj import cli
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 _RUNS, _SHARD = 12, 3
-# Of each damage.
-_TRIED = 3 * TIMES
-# Values where a manifest has others, as JSON writes them.
+# Of every damage.
+_TRIED = 2 * TIMES
+# Values in place of those of a manifest, as JSON writes them.
 _ODD: tuple[Any, ...] = (
     None, True, 0, -1, 10**30, 1e308, "", "..", "canary:law", "/etc", "a\0b", "\x1b[31m", [], {},
     [[[]]], {"a": 1}, *TEXTS[:6],
 )  # fmt: skip
-
-
-Damage = Callable[[Path, random.Random, str], object]
 
 
 def command(file: Path, folder: Path, seed: int = 5) -> list[Any]:
@@ -41,7 +38,6 @@ def command(file: Path, folder: Path, seed: int = 5) -> list[Any]:
 
 
 def part(folder: Path, rng: random.Random) -> Path:
-    """One of the parts."""
     return rng.choice(sorted((folder / "parts").glob("*.parquet")))
 
 
@@ -57,62 +53,41 @@ def leaves(value: Any) -> Iterator[tuple[Any, Any]]:
             yield from leaves(item)
 
 
-def leaf(content: Any, rng: random.Random, canary: str) -> None:
-    """Another value somewhere in the manifest."""
-    table, key = rng.choice(list(leaves(content)))
-    value = rng.choice(_ODD)
-    table[key] = value.replace("CANARY", code(canary)) if isinstance(value, str) else value
+# Damages: of a folder, by a generator, with a canary's path.
 
 
-def text_of_the_question(content: Any, rng: random.Random, canary: str) -> None:
-    """A case file that would execute something."""
-    text = content["question"]["text"]
-    task = f"[task]\nreference = ['''sin(\"{code(canary)}\")''']\n"
-    law = text.replace('law = "lqr"', 'law = "canary:law"', 1)
-    content["question"]["text"] = rng.choice((law, text + task))
-
-
-def in_manifest(change: Callable[[Any, random.Random, str], None]) -> Damage:
-    """A manifest with other values."""
-
-    def rewrite(folder: Path, rng: random.Random, canary: str) -> None:
-        path = folder / "manifest.json"
-        content = json.loads(path.read_text())
-        change(content, rng, canary)
-        path.write_text(json.dumps(content))
-
-    return rewrite
-
-
-def in_part(change: Callable[[pa.Table, random.Random], pa.Table]) -> Damage:
-    """A part with other rows or columns, and all that it says of itself."""
-
-    def rewrite(folder: Path, rng: random.Random, _: str) -> None:
-        path = part(folder, rng)
-        table = pq.read_table(path)
-        pq.write_table(change(table, rng).replace_schema_metadata(table.schema.metadata), path)
-
-    return rewrite
+def leaf(folder: Path, rng: random.Random, canary: str) -> None:
+    """Another value somewhere in the manifest, or a case file that would execute something."""
+    path = folder / "manifest.json"
+    content = json.loads(path.read_text())
+    if rng.random() < 0.3:
+        text = content["question"]["text"]
+        task = f"[task]\nreference = ['''sin(\"{code(canary)}\")''']\n"
+        law = text.replace('law = "lqr"', 'law = "canary:law"', 1)
+        content["question"]["text"] = rng.choice((law, text + task))
+    else:
+        table, key = rng.choice(list(leaves(content)))
+        value = rng.choice(_ODD)
+        table[key] = value.replace("CANARY", code(canary)) if isinstance(value, str) else value
+    path.write_text(json.dumps(content))
 
 
 def cut(folder: Path, rng: random.Random, _: str) -> None:
-    """A file that ends too early."""
+    """A file that ends too early, is another, or has a bit that is another."""
     path = manifest_or_part(folder, rng)
-    path.write_bytes(path.read_bytes()[: rng.randrange(path.stat().st_size)])
-
-
-def flipped(folder: Path, rng: random.Random, _: str) -> None:
-    """A bit that is another."""
-    path = part(folder, rng)
     content = bytearray(path.read_bytes())
-    content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
-    path.write_bytes(content)
+    changes = [
+        content[: rng.randrange(len(content))],
+        rng.choice((b"", b"\0" * 99, rng.randbytes(500), b"[" * 3000, b"{}", b"1", b"nan")),
+    ]
+    if path.suffix == ".parquet":
+        content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+        changes.append(content)
+    path.write_bytes(rng.choice(changes))
 
 
-def noise(folder: Path, rng: random.Random, _: str) -> None:
-    """A file of something else."""
-    others = (b"", b"\0" * 99, rng.randbytes(500), b"[" * 3000, b"{}", b"1", b"nan")
-    manifest_or_part(folder, rng).write_bytes(rng.choice(others))
+def missing(folder: Path, rng: random.Random, _: str) -> None:
+    rng.choice((manifest_or_part(folder, rng), folder / "results.json")).unlink()
 
 
 def swapped(folder: Path, rng: random.Random, _: str) -> None:
@@ -127,6 +102,17 @@ def of_another_seed(folder: Path, rng: random.Random, _: str) -> None:
     """A part of the same campaign with other numbers."""
     mine = part(folder, rng)
     shutil.copy(folder.with_name("other") / "parts" / mine.name, mine)
+
+
+def in_part(change: Callable[[pa.Table, random.Random], pa.Table]) -> Callable[..., None]:
+    """A part with other rows or columns, and all that it says of itself."""
+
+    def rewrite(folder: Path, rng: random.Random, _: str) -> None:
+        path = part(folder, rng)
+        table = pq.read_table(path)
+        pq.write_table(change(table, rng).replace_schema_metadata(table.schema.metadata), path)
+
+    return rewrite
 
 
 def permuted(table: pa.Table, rng: random.Random) -> pa.Table:
@@ -158,67 +144,49 @@ def in_the_way(folder: Path, rng: random.Random, _: str) -> None:
     rng.choice((Path.mkdir, os.mkfifo))(target)
 
 
-DAMAGES: dict[str, Damage] = {
-    "leaf": in_manifest(leaf),
-    "text": in_manifest(text_of_the_question),
-    "cut": cut,
-    "flipped": flipped,
-    "noise": noise,
+# Those that must be noticed wherever they are, by a command that adds parts.
+_ALWAYS_NOTICED = {
     "swapped": swapped,
     "other seed": of_another_seed,
     "permuted": in_part(permuted),
     "column": in_part(lambda table, rng: table.drop_columns([rng.choice(table.column_names)])),
     "better": in_part(better),
-    "missing": lambda folder, rng, _: rng.choice(
-        (manifest_or_part(folder, rng), folder / "results.json")
-    ).unlink(),
-    "link": link,
-    "in the way": in_the_way,
 }
-# What must be noticed wherever it is, by whoever adds parts.
-_ALWAYS_NOTICED = ("swapped", "other seed", "permuted", "column", "better")
+DAMAGES: dict[str, Callable[[Path, random.Random, str], None]] = {
+    "leaf": leaf, "cut": cut, "missing": missing, "link": link, "in the way": in_the_way,
+    **_ALWAYS_NOTICED,
+}  # fmt: skip
 
 
-def attempt(
-    hostile: Trial, what: str, arguments: list[Any], truth: dict[str, Any], out: Path
-) -> str:
-    """Run a command on a damaged folder; what it says must be one line, or true."""
-    elsewhere = out.with_name("elsewhere")
-    end = hostile.run(what, *arguments)
-    if elsewhere.exists():
-        hostile.expect(what, elsewhere.read_text() == "somebody's", "a link was followed")
-    results = out / "results.json"
-    # A replay leaves a link where it is.
-    written = results.is_file() and not results.is_symlink()
-    if end != LINE and arguments[0] == "campaign" and written:
-        found = {**json.loads(results.read_text()), "command": truth["command"]}
-        hostile.expect(what, found == truth, "other results")
-    return end
-
-
-def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
-    rng, file, whole = random.Random(3), tmp_path / "small.toml", tmp_path / "whole"
+def test_damaged_campaign_folders(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    rng, file, elsewhere = random.Random(3), tmp_path / "small.toml", tmp_path / "elsewhere"
     file.write_text(pair())
-    with trial(capfd, tmp_path) as hostile:
-        for folder, seed in ((whole, 5), (tmp_path / "other", 6)):
-            with pytest.raises(SystemExit) as stop:
-                cli.main([str(word) for word in command(file, folder, seed)])
-            assert stop.value.code == cli.DONE
-        truth = json.loads((whole / "results.json").read_text())
-        tried = 0
+    for name, seed in (("intact", 5), ("other", 6)):
+        assert run(*command(file, tmp_path / name, seed)) == cli.DONE
+    truth, damaged = (
+        json.loads((tmp_path / "intact/results.json").read_text()),
+        tmp_path / "damaged",
+    )
+    results = damaged / "results.json"
+    with trial(capfd, tmp_path, 2 * _TRIED * len(DAMAGES)) as hostile:
         for index in range(_TRIED * len(DAMAGES)):
             kind = list(DAMAGES)[index % len(DAMAGES)]
-            damaged = tmp_path / "damaged"
-            shutil.copytree(whole, damaged)
+            shutil.copytree(tmp_path / "intact", damaged)
             DAMAGES[kind](damaged, rng, str(hostile.canary))
-            (damaged / "results.json").unlink(missing_ok=True) if rng.random() < 0.5 else None
-            resumed = [*command(file, damaged), "--resume"]
-            replayed = ["campaign", damaged, "--replay", rng.randrange(_RUNS), "--no-figures"]
-            for arguments in (replayed, resumed):
-                what = f"{kind} {index} {arguments[0]}"
-                end = attempt(hostile, what, arguments, truth, damaged)
-                tried += 1
-                if kind in _ALWAYS_NOTICED and arguments is resumed:
-                    hostile.expect(what, end == LINE, "it was not noticed")
+            if rng.random() < 0.5:
+                results.unlink(missing_ok=True)
+            for arguments in (
+                ["campaign", damaged, "--replay", rng.randrange(_RUNS), "--no-figures"],
+                [*command(file, damaged), "--resume"],
+            ):
+                name = f"{kind} {index} {arguments[-1]}"
+                end = hostile.run(name, *arguments)
+                kept = not elsewhere.exists() or elsewhere.read_text() == "somebody's"
+                hostile.expect(f"{name}: a link was followed", holds=kept)
+                # A replay leaves a link where it is.
+                if end != LINE and results.is_file() and not results.is_symlink():
+                    written = {**json.loads(results.read_text()), "command": truth["command"]}
+                    hostile.expect(f"{name}: other results", holds=written == truth)
+                if kind in _ALWAYS_NOTICED and "--resume" in arguments:
+                    hostile.expect(f"{name}: it was not noticed", holds=end == LINE)
             shutil.rmtree(damaged)
-    hostile.finish(tried)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run
 from mcap_ros2.writer import Writer
 
 import grosmc_mj as gm
@@ -36,6 +39,7 @@ HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
 HEADER = "time [s],current [A],rotor angle [rad]"
 
 
+@cache
 def short(number: int, seconds: float = 4.0) -> tuple[Array, Log]:
     """The first seconds of a machine of the coverage benchmark."""
     true, log = coverage.machine(number)
@@ -142,35 +146,31 @@ def test_several_logs_are_fitted_together_and_no_window_joins_them() -> None:
         joined([first, replace(second, outputs={"rotor speed": second.outputs["rotor angle"]})])
 
 
-def _without_time(rows: Array) -> Array:
-    rows[300, 0] = rows[299, 0]
-    return rows
+def changed(where: Any, value: Callable[[Array], Any]) -> Any:
+    """A change of some entries of a log's rows."""
+
+    def change(rows: Array) -> Array:
+        rows[where] = value(rows)
+        return rows
+
+    return change
 
 
-def _constant(rows: Array) -> Array:
-    rows[:, 1] = 0.3
-    return rows
+def saturated(rows: Array) -> Array:
+    return np.minimum(np.sin(np.linspace(0, 40, len(rows)) ** 1.5) + 0.8, 0.6)
 
 
-def _missing(rows: Array) -> Array:
-    rows[100, 2] = np.nan
-    return rows
-
-
-def _saturated(rows: Array) -> Array:
-    wave = np.sin(np.linspace(0, 40, len(rows)) ** 1.5)
-    rows[:, 1] = np.minimum(wave + 0.8, 0.6)
-    return rows
+ALL = slice(None)
 
 
 @pytest.mark.parametrize(
     ("change", "header", "words"),
     [
         (lambda rows: rows[:10], HEADER, "has 10 rows of numbers; 50 or more are needed"),
-        (_without_time, HEADER, "the time does not rise at row 301"),
-        (_constant, HEADER, "the input is 0.3 A all the time"),
-        (_missing, HEADER, "is no number in row 102: fill or cut it"),
-        (_saturated, HEADER, "it saturates"),
+        (changed((300, 0), lambda rows: rows[299, 0]), HEADER, "the time does not rise at row 301"),
+        (changed((ALL, 1), lambda _: 0.3), HEADER, "the input is 0.3 A all the time"),
+        (changed((100, 2), lambda _: np.nan), HEADER, "is no number in row 102: fill or cut it"),
+        (changed((ALL, 1), saturated), HEADER, "it saturates"),
         (lambda rows: rows, "time [s],volts,rotor angle", "no column of the input 'current'"),
         (lambda rows: rows, "time [s],current,x", "no column of a state"),
         (lambda rows: rows, "a,current,rotor angle", "no column of the time"),
@@ -230,7 +230,7 @@ def test_a_prediction_is_that_of_another_integrator(experiment: Experiment) -> N
 def test_a_fit_finds_the_machine_and_predicts_what_was_held_out(
     experiment: Experiment, tmp_path: Path
 ) -> None:
-    true, log = short(0, 6.0)
+    true, log = short(0, 4.0)
     parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
     found = fit(parameters, log.between(0, 0.7), plant, **HOW)
     assert found.fitted.all()
@@ -266,18 +266,14 @@ actuator = [{ of = "current", delay = "2 ms" }]
 """
 # Uncertain numbers, and those that a log of current and angle does not show one by one.
 HIDDEN: list[tuple[list[str], set[str]]] = [
-    ([MASS, ARMATURE], {"rotor mass scale", "shaft armature"}),
     ([MASS, DAMPING, ARMATURE], {"rotor mass scale", "shaft armature"}),
-    ([MASS, ARMATURE, COMPUTING], {"rotor mass scale", "shaft armature"}),
     ([MASS, LENGTH], {"rotor mass scale", "rotor length scale"}),
     ([MASS, POINT], {"rotor added mass"}),
     ([MASS, DAMPING, SCALE], {"rotor mass scale", "shaft damping", "rotor angle scale"}),
     ([MASS, BIAS, DAMPING], {"rotor angle bias"}),
-    ([COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),
     ([MASS, COMPUTING, LATE_INPUT], {"computing delay", "current delay"}),
     ([COMPUTING, LATE_SENSOR], {"computing delay", "rotor angle delay"}),
     ([MASS, LATE_INPUT, LATE_SENSOR], {"current delay", "rotor angle delay"}),
-    ([MASS, DAMPING], set()),
     ([DAMPING, FRICTION], set()),
 ]
 
@@ -326,17 +322,10 @@ def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> No
     assert best_rung(rows) == {"rotor angle": "as it is"}
 
 
-def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(each) for each in arguments])
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
-
-
 def test_the_commands_write_and_say_what_they_found(
     tmp_path: Path, log: Log, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = csv(tmp_path / "bench.csv", columns(log))
+    path = csv(tmp_path / "bench.csv", columns(log)[:800])
     asked = ("identify", path, "servo/nominal", "--fit", "body.rotor.mass_scale")
     assert run(*asked, "--out", tmp_path) == cli.DONE
     said = capsys.readouterr().out
@@ -384,7 +373,7 @@ def test_a_wrong_option_is_one_line(
     tmp_path: Path, log: Log, capsys: pytest.CaptureFixture[str], options: tuple[Any, ...],
     words: str,
 ) -> None:  # fmt: skip
-    path = csv(tmp_path / "bench.csv", columns(log))
+    path = csv(tmp_path / "bench.csv", columns(log)[:800])
     fitted = () if "--fit" in options else ("--fit", "body.rotor.mass_scale")
     assert run("identify", path, "servo/nominal", *fitted, *options) == cli.WRONG
     error = capsys.readouterr().err
@@ -393,11 +382,14 @@ def test_a_wrong_option_is_one_line(
 
 
 @pytest.mark.slow
-def test_intervals_of_twenty_machines_contain_the_true_values(experiment: Experiment) -> None:
+def test_errors_are_as_large_as_their_intervals_say(experiment: Experiment) -> None:
+    """As parts of their 95 % intervals, whose half is 1.96 standard deviations."""
     parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
-    outside = np.zeros(len(coverage.NAMES))
-    for number in range(300, 320):
+    errors = []
+    for number in range(300, 305):
         true, log = short(number)
         found = fit(parameters, log, plant, **HOW)
-        outside += ~(np.abs(found.values - true) <= found.half)
-    assert (outside <= 4).all()
+        errors.append(1.96 * (found.values - true) / found.half)
+    # 15 normal deviates: 95 % of their mean squares lie between these.
+    assert 0.41 < np.mean(np.square(errors)) < 1.83
+    assert np.abs(errors).max() < 3.5

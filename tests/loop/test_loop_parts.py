@@ -1,8 +1,7 @@
-"""Sensors, computer and actuators: what each tells, holds and gives, beside SciPy and MuJoCo."""
+"""Sensors, computer and actuators: against their description, SciPy and MuJoCo."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -13,45 +12,90 @@ import scipy.linalg
 import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from looped import ANGLE, CURRENT, SPEED, H, applied, behind, played, scripted, seen, servo
+from looped import ANGLE, CURRENT, SPEED, H, applied, behind, played, scripted, seen
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.loop.actuators import actuate
-from grosmc_mj.loop.counter import normal
+from grosmc_mj.loop.counter import normal, uniform
 from grosmc_mj.loop.delay import send
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Trajectory
 
 EPS = np.finfo(float).eps
-EXAMPLES = settings(max_examples=25)
-# Of a mean of many independent numbers: one in 10^6 is beyond.
-SIGMAS = 5.0
-NOISE = {ANGLE: 0.2, SPEED: 0.7}
-commands = st.lists(st.floats(-5, 5), min_size=1, max_size=30)
-seeds = st.integers(0, 2**53 - 1)
+late = st.integers(0, 9).map(lambda steps: steps * H)
+size = st.floats(1e-4, 6)
 
 
-def watched(*sensors: Sensor, samples: int = 60, stride: int = 1, seed: int = 0) -> Trajectory:
-    """The servo as it is braked, and the readings of its sensors."""
-    u = np.linspace(0.0, -5.0, samples)
-    return played(u, Loop(sensors=sensors, seed=seed), x0=(0.4, 3.0), stride=stride)
+def rounded(value: float, q: float) -> float:
+    return q * math.floor(value / q + 0.5) if q else value
 
 
-# --- sensors ---
+@settings(max_examples=60)
+@given(
+    sensor=st.fixed_dictionaries(
+        {"resolution": st.just(0.0) | size, "scale": size, "noise": st.floats(0, 0.3),
+         "bias": st.floats(-1, 1), "drift": st.floats(-9, 9), "delay": late, "period": late}
+    ),
+    computing=st.fixed_dictionaries({"delay": late, "missed": st.floats(0, 0.95)}),
+    jitter=st.integers(0, 6),
+    actuator=st.fixed_dictionaries(
+        {"delay": late, "resolution": st.just(0.0) | size, "limit": size,
+         "rate_limit": st.floats(1, 1e4), "dead_zone": st.just(0.0) | st.floats(0.01, 1)}
+    ),
+    u=st.lists(st.floats(-5, 5), min_size=1, max_size=20),
+    stride=st.sampled_from([1, 3, 7]),
+    seed=st.integers(0, 2**53 - 1),
+    number=st.sampled_from([0, 1, 2**40]),
+)  # fmt: skip
+def test_a_loop_is_its_description_sample_by_sample(
+    sensor: Any, computing: Any, jitter: int, actuator: Any, u: Any, stride: int, seed: int,
+    number: int,
+) -> None:  # fmt: skip
+    """Exactly, from the true states and the script: each random number is that of its sample."""
+    jitter = min(jitter, stride - 1)
+    loop = Loop(
+        Computing(jitter=jitter * H, **computing),
+        (Sensor(ANGLE, **sensor), Sensor(SPEED, noise=0.7)),
+        actuators=(Actuator(CURRENT, **actuator),),
+        seed=seed,
+    )
+    run = played(u, loop, x0=(0.4, 3.0), stride=stride, run=number)
+    steps, states = len(run.command), len(SERVO.states)
+    taken = [
+        k * stride + (k > 0) * math.floor(uniform(seed, number, states, k) * (jitter + 1))
+        for k in range(len(u))
+    ]
+    outputs, output = [], 0.0
+    for k, demand in enumerate(u):
+        if uniform(seed, number, states + 1, k) >= computing["missed"]:
+            output = demand
+        outputs.append(output)
+    sampled = np.searchsorted(taken, np.arange(steps), side="right") - 1
+    np.testing.assert_array_equal(run.command, np.array(u)[sampled])
 
+    # The sensor's own samples are at multiples of its period; before them is the start.
+    delay, period = round(sensor["delay"] / H), round(sensor["period"] / H)
+    for i, k in enumerate(sampled.tolist()):
+        at = max(taken[k] - delay, 0)
+        at -= at % period if period else 0
+        noise = sensor["noise"] * normal(seed, number, 0, at) if sensor["noise"] else 0.0
+        offset = sensor["bias"] + sensor["drift"] * (at * H)
+        angle = sensor["scale"] * run.state[at, 0] + offset + noise
+        speed = run.state[taken[k], 1] + 0.7 * normal(seed, number, 1, taken[k])
+        assert seen(run)[i].tolist() == [rounded(angle, sensor["resolution"]), speed]
 
-@EXAMPLES
-@given(q=st.floats(1e-4, 1.0), noise=st.floats(0, 0.3))
-def test_an_encoder_tells_the_nearest_multiple(q: float, noise: float) -> None:
-    run = watched(Sensor(ANGLE, q, noise=noise))
-    told, exact = seen(run)[:, 0], seen(watched(Sensor(ANGLE, noise=noise)))[:, 0]
-    np.testing.assert_array_equal(told, q * np.round(told / q))
-    assert np.all(np.abs(told - exact) <= 0.5 * q * (1 + 2 * EPS) + 2 * EPS * np.abs(told))
-    # A state without a sensor is known exactly.
-    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
+    # A sum of two numbers is rounded once in the rate limit.
+    behind = round(computing["delay"] / H) + round(actuator["delay"] / H)
+    limit, dead, rated = actuator["limit"], actuator["dead_zone"], 0.0
+    for i in range(steps):
+        demand = outputs[sampled[i - behind]] if i >= behind else 0.0
+        demand = np.clip(rounded(demand, actuator["resolution"]), -limit, limit)
+        change = actuator["rate_limit"] * H
+        rated += np.clip(demand - rated, -change, change)
+        given_out = math.copysign(max(abs(rated) - dead, 0.0), rated)
+        assert run.input[i] == pytest.approx(given_out, rel=0, abs=100 * EPS * 6)
 
 
 def test_beyond_2_52_multiples_a_reading_is_as_it_is() -> None:
@@ -59,179 +103,9 @@ def test_beyond_2_52_multiples_a_reading_is_as_it_is() -> None:
     np.testing.assert_array_equal(seen(run)[:, 0], 1e8 + 0.3)
 
 
-def test_scale_bias_and_drift_add_up() -> None:
-    run = watched(Sensor(SPEED, scale=1.5, bias=0.25, drift=-8.0))
-    expected = 1.5 * run.state[:-1, 1] + 0.25 - 8.0 * run.time[:-1]
-    np.testing.assert_allclose(seen(run)[:, 1], expected, rtol=0, atol=8 * EPS * 4)
-
-
-@EXAMPLES
-@given(delay=st.integers(0, 9), period=st.integers(0, 9), stride=st.sampled_from([1, 2, 5]))
-def test_a_sensor_tells_of_its_own_last_sample(delay: int, period: int, stride: int) -> None:
-    """Its samples are at multiples of its period, each with one noise; before them is the start."""
-    sensor = Sensor(ANGLE, noise=0.1, delay=delay * H, period=period * H)
-    run = watched(sensor, samples=30, stride=stride, seed=3)
-    at = np.maximum(np.arange(len(run.time) - 1) // stride * stride - delay, 0)
-    at -= at % period if period else 0
-    drawn = [run.state[k, 0] + 0.1 * normal(3.0, 0.0, 0, k) for k in at.tolist()]
-    np.testing.assert_allclose(seen(run)[:, 0], drawn, rtol=0, atol=8 * EPS)
-
-
-def test_noise_has_its_size_and_rounding_is_noise_of_a_twelfth_of_the_square() -> None:
-    """The mean of N squares of normal numbers is off by sqrt(2 / N), of products by 1 / sqrt(N).
-
-    Errors even over q have E e^2 = q^2/12, Var e^2 = q^4/180.
-    """
-    N, q = 3000, 1.234e-3
-    noisy = watched(Sensor(ANGLE, noise=0.2), Sensor(SPEED, noise=0.7), samples=N)
-    e = (seen(noisy) - noisy.state[:-1]) / np.array([0.2, 0.7])
-    assert np.all(np.abs(np.mean(e, axis=0)) < SIGMAS / math.sqrt(N))
-    assert np.all(np.abs(np.mean(e**2, axis=0) - 1) < SIGMAS * math.sqrt(2 / N))
-    assert abs(np.mean(e[:, 0] * e[:, 1])) < SIGMAS / math.sqrt(N)
-    rounded = watched(Sensor(ANGLE, q), samples=N)
-    e = (seen(rounded) - rounded.state[:-1])[:, 0] / q
-    assert abs(np.mean(e)) < SIGMAS / math.sqrt(12 * N)
-    assert abs(np.mean(e**2) - 1 / 12) < SIGMAS / math.sqrt(180 * N)
-
-
-# --- the computer ---
-
-
-def computed(samples: int, stride: int, seed: int = 0, **numbers: float) -> Trajectory:
-    """A script that demands 1, 2, 3 ...: a number tells its sample."""
-    loop = Loop(Computing(**numbers), seed=seed)
-    return played(np.arange(1.0, samples + 1), loop, stride=stride, x0=(0.0, 1.0))
-
-
-def instants(run: Trajectory) -> Any:
-    """The timesteps in which samples were taken."""
-    return np.flatnonzero(np.diff(run.memory["samples"], prepend=0.0))
-
-
-@EXAMPLES
-@given(missed=st.floats(0, 0.95), seed=seeds, stride=st.sampled_from([1, 3]))
-def test_a_missed_sample_holds_the_output_before(missed: float, seed: int, stride: int) -> None:
-    run = computed(40, stride, seed, missed=missed)
-    np.testing.assert_array_equal(run.command, np.repeat(np.arange(1.0, 41), stride))
-    outputs, before = run.input.reshape(40, stride), 0.0
-    assert np.all(outputs == outputs[:, :1])
-    for demand, output in enumerate(outputs[:, 0].tolist(), start=1):
-        assert output in (demand, before)
-        before = output
-
-
-@EXAMPLES
-@given(late=st.integers(0, 6), seed=seeds, delay=st.integers(0, 9))
-def test_a_sample_is_late_by_timesteps_within_the_bound(late: int, seed: int, delay: int) -> None:
-    stride = 7
-    run = computed(40, stride, seed, jitter=late * H, delay=delay * H)
-    at = instants(run)
-    lateness = at - stride * np.arange(len(at))
-    assert lateness[0] == 0
-    assert np.all((lateness >= 0) & (lateness <= late))
-    # Sensors are read when it is late, and the law believes that it is not.
-    last = np.repeat(at, np.diff(at, append=len(run.command)))
-    np.testing.assert_array_equal(seen(run), run.state[last])
-    demand = 1.0 * np.searchsorted(at, np.arange(len(run.command)), side="right")
-    np.testing.assert_array_equal(run.command, demand)
-    np.testing.assert_array_equal(run.input, np.append(np.zeros(delay), demand)[: len(demand)])
-
-
-def test_missed_and_late_samples_are_as_frequent_as_they_should_be() -> None:
-    """Of N samples sqrt(N p (1 - p)) more or less; lateness is even."""
-    N, p, late = 6000, 0.3, 3
-    run = computed(N, 1, missed=p)
-    missed = np.sum(run.input != run.command)
-    assert abs(missed - N * p) < SIGMAS * math.sqrt(N * p * (1 - p))
-    at = instants(computed(N // 4, 4, jitter=late * H))
-    counts, share = np.bincount(at - 4 * np.arange(len(at))), 1 / (late + 1)
-    assert len(counts) == late + 1
-    spread = SIGMAS * math.sqrt(N / 4 * share * (1 - share))
-    assert np.all(np.abs(counts - N / 4 * share) < spread)
-
-
-# --- independence ---
-
-
-def assert_independent(series: dict[Any, Array]) -> None:
-    """Series of N numbers have a correlation of 1/sqrt(N); one in 10^6 is beyond five of it."""
-    for (a, x), (b, y) in itertools.combinations(series.items(), 2):
-        correlation = np.corrcoef(x, y)[0, 1]
-        assert abs(correlation) < SIGMAS / math.sqrt(len(x)), (a, b)
-
-
-def test_each_run_of_a_batch_has_its_own_sensor_noise() -> None:
-    samples, runs = 500, (0, 1, 2**40)
-    loop = Loop(sensors=tuple(Sensor(of, noise=size) for of, size in NOISE.items()))
-    laws = [in_loop(scripted(np.zeros(samples)), loop, servo().system, run=run) for run in runs]
-    start = np.zeros((len(runs), 2))
-    runs_of = simulate(servo(), laws, start, duration=samples * H, timestep=H, engine="python")
-    noise = seen(runs_of) - runs_of.state[:, :-1]
-    assert_independent({(run, j): noise[i, :, j] for i, run in enumerate(runs) for j in range(2)})
-
-
-def test_noise_lateness_and_missed_samples_are_drawn_independently() -> None:
-    """Sample k demands k + 1: commands tell when it was taken, inputs whether it was missed."""
-    samples, stride = 2000, 3
-    sensors = tuple(Sensor(of, noise=size) for of, size in NOISE.items())
-    demand = np.arange(1.0, samples + 1)
-    run = played(demand, Loop(Computing(jitter=H, missed=0.5), sensors), stride=stride)
-    at = np.flatnonzero(np.diff(run.command, prepend=0.0))
-    late, missed = at - stride * np.arange(samples), run.input[at] != run.command[at]
-    noise = (seen(run)[at] - run.state[at]).T
-    assert set(late) == {0, 1}
-    assert_independent(dict(enumerate([late * 1.0, missed * 1.0, *noise])))
-
-
-# --- actuators ---
-
-
-@EXAMPLES
-@given(u=commands, size=st.floats(0.01, 6))
-def test_limit_dead_zone_and_resolution(u: list[float], size: float) -> None:
-    np.testing.assert_array_equal(behind(u, limit=size), np.clip(u, -size, size))
-    beyond = [v - size if v > size else v + size if v < -size else 0.0 for v in u]
-    np.testing.assert_array_equal(behind(u, dead_zone=size), beyond)
-    rounded = behind(u, resolution=size)
-    np.testing.assert_array_equal(rounded, size * np.round(rounded / size))
-    bound = 0.5 * size * (1 + 2 * EPS) + 2 * EPS * np.abs(u)
-    assert np.all(np.abs(rounded - u) <= bound)
-
-
-@EXAMPLES
-@given(u=commands, rate=st.floats(1, 1e4))
-def test_the_rate_limit_is_kept_and_used(u: list[float], rate: float) -> None:
-    """From rest on; the output goes as far as it may towards the command."""
-    output, change = behind(u, rate_limit=rate), rate * H
-    before = np.append(0.0, output[:-1])
-    # A sum of two numbers is rounded once.
-    rounding = EPS * (np.abs(output) + np.abs(before) + change)
-    steps = np.abs(output - before)
-    assert np.all(steps <= change + rounding)
-    assert np.all(np.abs(steps - np.minimum(np.abs(u - before), change)) <= rounding)
-
-
-@EXAMPLES
-@given(
-    u=commands,
-    computer=st.integers(0, 7),
-    actuator=st.integers(0, 7),
-    stride=st.sampled_from([1, 3]),
-)
-def test_a_delay_is_exact_in_timesteps(
-    u: list[float], computer: int, actuator: int, stride: int
-) -> None:
-    loop = Loop(Computing(delay=computer * H), actuators=(Actuator(CURRENT, delay=actuator * H),))
-    run = played(u, loop, stride=stride)
-    np.testing.assert_array_equal(run.command, np.repeat(u, stride))
-    late = np.append(np.zeros(computer + actuator), run.command)[: len(run.command)]
-    np.testing.assert_array_equal(run.input, late)
-
-
-@pytest.mark.parametrize("steps", [1, 7])
-def test_a_delay_is_mujoco_s_own(steps: int) -> None:
+def test_a_delay_is_mujoco_s_own() -> None:
     """MuJoCo's attribute ``delay`` of an actuator; by Euler, whose step asks for the input once."""
-    u = np.random.default_rng(1).normal(size=60)
+    u, steps = np.random.default_rng(1).normal(size=60), 7
     plant = MujocoPlant.load("servo", integrator="Euler")
     law = in_loop(scripted(u), Loop(actuators=(Actuator(CURRENT, delay=steps * H),)), SERVO)
     ours = simulate(plant, law, [0.3, -0.2], duration=len(u) * H, engine="python")
@@ -253,8 +127,6 @@ def test_a_delay_is_mujoco_s_own(steps: int) -> None:
 # --- lags ---
 
 U = np.random.default_rng(2).uniform(-3, 3, 200)
-LAGS = pytest.mark.parametrize("lag", [2e-4, 2.3e-3, 2e-2])
-ORDERS = pytest.mark.parametrize("order", [1, 2])
 
 
 def at_the_ends(lag: float, order: int) -> Array:
@@ -270,13 +142,8 @@ def at_the_ends(lag: float, order: int) -> Array:
     return np.array(ends)
 
 
-def rounding(lag: float, order: int) -> float:
-    """Difference of two ways to compute it: some roundings a timestep, which fade away."""
-    return 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order
-
-
-@ORDERS
-@LAGS
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("lag", [2e-4, 2.3e-3, 2e-2])
 def test_lags_are_the_exact_discretization_and_their_output_is_its_mean(
     lag: float, order: int
 ) -> None:
@@ -292,7 +159,8 @@ def test_lags_are_the_exact_discretization_and_their_output_is_its_mean(
         means.append((transition @ [*x, 0.0, u])[order] / H)
         x = discrete[0] @ x + discrete[1][:, 0] * u
         ends.append(x[-1])
-    bound = rounding(lag, order)
+    # Two ways to compute it differ by some roundings a timestep, which fade away.
+    bound = 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order
     np.testing.assert_allclose(at_the_ends(lag, order), ends, rtol=0, atol=bound)
     # The mean is u less lag / H times the gain of the output.
     output = behind(U, lag=lag, order=order)

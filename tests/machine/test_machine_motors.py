@@ -1,4 +1,4 @@
-"""DC motors: a current loop on a supply against Ohm's and Kirchhoff's laws; reversed motors."""
+"""DC motors: Ohm's and Kirchhoff's laws, current loops on a supply, heat and reversed motors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from machined import GEAR, HEAVY, J, servo, stepped
 from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
@@ -16,18 +17,20 @@ from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import BodyEdit, Edit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
-GEAR = 0.667
-K, R, L, N, V, BANDWIDTH = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4
-HEAVY = BodyEdit("rotor", mass_scale=1e9)
+K, R, L, N, V, BANDWIDTH, STEP = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4, 1e-5
 
 
-def servo(*edits: Edit, timestep: float = 1e-5, integrator: Any = "implicitfast") -> MujocoPlant:
-    free = JointEdit("shaft", damping=0.0)
-    return MujocoPlant.load("servo", edits=(free, *edits), timestep=timestep, integrator=integrator)
+def motor(**numbers: Any) -> Motor:
+    return Motor("current", K, R, **{"ratio": N, **numbers})
 
 
 def loop(**numbers: Any) -> Motor:
-    return Motor("current", K, R, **{"ratio": N, "bandwidth": BANDWIDTH, "voltage": V, **numbers})
+    """With a current loop on a supply."""
+    return motor(**{"bandwidth": BANDWIDTH, "voltage": V, **numbers})
+
+
+def fine(*edits: Edit, timestep: float = STEP) -> MujocoPlant:
+    return servo(*edits, timestep=timestep, integrator="implicitfast")
 
 
 def asked(amperes: float) -> float:
@@ -35,148 +38,170 @@ def asked(amperes: float) -> float:
     return amperes * N * K / GEAR
 
 
-def run(plant: MujocoPlant, u: float, steps: int, held: float | None = None) -> Array:
-    """Speed, torque at the joint and current of the winding after each step."""
-    (winding,) = plant.hidden_states
-    model, rows = plant.model, []
-    data = mujoco.MjData(model)
-    data.ctrl[0] = u
-    for _ in range(steps):
-        if held is not None:
-            data.qvel[0] = held
-        mujoco.mj_step(model, data)
-        rows.append((data.qvel[0], data.qfrc_actuator[0], winding.scale * data.act[-1]))
-    return np.array(rows)
+def torque(data: mujoco.MjData) -> float:
+    return data.qfrc_actuator[0]
+
+
+def currents(plant: MujocoPlant, amperes: float, duration: float, speed: float = 0.0) -> Array:
+    """Of the winding at a held speed, where a current is asked for."""
+    winding = plant.hidden_states[-1]
+    act = stepped(plant, duration, lambda d: d.act[-1], asked(amperes), speed, held=True)
+    return winding.scale * act
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.7])
-@pytest.mark.parametrize("speed", [0.0, 20.0, 60.0, -30.0])
-def test_a_supply_holds_the_current_that_ohms_law_leaves_at_a_speed(
-    speed: float, efficiency: float
+@pytest.mark.parametrize(
+    ("numbers", "demand", "speed", "expected"),
+    [
+        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, 0.0, V / R),
+        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, 60.0, (V - K * N * 60) / R),
+        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, -30.0, (V + K * N * 30) / R),
+        # What the supply has enough voltage for is given whatever the speed.
+        ({"bandwidth": BANDWIDTH, "voltage": V}, 0.25, 60.0, 0.25),
+        ({"bandwidth": BANDWIDTH, "voltage": V, "current": 1.5}, 100.0, 0.0, 1.5),
+        ({"inductance": L, "voltage": V}, 100.0, 0.0, V / R),
+        ({"inductance": L}, V / R, 0.0, V / R),
+        ({"voltage": 3.0}, 100.0, 0.0, 3.0 / R),
+        ({"current": 2.0}, 100.0, 0.0, 2.0),
+    ],
+)
+def test_a_motor_gives_the_current_that_ohms_law_and_its_limits_leave(
+    numbers: dict[str, Any], demand: float, speed: float, expected: float, efficiency: float
 ) -> None:
-    plant = servo(HEAVY, loop(efficiency=efficiency))
-    _, torque, amperes = run(plant, asked(100.0), 400, held=speed)[-1]
-    holds = (V - K * N * speed) / R
-    assert amperes == pytest.approx(holds, rel=1e-6)
-    assert torque == pytest.approx(efficiency * N * K * holds, rel=1e-6)
-    # What the supply has enough voltage for is given whatever the speed.
-    small = 0.5 * min(holds, V / R)
-    share = asked(small * efficiency)
-    assert run(plant, share, 400, held=speed)[-1, 2] == pytest.approx(small, rel=1e-6)
+    """The share ``efficiency`` of its torque arrives at the joint, and is asked for more."""
+    plant = fine(HEAVY, motor(efficiency=efficiency, **numbers))
+    duration = 2e-2 if "inductance" in numbers else 4e-3
+    arrived = stepped(plant, duration, torque, asked(demand * efficiency), speed, held=True)[-1]
+    assert arrived == pytest.approx(efficiency * N * K * expected, rel=1e-6)
+    if plant.hidden_states and "current" not in numbers:
+        amperes = currents(plant, demand * efficiency, duration, speed)[-1]
+        assert amperes == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("speed", [0.0, 30.0])
 def test_a_current_rises_by_the_voltage_over_the_inductance_at_most(speed: float) -> None:
-    plant = servo(HEAVY, loop(inductance=L))
-    amperes = run(plant, asked(1.0), 200, held=speed)[:, 2]
-    slopes = np.diff(amperes, prepend=0.0) / 1e-5
-    assert np.abs(slopes).max() <= V / L * (1 + 1e-9)
+    amperes = currents(fine(HEAVY, loop(inductance=L)), 1.0, 2e-3, speed)
+    assert np.abs(np.diff(amperes, prepend=0.0) / STEP).max() <= V / L * (1 + 1e-9)
     assert amperes[-1] == pytest.approx(1.0, rel=1e-3)
     # Without the limit of a winding the loop's own lag is all that there is.
-    free = np.diff(run(servo(HEAVY, loop()), asked(1.0), 200, held=speed)[:, 2], prepend=0.0)
-    assert free.max() / 1e-5 > 2 * V / L
+    free = currents(fine(HEAVY, loop()), 1.0, 2e-3, speed)
+    assert np.diff(free, prepend=0.0).max() / STEP > 2 * V / L
 
 
 def test_a_loop_as_slow_as_its_winding_is_kirchhoffs_law() -> None:
     """Its pole is R/L: then no bound but the supply's acts, and V = L i' + R i + K w is exact."""
-    plant = servo(HEAVY, loop(inductance=L, bandwidth=R / L))
-    amperes = run(plant, asked(100.0), 300)[:, 2]
-    time = 1e-5 * np.arange(1, 301)
+    amperes = currents(fine(HEAVY, loop(inductance=L, bandwidth=R / L)), 100.0, 3e-3)
+    time = STEP * np.arange(1, 301)
     np.testing.assert_allclose(amperes, V / R * (1 - np.exp(-R / L * time)), rtol=1e-6)
 
 
 def test_a_quick_loop_is_ahead_of_kirchhoffs_law_by_what_docs_say_at_most() -> None:
     """By (K w + R i)/V of the rise: the bound on the rate is that of a winding at rest."""
-    most, demand = V / L, 1.0
-    amperes = run(servo(HEAVY, loop(inductance=L)), asked(demand), 200)[:, 2]
-    time = 1e-5 * np.arange(1, 201)
+    amperes, demand = currents(fine(HEAVY, loop(inductance=L)), 1.0, 2e-3), 1.0
+    time = STEP * np.arange(1, 201)
 
     def rise(_t: float, i: Array) -> Array:
         return np.clip(BANDWIDTH * (demand - i), (-V - R * i) / L, (V - R * i) / L)
 
     true = solve_ivp(rise, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12).y[0]
     assert np.all(amperes >= true - 1e-6)
-    assert np.all(amperes - true <= R * demand / V * np.minimum(most * time, demand) + 1e-6)
+    assert np.all(amperes - true <= R * demand / V * np.minimum(V / L * time, demand) + 1e-6)
 
 
-def test_most_current_and_cogging_are_the_motors_own_on_a_supply() -> None:
-    plant = servo(HEAVY, loop(current=1.5))
-    assert run(plant, asked(100.0), 400)[-1, 1] == pytest.approx(1.5 * N * K, rel=1e-6)
-    bumpy = {"cogging": 2e-3, "cogging_periods": 4.0}
-    made = [servo(HEAVY, loop(voltage=voltage, **bumpy)) for voltage in (V, math.inf)]
-    torques = []
-    for plant in made:
+def test_a_winding_has_its_time_constant_and_a_motor_its_no_load_speed() -> None:
+    plant = servo(HEAVY, motor(inductance=L), timestep=STEP)
+    assert [(state.name, state.unit) for state in plant.hidden_states] == [("current winding", "A")]
+    reached = np.argmax(currents(plant, V / R, 2e-3) >= (1 - math.exp(-1)) * V / R) * STEP
+    assert reached == pytest.approx(L / R, rel=0.01)
+    quick = servo(BodyEdit("rotor", mass_scale=0.01), motor())
+    speeds = stepped(quick, 5.0, lambda d: d.qvel[0], asked(V / R))
+    assert speeds[-1] == pytest.approx(V / (N * K), rel=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, -70.0])
+def test_a_rotors_inertia_at_the_joint_goes_with_the_square_of_the_ratio(ratio: float) -> None:
+    """By its kinetic energy at the joint's speed: the joint is slower by 1 + N^2 J_m/J."""
+    plant, rotor = servo(motor(ratio=ratio, inertia=2e-5)), 2e-5
+    data = mujoco.MjData(plant.model)
+    data.ctrl[0] = 0.5 / GEAR
+    mujoco.mj_forward(plant.model, data)
+    assert data.qacc[0] == pytest.approx(0.5 / (J + ratio**2 * rotor), rel=1e-9)
+
+
+def test_a_current_loop_follows_with_its_bandwidth_and_makes_up_for_the_back_emf() -> None:
+    plant = fine(motor(bandwidth=5e3))
+    rising = stepped(plant, 2e-3, torque, 1.0)
+    reached = np.argmax(rising >= (1 - math.exp(-1)) * GEAR) * STEP
+    assert reached == pytest.approx(1 / 5e3, rel=0.06)
+    assert rising[-1] == pytest.approx(GEAR, rel=1e-4)
+    coasting = stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)
+    assert coasting[-1] == pytest.approx(3.0, rel=1e-6)
+
+
+def test_cogging_is_the_motors_own_on_a_supply() -> None:
+    for voltage in (V, math.inf):
+        plant = fine(HEAVY, loop(voltage=voltage, cogging=2e-3, cogging_periods=4.0))
         data = mujoco.MjData(plant.model)
         data.qpos[0] = 0.01
         mujoco.mj_forward(plant.model, data)
-        torques.append(data.qfrc_actuator[0])
-    assert torques[0] == pytest.approx(N * 2e-3 * math.sin(4 * N * 0.01), rel=1e-9)
-    assert torques[0] == pytest.approx(torques[1], rel=1e-9)
+        assert torque(data) == pytest.approx(N * 2e-3 * math.sin(4 * N * 0.01), rel=1e-9)
 
 
-@pytest.mark.parametrize("efficiency", [1.0, 0.7])
-def test_a_voltage_amplifier_stalls_at_ohms_current_times_the_share_that_arrives(
-    efficiency: float,
-) -> None:
-    plant = servo(HEAVY, Motor("current", K, R, L, ratio=N, efficiency=efficiency, voltage=V))
-    _, torque, amperes = run(plant, asked(100.0), 2000)[-1]
-    assert amperes == pytest.approx(V / R, rel=1e-6)
-    assert torque == pytest.approx(efficiency * N * K * V / R, rel=1e-6)
+def test_a_motor_that_the_model_has_already_changes_nothing_while_it_is_cold_and_slow() -> None:
+    def wave(t: float) -> float:
+        return math.sin(5 * t)
+
+    part, brakes = motor(efficiency=0.8, added=False), JointEdit("shaft", damping=0.02)
+    rigid, driven = (
+        stepped(
+            MujocoPlant.load("servo", edits=edits),
+            0.5,
+            lambda d: d.qpos[0],
+            lambda t: math.sin(5 * t),
+        )
+        for edits in ((brakes,), (brakes, part))
+    )
+    assert driven == pytest.approx(rigid, rel=1e-9, abs=1e-12)
+    assert part.emf_damping == pytest.approx(0.8 * (N * K) ** 2 / R)
 
 
-def test_a_winding_behind_a_current_loop_without_a_supply_is_heated_by_its_own_resistance() -> None:
-    """As R i^2 of the winding, however large the resistance that keeps its current up."""
-    thermal, capacity, current = 5.0, 0.02, 1.5
-    motor = Motor(
-        "current", K, R, ratio=N, bandwidth=500.0, thermal_resistance=thermal,
-        heat_capacity=capacity,
-    )  # fmt: skip
-    plant = servo(HEAVY, motor, timestep=1e-4)
+def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
+    """As R i^2; behind a current loop without a supply, however large its resistance grows.
+
+    Copper's resistance grows by 0.39 % a kelvin, and a voltage heats it less then.
+    """
+    heated = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
+    plant = fine(HEAVY, motor(**heated), timestep=1e-3)
+    (heat,) = plant.hidden_states
+    kelvin = heat.scale * stepped(plant, 2.0, lambda d: d.act[0], asked(V / R))[-1]
+    assert heat.unit == "K"
+    assert kelvin == pytest.approx(5.0 * V**2 / (R * (1 + 0.0039 * kelvin)), rel=1e-3)
+    plant = fine(HEAVY, motor(bandwidth=500.0, **heated), timestep=1e-4)
     heat, winding = plant.hidden_states
-    data = mujoco.MjData(plant.model)
-    data.ctrl[0] = asked(current)
-    mujoco.mj_step(plant.model, data, nstep=2000)
+    kelvin, amperes = stepped(plant, 0.2, lambda d: (d.act[0], d.act[-1]), asked(1.5))[-1]
     # The current is there within 2 ms of the 0.2 s.
-    rise = thermal * R * current**2 * (1 - math.exp(-data.time / (thermal * capacity)))
-    assert heat.scale * data.act[0] == pytest.approx(rise, rel=0.01)
-    assert winding.scale * data.act[-1] == pytest.approx(current, rel=1e-6)
+    rise = 5.0 * R * 1.5**2 * (1 - math.exp(-0.2 / (5.0 * 0.02)))
+    assert heat.scale * kelvin == pytest.approx(rise, rel=0.01)
+    assert winding.scale * amperes == pytest.approx(1.5, rel=1e-6)
 
 
-# --- motors the other way round ---
+@pytest.mark.parametrize(
+    "part",
+    [motor(inductance=L, voltage=V), motor(bandwidth=500.0), loop(inductance=L, bandwidth=500.0)],
+    ids=["voltage", "current", "both"],
+)
+def test_a_motor_the_other_way_round_is_mirrored(part: Motor) -> None:
+    """Its current, where it turns against its joint; its input, under a negative gear."""
 
-KINDS = {
-    "voltage": Motor("current", K, R, L, ratio=N, voltage=V),
-    "current": Motor("current", K, R, ratio=N, bandwidth=500.0),
-    "both": loop(inductance=L, bandwidth=500.0),
-}
+    def wave(plant: MujocoPlant, sign: float) -> Array:
+        """Angle, speed, torque and winding under an input that uses all of the supply."""
+        read = lambda d: (d.qpos[0], d.qvel[0], torque(d), d.act[-1])  # noqa: E731
+        rows = stepped(plant, 0.25, read, lambda t: sign * 3 * math.sin(100 * t))
+        return rows * [1, 1, 1, plant.hidden_states[0].scale]
 
-
-def wave(plant: MujocoPlant, sign: float) -> tuple[Array, Array]:
-    """States and winding's current under an input that uses all of the supply."""
-    (winding,) = plant.hidden_states
-    model, rows, amperes = plant.model, [], []
-    data = mujoco.MjData(model)
-    for step in range(3000):
-        data.ctrl[0] = sign * 3 * math.sin(0.01 * step)
-        mujoco.mj_step(model, data)
-        rows.append((data.qpos[0], data.qvel[0], data.qfrc_actuator[0]))
-        amperes.append(winding.scale * data.act[-1])
-    return np.array(rows), np.array(amperes)
-
-
-@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
-def test_a_motor_that_turns_against_its_joint_has_its_current_mirrored(motor: Motor) -> None:
-    against = replace(motor, ratio=-motor.ratio)
-    rows, amperes = wave(servo(motor, timestep=1e-4), 1.0)
-    mirrored, other = wave(servo(against, timestep=1e-4), 1.0)
+    rows = wave(fine(part, timestep=1e-4), 1.0)
     assert np.abs(rows[:, 0]).max() > 0.01
-    np.testing.assert_array_equal(mirrored, rows)
-    np.testing.assert_array_equal(other, -amperes)
-
-
-@pytest.mark.parametrize("motor", KINDS.values(), ids=list(KINDS))
-def test_a_negative_gear_is_the_mirrored_input(motor: Motor) -> None:
-    mirrored = wave(servo(motor, timestep=1e-4), -1.0)
-    turned = servo(InputEdit("current", gear=-GEAR), motor, timestep=1e-4)
-    for found, wanted in zip(wave(turned, 1.0), mirrored, strict=True):
-        np.testing.assert_array_equal(found, wanted)
+    against = wave(fine(replace(part, ratio=-N), timestep=1e-4), 1.0)
+    np.testing.assert_array_equal(against * [1, 1, 1, -1], rows)
+    turned = fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4)
+    np.testing.assert_array_equal(wave(turned, 1.0), wave(fine(part, timestep=1e-4), -1.0))

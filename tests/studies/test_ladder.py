@@ -6,6 +6,8 @@ import itertools
 import json
 import math
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -482,37 +484,73 @@ def test_the_command_writes_what_it_found(
         assert (tmp_path / f"ladder_servo_machine.{suffix}").stat().st_size > 1000
 
 
-def test_a_resumed_ladder_runs_only_what_is_missing_and_only_of_the_same_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+class Killed(BaseException):
+    """Ends a ladder as SIGKILL does: nothing that is done at an interrupt is done."""
+
+
+def test_a_killed_ladder_goes_on_to_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From the rungs below the delay; the second result is that of a ladder never interrupted."""
-    climbed_rungs: list[tuple[str, bool]] = []
+    """From the rung at which it was killed; a file of another version is climbed anew."""
+    ran_rungs: list[tuple[str, bool]] = []
     stop = ["delay"]
 
     def counted(studied: Any, law: Any, rung: Rung, *rest: Any, **options: Any) -> Climb:
         if rung.name in stop:
-            raise KeyboardInterrupt
-        climbed_rungs.append((rung.name, options["together"]))
+            raise Killed
+        ran_rungs.append((rung.name, options["together"]))
         return stood(studied, law, rung, *rest, **options)
 
     monkeypatch.setattr(study_of, "climb", counted)
-    file, options = (
-        tmp_path / "ladder_servo_machine.json",
-        ("--laws", "lqr", "--out", str(tmp_path)),
-    )
-    assert ran("servo", *options) == 130
-    below = list(climbed_rungs)
+    file = tmp_path / "ladder_servo_machine.json"
+    options = ("--laws", "lqr", "--out", str(tmp_path))
+    with pytest.raises(Killed):
+        cli.main(["study", "ladder", "servo", *options])
+    assert not file.exists()
+    below = ran_rungs.copy()
+    assert below == [(name, True) for name in ("corrected", "physics", "sampled", "sensors")]
     stop.clear()
     assert ran("servo", *options, "--resume") == cli.DONE
-    resumed = json.loads(file.read_text(encoding="utf-8"))
-    assert climbed_rungs[: len(below)] == below
-    assert not set(below) & set(climbed_rungs[len(below) :])
+    resumed = file.read_bytes()
+    assert len(ran_rungs) == len(set(ran_rungs))
+    ran_rungs.clear()
     assert ran("servo", *options) == cli.DONE
-    assert resumed["climbs"] == json.loads(file.read_text(encoding="utf-8"))["climbs"]
-    file.write_text(json.dumps(resumed | {"configuration": {}}), encoding="utf-8")
-    capsys.readouterr()
-    assert ran("servo", *options, "--resume") == cli.WRONG
-    assert "is no ladder of this file by these versions" in capsys.readouterr().err
+    assert ran_rungs[: len(below)] == below
+    assert file.read_bytes() == resumed
+    ran_rungs.clear()
+    assert ran("servo", *options, "--resume") == cli.DONE
+    assert not ran_rungs
+    monkeypatch.setattr(study_of, "versions", lambda: {"mujoco": "another"})
+    assert ran("servo", *options, "--resume") == cli.DONE
+    assert ran_rungs[: len(below)] == below
+
+
+# Killed by itself while its fifth run is under way.
+KILLED = """
+import os, signal, sys
+from grosmc_mj import cli
+from grosmc_mj.studies import ladder
+climb, count = ladder.climb, iter(range(4))
+def killed(*parts, **options):
+    if next(count, None) is None:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return climb(*parts, **options)
+ladder.climb = killed
+cli.main(sys.argv[1:])
+"""
+
+
+@pytest.mark.slow
+def test_sigkill_keeps_what_was_climbed(tmp_path: Path) -> None:
+    file = written(tmp_path, CLAIMED)
+    outs = [tmp_path / name for name in ("killed", "undisturbed")]
+    options = [("study", "ladder", str(file), "--laws", "lqr", "--out", str(out)) for out in outs]
+    process = subprocess.run([sys.executable, "-c", KILLED, *options[0]], check=False)
+    assert process.returncode == -signal.SIGKILL
+    assert len(list((outs[0] / "ladder_mine").iterdir())) == 4
+    assert ran(*options[0][2:], "--resume") == ran(*options[1][2:]) == cli.DONE
+    one, other = ((out / "ladder_mine.json").read_text(encoding="utf-8") for out in outs)
+    assert one.replace(str(outs[0]), str(outs[1])) == other
 
 
 def test_a_ladder_of_other_python_or_of_another_model_is_another_one(tmp_path: Path) -> None:

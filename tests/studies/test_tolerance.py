@@ -19,31 +19,34 @@ from grosmc_mj import cli, executors
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Batch, Processes
 from grosmc_mj.loop import Loop
+from grosmc_mj.results.charts import write_cells
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
-from grosmc_mj.studies.search import (
+from grosmc_mj.studies.studied import Condition, judgeable_in
+from grosmc_mj.studies.tolerance import (
+    BEYOND,
     LEAST,
     MOST,
+    NOTE,
     RESOLUTION,
-    Search,
+    Setting,
+    Tolerance,
     Trial,
     TrialResult,
     Trials,
-)
-from grosmc_mj.studies.studied import Condition, judgeable_in
-from grosmc_mj.studies.tolerance import (
-    Setting,
-    Tolerance,
+    charts,
+    geometric_mean,
     least_of,
     least_table,
+    resolved,
     setting,
     tolerance_document,
     tolerances,
     tolerances_of_laws,
     tolerances_text,
     verdict,
-    write_tolerance_figure,
 )
+from grosmc_mj.sweep.search import Search
 
 DELAY = 0.05
 FILE = f"""
@@ -73,8 +76,12 @@ def of_file(tmp_path: Path, text: str = FILE, *laws: str) -> Setting:
     return replace(studied, conditions=studied.conditions[:1])
 
 
+def searched(most: float = MOST, **options: Any) -> Search:
+    return Search(most, geometric_mean, resolved, least=LEAST, **options)
+
+
 def answered(search: Search, keeps: Callable[[float], bool]) -> Search:
-    while factors := search.next_factors():
+    while factors := search.on_grid(BEYOND):
         assert not set(factors) & set(search.known)
         search.known |= {factor: keeps(factor) for factor in factors}
     return search
@@ -92,7 +99,7 @@ def answered(search: Search, keeps: Callable[[float], bool]) -> Search:
 def test_the_bound_is_searched_from_below(
     keeps: Callable[[float], bool], bound: float, again: list[tuple[float, float]]
 ) -> None:
-    search = answered(Search(), keeps)
+    search = answered(searched(), keeps)
     assert search.largest is not None
     assert search.failed is not None
     assert search.largest <= bound < search.failed <= search.largest * RESOLUTION * 1.001
@@ -100,24 +107,24 @@ def test_the_bound_is_searched_from_below(
 
 
 def test_nothing_breaks_it_and_everything_does_and_a_bound_ends_the_grid() -> None:
-    kept, never = answered(Search(), lambda _: True), answered(Search(), lambda _: False)
+    kept, never = answered(searched(), lambda _: True), answered(searched(), lambda _: False)
     assert (kept.largest, kept.failed) == (MOST, None)
     assert (never.largest, never.failed, never.again) == (None, LEAST, [])
-    bounded = answered(Search(3.0), lambda _: True)
+    bounded = answered(searched(3.0), lambda _: True)
     assert sorted(bounded.known) == [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 3.0]
 
 
 def test_times_on_a_grid_are_tried_once() -> None:
-    search = Search(same=lambda factor: round(4 * factor))
+    search = searched(same=lambda factor: round(4 * factor))
     answered(search, lambda factor: round(4 * factor) <= 5)
     assert (round(4 * (search.largest or 0)), round(4 * (search.failed or 0))) == (5, 6)
 
 
 @pytest.mark.parametrize("begin", [0.5, 40.0])
 def test_physics_walks_from_where_the_equations_end(begin: float) -> None:
-    search = Search()
+    search = searched()
     search.known[begin] = begin <= 5
-    while factors := search.local_factors():
+    while factors := search.factors():
         search.known |= {factor: factor <= 5 for factor in factors}
     assert search.largest is not None
     assert search.failed is not None
@@ -234,7 +241,7 @@ def test_lqr_stands_its_delay_margin_and_physics_agrees(tmp_path: Path) -> None:
     _, phase, _, crossing = control.margin(loop)
     held = studied.experiment.settings.control_period / 2
     margin = math.radians(phase) / crossing - held
-    rows = tolerances(studied, 0, 1, every=True)
+    rows = tolerances(studied, 0, 1)
     delay = next(row for row in rows if row.imperfection.name == "computing delay")
     assert delay.smallest_failed is not None
     # What grows by less than half in fifty seconds is not told from what does not.
@@ -251,18 +258,18 @@ def test_physics_confirms_the_least_and_what_is_next_to_a_limit(
     sensor = '[[sensor]]\nof = "rotor angle"\ndelay = "0.1 s"\nresolution = "0.1 rad"\n'
     studied = of_file(tmp_path, FILE.replace("[[controller]]", f"{sensor}[[controller]]"))
 
-    def checked(*, every: bool = False) -> list[Tolerance]:
-        rows = tolerances(studied, 0, 1, every=every)
+    def checked() -> list[Tolerance]:
+        rows = tolerances(studied, 0, 1)
         return [row for row in rows if row.physics_agrees is not None]
 
     monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
-    whole = checked(every=True)
-    assert len(whole) == len(studied.imperfections) == 4
-    assert all(row.physics_agrees for row in whole)
-    assert checked() == [min(whole, key=lambda row: row.largest_kept)]
+    least = checked()
     # The distance of the others from their limits is less than that.
     monkeypatch.setattr(tolerance, "LEAST_BAND", INFINITE)
-    assert checked() == whole
+    whole = checked()
+    assert len(whole) == len(studied.imperfections) == 4
+    assert all(row.physics_agrees for row in whole)
+    assert least == [min(whole, key=lambda row: row.largest_kept)]
     monkeypatch.undo()
     monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
     confirmed = tolerance._confirmed
@@ -354,7 +361,7 @@ def test_the_page_of_a_result_says_the_least_that_is_stood_ideally() -> None:
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit", condition="nominal")
     rows = [*made_up(studied), *weaker, *never, endless]
     document = json.loads(json_text(tolerance_document(studied, rows, 4, complete=False)))
-    assert {row.condition for row in least_of(rows) if row.law == "lqr"} == {"case1"}
+    assert {x.condition for (law, _), x in least_of(rows).items() if law == "lqr"} == {"case1"}
     lines = tolerances_text([document]).splitlines()
     header, lqr, implicit = (
         [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
@@ -385,9 +392,9 @@ def test_a_figure_names_its_case_and_cuts_nothing_off(
         figure.draw_without_rendering()
 
     monkeypatch.setattr("grosmc_mj.results.figure.write_figure", drawn)
-    write_tolerance_figure(studied, rows, tmp_path / "tolerance.png")
+    write_cells(tmp_path / "tolerance.png", "servo/bench", charts(studied, rows), NOTE)
     (figure,) = figures
-    assert figure.get_suptitle() == "servo/bench: what of the loop each law stands"
+    assert figure.get_suptitle() == "servo/bench"
     page = figure.bbox
     for text in figure.findobj(Text):
         if text.get_text() and text.get_visible():

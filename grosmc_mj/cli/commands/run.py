@@ -125,25 +125,28 @@ class RunCommand(Command):
             experiment, results, judged, complete=complete,
             premises=[audit_document(audit) for audit in premises],
         )  # fmt: skip
-        aside = keep_other(path, content, "configuration")
-        write_json(path, content)
-        write_curves(results, path.stem, path.parent)
-        answer = content["answers"][0]
-        words = f"{answer['words']}." if alone else f"{path.stem}: {answer['words']}."
-        screen.say_verdict(console, words, good=answer["verdict"] == KEPT)
-        screen.say_lines(console, list(_wrong(experiment, results, premises)), all=self.verbose)
-        for audit in premises:
-            held = f"{len(audit.premises) - len(audit.failed())} of {len(audit.premises)} hold"
-            console.print(f"premises of {audit.controller}: {held}", style="dim")
-        if judged and (alone or answer["verdict"] != KEPT):
-            console.print(_requirements(judged if alone else [x for x in judged if not x.kept]))
-        if alone:
-            console.print(runs_table(results))
-            for lines in _described(experiment):
-                screen.say_lines(console, lines, "dim", all=self.verbose)
-        if self.verbose:
-            screen.say_tables(content)
-            screen.wide_console().print(*map(audit_table, premises))
+        answer, aside = content["answers"][0], None
+        try:
+            aside = keep_other(path, content, "configuration")
+            write_json(path, content)
+            write_curves(results, path.stem, path.parent)
+        finally:
+            # Results that cannot be written are printed.
+            words = f"{answer['words']}." if alone else f"{path.stem}: {answer['words']}."
+            screen.say_verdict(console, words, good=answer["verdict"] == KEPT)
+            screen.say_lines(console, list(_wrong(experiment, results, premises)), all=self.verbose)
+            for audit in premises:
+                held = f"{len(audit.premises) - len(audit.failed())} of {len(audit.premises)} hold"
+                console.print(f"premises of {audit.controller}: {held}", style="dim")
+            if judged and (alone or answer["verdict"] != KEPT):
+                console.print(_requirements(judged if alone else [x for x in judged if not x.kept]))
+            if alone:
+                console.print(runs_table(results))
+                for lines in _described(experiment):
+                    screen.say_lines(console, lines, "dim", all=self.verbose)
+            if self.verbose:
+                screen.say_tables(content)
+                screen.wide_console().print(*map(audit_table, premises))
         if aside is not None:
             console.print(
                 f"{path.name} had results of another file or other settings: now in {aside.name}; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Annotated, Any
@@ -87,16 +87,6 @@ class FeedbackLinearization(Chains):
         """The numerator of det E(x), in lowest terms: where it is zero, no input brings v about."""
         return sp.factor(sp.fraction(sp.factor(sp.simplify(_determinant(self.E))))[0])
 
-    def singular_states(self) -> list[sp.Basic]:
-        """Where E is singular, as far as sympy can solve for it: conditions on single states."""
-        conditions: list[sp.Basic] = []
-        for factor, _ in sp.factor_list(self.singularity)[1]:
-            for x in [x for x in self.equations.x if factor.has(x)][:1]:
-                solutions = sp.solveset(factor, x, sp.Reals)
-                if solutions is not sp.S.EmptySet:
-                    conditions.append(sp.Contains(x, solutions, evaluate=False))
-        return conditions
-
     @cached_property
     def transformation(self) -> Callable[[Any, Any], tuple[float, ...]]:
         """Jitable (x, p) -> T(x)."""
@@ -159,19 +149,6 @@ class FeedbackLinearization(Chains):
             "linear-grosmc on the linearization, about an operating point ([plant] at, a "
             "state_task); and laws of an approximation that has a relative degree ([design] plant)"
         )
-
-    def inverse(self, z: Sequence[sp.Symbol]) -> list[Mapping[sp.Symbol, sp.Expr]]:
-        """x = T^-1(z) as sympy finds it: every branch, each state by its name.
-
-        Raises:
-            PremiseError: If z has not all of the state.
-        """
-        if not self.complete:
-            raise PremiseError(
-                f"T(x) has {len(self.T)} of {len(self.equations.x)} states: the other ones are the "
-                "zero dynamics, and it has no inverse"
-            )
-        return sp.solve(sp.Matrix(self.T) - sp.Matrix(z), self.equations.x, dict=True)
 
     def place(self, z: Array, p: Any, guess: Array) -> Array:
         """A state with T(x) = z, the rest of it as in ``guess``.

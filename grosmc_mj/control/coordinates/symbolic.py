@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import (
     InputMap,
@@ -22,7 +23,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     feedback_linearization,
 )
 from grosmc_mj.control.matrices import divide, solve
-from grosmc_mj.errors import ArgumentError, GainError, PremiseError
+from grosmc_mj.errors import ArgumentError, GainError, PremiseError, shown
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 
@@ -45,6 +46,14 @@ class ErrorCoordinates(OutputCoordinates):
 
     guess: tuple[float, ...] | None = None
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require("unit", self.unit, str, "a text, such as 'rad'")
+        if self.guess is not None:
+            guess, n = reals(self.guess), len(self.system.states)
+            if guess.shape != (n,) or not np.all(np.isfinite(guess)):
+                raise ArgumentError(f"guess = {shown(self.guess)} must be {n} finite numbers")
 
     @cached_property
     def linearization(self) -> FeedbackLinearization:

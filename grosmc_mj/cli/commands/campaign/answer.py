@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from grosmc_mj import sweep as campaigns
+from rich.console import Console
+
 from grosmc_mj.cli import screen
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from grosmc_mj.sweep.campaign import Campaign
-    from grosmc_mj.sweep.findings import Findings
-    from grosmc_mj.sweep.radius import Radius
-    from grosmc_mj.sweep.worst import Worst
+from grosmc_mj.results.tables import number
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.findings import ALL, Findings, findings_tables, judged_words, rate_interval
+from grosmc_mj.sweep.radius import Radius, radius_table
+from grosmc_mj.sweep.statistics import rate_shown
+from grosmc_mj.sweep.worst import Worst, worst_table
 
 
 def say_verdict(
@@ -32,15 +30,11 @@ def say_verdict(
     Returns:
         The exit code.
     """
-    rates = {
-        law: rate
-        for (requirement, law), rate in found.rates.items()
-        if requirement == campaigns.findings.ALL
-    }
+    rates = {law: rate for (requirement, law), rate in found.rates.items() if requirement == ALL}
     missed = False
     for law, rate in sorted(rates.items(), key=lambda pair: pair[1].rate):
         if at_least is not None:
-            shown = campaigns.statistics.rate_shown(rate.kept, rate.runs, confidence)
+            shown = rate_shown(rate.kept, rate.runs, confidence)
             # Of a tie, rounding has no say.
             good = shown >= at_least * (1 - 1e-12)
             missed = missed or not good
@@ -50,7 +44,7 @@ def say_verdict(
                 f"{100 * at_least:g} % are asked for."
             )
         else:
-            good, interval = rate.kept == rate.runs, campaigns.findings.rate_interval(rate, "to")
+            good, interval = rate.kept == rate.runs, rate_interval(rate, "to")
             interval = interval and f"{interval} % ({100 * rate.confidence:g} % interval)"
             words = (
                 f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
@@ -67,22 +61,20 @@ def say_findings(
     console: Console, campaign: Campaign, found: Findings, progress: Sequence[str], *, full: bool
 ) -> None:
     """The requirements that fail most first, what drives the margins, and what was sampled."""
-    from grosmc_mj.results.tables import number
-
     rows, lines = [], []
     for (requirement, law), rate in sorted(found.rates.items(), key=lambda pair: pair[1].rate):
-        if requirement != campaigns.findings.ALL:
+        if requirement != ALL:
             margin = found.summaries.get((requirement, law))
             least = f"{number(margin.least)} {found.units[requirement]}" if margin else "-"
             kept = (
                 f"{rate.kept} of {rate.runs}",
-                campaigns.findings.rate_interval(rate, "..") or "-",
+                rate_interval(rate, "..") or "-",
             )
             rows.append((requirement, law, *kept, least.rstrip()))
     columns = ("requirement", "law", "kept", "interval %", "least margin")
     console.print(screen.brief_table("", columns, rows, words=2, most=8))
     for (requirement, first, second), pair in found.differences.items():
-        if requirement == campaigns.findings.ALL:
+        if requirement == ALL:
             lines.append(
                 f"same plants: {first} alone keeps everything on {pair.only_first}, {second} alone "
                 f"on {pair.only_second}"
@@ -95,19 +87,17 @@ def say_findings(
             )
     screen.say_lines(console, lines, "", all=False)
     notes = [
-        campaigns.findings.judged_words(found.judges),
+        judged_words(found.judges),
         f"{found.sampled.words}. {found.sampled.footnote}",
     ]
     for line in filter(None, [*notes, *progress]):
         console.print(line, style="dim", markup=False)
-    for table in campaigns.findings.findings_tables(campaign, found) if full else ():
+    for table in findings_tables(campaign, found) if full else ():
         console.print("", table)
 
 
 def say_worst(console: Console, campaign: Campaign, found: Sequence[Worst], *, full: bool) -> None:
     """The worst plant under each law, the worst first."""
-    from grosmc_mj.results.tables import number
-
     lines = []
     for plant in sorted(found, key=lambda plant: plant.relative):
         line = (
@@ -119,7 +109,7 @@ def say_worst(console: Console, campaign: Campaign, found: Sequence[Worst], *, f
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full and found:
-        console.print(campaigns.worst.worst_table(campaign, found), "")
+        console.print(worst_table(campaign, found), "")
 
 
 def say_radius(
@@ -139,4 +129,4 @@ def say_radius(
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
     if full and found:
-        console.print(campaigns.radius.radius_table(campaign, found), "")
+        console.print(radius_table(campaign, found), "")

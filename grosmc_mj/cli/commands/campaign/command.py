@@ -3,36 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional, arg
 
-from grosmc_mj import sweep as campaigns
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Laws
-from grosmc_mj.cli.commands.campaign import answer
-from grosmc_mj.cli.commands.campaign.replay import replay_run
-from grosmc_mj.cli.commands.campaign.running import run_parts
 from grosmc_mj.cli.targets import TARGET
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.errors import ArgumentError
 
-if TYPE_CHECKING:
-    from grosmc_mj.sweep.campaign import Campaign
-    from grosmc_mj.sweep.findings import Findings
-    from grosmc_mj.sweep.radius import Radius
-    from grosmc_mj.sweep.store import Folder
-    from grosmc_mj.sweep.worst import Worst
-
-FOLDER = Path("renders") / "campaigns"
-_MOST_EVALUATIONS = 10**7
-# Options that are the specification's own.
-_SPECIFIED = (
-    "runs", "shard", "seed", "sampler", "controllers", "control_period", "duration", "integrator",
-    "screen",
-)  # fmt: skip
 # Options of a replay alone, and those that both have.
 _OF_REPLAY = ("controller", "engine", "case_file", "film")
 _OF_BOTH = ("target", "out", "figures", "verbose", "replay")
@@ -130,60 +110,15 @@ class CampaignCommand(Command):
     film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def execute(self) -> int:
-        """Run the missing parts, print the answer, search for worst plants and radii."""
-        from grosmc_mj.executors import make_executor
-
+        """Run the missing parts, print the answer, search; or repeat a run."""
         self._refuse_idle()
         if self.replay is not None:
+            from grosmc_mj.cli.commands.campaign.replay import replay_run
+
             return replay_run(self, self.replay)
-        if campaigns.store.Folder(Path(self.target)).begun:
-            raise ArgumentError(
-                f"{self.target} is a campaign's folder: --replay RUN repeats one of its runs; "
-                "its case file with --resume and --out goes on"
-            )
-        self._refuse_numbers()
-        specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
-        specification = campaigns.campaign.specification_of(self.target, **specified)
-        folder = campaigns.store.Folder(self.out or FOLDER / specification.name)
-        if folder.begun:
-            there = campaigns.store.read_manifest(folder.path)
-            campaigns.store.refuse_other_code(folder.path, there, specification)
-        campaign = campaigns.campaign.Campaign.of(specification)
-        self._refuse_axes(campaign.family.names)
-        executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
-        console = screen.console()
-        with folder.held():
-            notices = folder.begin(campaign, resume=self.resume)
-            if campaign.plant.restepped:
-                notices.append(
-                    f"Steps by {campaign.experiment.settings.integrator} instead of the model's "
-                    "own integrator, which may judge some plants otherwise."
-                )
-            late = f"never acts: runs end at {campaign.duration:g} s, before it begins."
-            notices += [*campaign.not_judged, *(f"{name} {late}" for name in campaign.idle)]
-            for line in notices:
-                screen.notice(line)
-            progress = run_parts(campaign, folder, executor)
-        found = campaigns.findings.findings(campaign, folder, self.confidence)
-        document = campaigns.findings.results_document(campaign, found)
-        files = [_written(folder, campaigns.findings.RESULTS, document)]
-        code = answer.say_verdict(console, campaign, found, self.at_least, self.confidence)
-        answer.say_findings(console, campaign, found, progress, full=self.verbose)
-        reached: list[Radius] = []
-        if self.worst:
-            plants = self._worst(campaign, found)
-            document = campaigns.worst.worst_document(campaign, plants)
-            files.append(_written(folder, campaigns.worst.WORST, document))
-            answer.say_worst(console, campaign, plants, full=self.verbose)
-        if self.radius:
-            reached = self._radii(campaign)
-            document = campaigns.radius.radius_document(campaign, reached)
-            files.append(_written(folder, campaigns.radius.RADIUS, document))
-            answer.say_radius(console, campaign, reached, full=self.verbose)
-        if self.figures:
-            files += campaigns.map.write_figures(campaign, folder, found, reached, self.axes)
-        screen.say_files(console, *files)
-        return code
+        from grosmc_mj.cli.commands.campaign.running import run
+
+        return run(self)
 
     def _refuse_idle(self) -> None:
         """Refuse options of the other kind: of a campaign in a replay, of a replay elsewhere."""
@@ -193,62 +128,3 @@ class CampaignCommand(Command):
             if idle and getattr(self, name) != option.default:
                 where = "for --replay only" if of_replay else "not for --replay"
                 raise ArgumentError(f"--{name.replace('_', '-')} is {where}: leave it out")
-
-    def _refuse_numbers(self) -> None:
-        """Refuse shares that are none, and too short a search, before anything is run."""
-        for name, value in (("confidence", self.confidence), ("at-least", self.at_least)):
-            if value is not None and not 0 < value < 1:
-                raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
-        if self.at_least is not None and self.sampler != "random":
-            raise ArgumentError(
-                f"--at-least takes independent runs, which --sampler {self.sampler} does not draw: "
-                "take --sampler random"
-            )
-        least = campaigns.worst.LEAST
-        if self.worst and not least <= self.evaluations <= _MOST_EVALUATIONS:
-            raise ArgumentError(
-                f"--evaluations {self.evaluations} must be {least} or more, up to "
-                f"{_MOST_EVALUATIONS}"
-            )
-
-    def _refuse_axes(self, names: list[str]) -> None:
-        """Refuse axes that are no two uncertain numbers."""
-        for name in self.axes:
-            if name not in names:
-                raise ArgumentError(unknown_name("uncertain number", name, names))
-        if self.axes and not len(self.axes) == len(set(self.axes)) == 2:
-            raise ArgumentError(f"--axes {' '.join(self.axes)}: name two uncertain numbers")
-
-    def _worst(self, campaign: Campaign, found: Findings) -> list[Worst]:
-        """The worst plant under each law."""
-        with screen.progress(2 * self.evaluations * len(campaign.judged), "runs") as advance:
-            return [
-                campaigns.worst.worst(
-                    campaign,
-                    law,
-                    found.worst[law],
-                    self.evaluations,
-                    partial(advance, f"worst plant under {law}"),
-                )
-                for law in campaign.judged
-            ]
-
-    def _radii(self, campaign: Campaign) -> list[Radius]:
-        """How far the uncertainty may grow under each law."""
-        reached = []
-        with screen.progress(len(campaign.judged), "controllers") as advance:
-            for law in campaign.judged:
-                words = f"radius under {law}"
-                advance(words, 0)
-                step = partial(lambda words, _: advance(words, 0), words)
-                reached.append(campaigns.radius.radius(campaign, law, step))
-                advance(words)
-        return reached
-
-
-def _written(folder: Folder, name: str, document: dict[str, Any]) -> Path:
-    """Write a result into the campaign's folder."""
-    from grosmc_mj.results.document import write_json
-
-    write_json(folder.path / name, document)
-    return folder.path / name

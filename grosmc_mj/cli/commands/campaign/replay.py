@@ -6,18 +6,25 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from grosmc_mj import sweep as campaigns
+import numpy as np
+from rich.console import Console
+
+from grosmc_mj.arguments import require_known
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.run import runs_table
 from grosmc_mj.cli.films import FOLDER, film_runs
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name
+from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments import tables
+from grosmc_mj.experiments.curves import draw_experiment, figure_size
+from grosmc_mj.results.document import write_json
+from grosmc_mj.results.figure import figure_written
+from grosmc_mj.simulation.simulate import Engine
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.replay import ReplayedRun, replay, replay_document
+from grosmc_mj.sweep.store import Folder, read_campaign
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from grosmc_mj.cli.commands.campaign.command import CampaignCommand
-    from grosmc_mj.sweep.campaign import Campaign
-    from grosmc_mj.sweep.replay import ReplayedRun
 
 
 def replay_run(command: CampaignCommand, which: str) -> int:
@@ -27,19 +34,15 @@ def replay_run(command: CampaignCommand, which: str) -> int:
         command: With the campaign's folder as its target.
         which: Number or name of the run.
     """
-    from grosmc_mj.experiments import tables
-    from grosmc_mj.simulation.simulate import Engine
-
-    if command.engine not in get_args(Engine):
-        raise ArgumentError(unknown_name("engine", command.engine, get_args(Engine)))
+    require_known("engine", command.engine, get_args(Engine))
     console, folder, engine = screen.console(), Path(command.target), command.engine
-    campaign, notices = campaigns.store.read_campaign(folder, command.case_file)
-    run: Any = (campaign, campaigns.store.Folder(folder), which, command.controller, engine)
-    found = campaigns.replay.replay(*run)
+    campaign, notices = read_campaign(folder, command.case_file)
+    run: Any = (campaign, Folder(folder), which, command.controller, engine)
+    found = replay(*run)
     result = found.judged
     law = re.sub(r"[^\w.+-]+", "_", result.controller.name)
     base = (command.out or folder / "replays") / f"{which}_{law}"
-    unwritten = _written(command, base, campaigns.replay.replay_document(campaign, found, engine))
+    unwritten = _written(command, base, replay_document(campaign, found, engine))
     if found.differences == []:
         by = " by the equations" if found.outcome["judged_by"][0] == "equations" else ""
         words = f"Run {which} is what the campaign stored{by}, bit for bit; engine {engine}."
@@ -74,8 +77,6 @@ def _written(command: CampaignCommand, base: Path, content: Any) -> str:
     Raises:
         SetupError: If it cannot be written where the user wants it.
     """
-    from grosmc_mj.results.document import write_json
-
     places = (base.parent, base.parent / FOLDER)
     if command.out is None and any(place.is_symlink() for place in places):
         return f"{base.parent} leads elsewhere"
@@ -92,9 +93,6 @@ def _draw(
     console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
 ) -> None:
     """The figure and the film, and where all is."""
-    from grosmc_mj.experiments.curves import draw_experiment, figure_size
-    from grosmc_mj.results.figure import figure_written
-
     files = [Path(f"{base}.json")]
     if command.figures:
         files.append(Path(f"{base}.png"))
@@ -109,8 +107,6 @@ def _draw(
 
 def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]]:
     """Margins of the run, the least first, and the plant's uncertain numbers, a line each."""
-    import numpy as np
-
     outcome, drawn = found.outcome, []
     margins = sorted(
         (float(outcome[f"margin {limit.key}"][0]), limit.words, limit.unit)

@@ -29,7 +29,8 @@ class LadderCommand(Command):
     follows the nominal optimum is from it, how the error swings in the end, how much the input
     varies.
 
-    Writes ladder_NAME.json, .png and .svg to --out; after Ctrl-C or SIGTERM what there is of them.
+    Writes ladder_NAME.json, .png and .svg to --out, after Ctrl-C or SIGTERM what there is of them,
+    and each finished run to the folder ladder_NAME.
 
     Attributes:
         target: A system, which means its machine, a case, or a case file, whose own edits and
@@ -38,7 +39,8 @@ class LadderCommand(Command):
             file; all by default, but for the rivals.
         rivals: Study lqi, pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
-        resume: Go on from the file that an interrupted ladder has left in --out.
+        resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
+            run is written, of the same file and versions.
         film: A law to film around where it breaks; none by default.
         gif: Write the film as an animated GIF as well.
         out: Folder for ladder_NAME.json and the figure.
@@ -65,9 +67,7 @@ class LadderCommand(Command):
         laws = {law.name: law for law in studied.laws}
         if self.film:
             require_known("law", self.film, laws)
-        known = {}
-        if self.resume:
-            known = {row.key: row for row in ladder.kept_rows(studied, self._path(studied))}
+        cells = ladder.Cells.of(studied, self._path(studied).with_suffix(""))
         steps = list(studied.steps())
         rows: list[Climb] = []
         with (
@@ -77,9 +77,11 @@ class LadderCommand(Command):
             for law, rung, condition, together in steps:
                 advance(law.name, 0)
                 key = (law.name, rung.name, condition.name, together)
-                rows.append(
-                    known.get(key) or ladder.climb(studied, law, rung, condition, together=together)
-                )
+                row = cells.read(*key) if self.resume else None
+                if row is None:
+                    row = ladder.climb(studied, law, rung, condition, together=together)
+                    cells.write(row)
+                rows.append(row)
                 advance(law.name, 1)
         files = self._write(studied, rows, complete=True)
         if self.film:
@@ -94,14 +96,17 @@ class LadderCommand(Command):
 
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
+        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.ladder import ladder_document, write_ladder_figure
+        from grosmc_mj.studies import ladder
 
         if not rows:
             return ()
         target = self._path(studied)
-        write_json(target, ladder_document(studied, rows, complete=complete))
-        return target, write_ladder_figure(studied, rows, target.with_suffix(".png"))
+        write_json(target, ladder.ladder_document(studied, rows, complete=complete))
+        title, maps = f"{studied.target}: where each law breaks", ladder.charts(studied, rows)
+        figure = target.with_suffix(".png")
+        return target, write_cells(figure, title, list(maps.values()), ladder.NOTE)
 
     def _film(self, studied: Ladder, law: StudiedLaw, rows: list[Climb]) -> Path:
         """Write the film; returns where it is."""

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
-
-if TYPE_CHECKING:
-    from grosmc_mj.studies.region import Region
 
 
 @dataclass(frozen=True)
@@ -31,6 +26,10 @@ class RegionCommand(Command):
     feedback linearization is undefined (the pole at or below the horizontal; the Jacobian LQR is
     stopped there too); the plant may be singular; or the run stays and does not converge.
 
+    Steps are implicitfast's. Where equations give MuJoCo's own accelerations, maps are made on
+    these, in steps of RK4, and every start beside another outcome is confirmed in MuJoCo, with 2 %
+    of the others.
+
     Writes region_SYSTEM.json, .png and .svg to --out.
 
     Attributes:
@@ -39,18 +38,8 @@ class RegionCommand(Command):
         controllers: Laws to map, such as cart-ism and cart-pfl; by default those of validate.
         points: Starts along each axis, from 2 to 1000.
         axes: Two states that the starts differ in, such as theta theta_dot or p theta.
-        angle: Starts of an angle go from -DEG to DEG.
-        rate: Starts of an angular rate go from -RATE to RATE, in rad/s.
-        position: Starts of a position go from -M to M.
-        speed: Starts of a speed go from -SPEED to SPEED, in m/s.
+        limits: Starts go from minus to plus this on each axis, in degrees, rad/s, m or m/s.
         duration: Time that a start is given to converge, in s.
-        integrator: MuJoCo's integrator: implicitfast is the quickest; RK4, which the other commands
-            use, takes four times as long.
-        switching: Switching law of the sliding mode laws, as for validate.
-        surface: printed or discrete, as for validate.
-        screen: auto makes maps on the equations, in steps of RK4, where these give MuJoCo's own
-            accelerations, and has every start beside another outcome confirmed in MuJoCo, and 2 %
-            of the others; none makes all of them in MuJoCo.
         out: Folder for region_SYSTEM.json and the figure.
     """
 
@@ -64,15 +53,11 @@ class RegionCommand(Command):
         tuple[str, str] | None,
         arg(metavar="X Y", help_behavior_hint="(default: the controlled position and its rate)"),
     ] = None
-    angle: Annotated[float, arg(metavar="DEG")] = 90.0
-    rate: Annotated[float, arg(metavar="RATE")] = 10.0
-    position: Annotated[float, arg(metavar="M")] = 1.0
-    speed: Annotated[float, arg(metavar="SPEED")] = 2.0
+    limits: Annotated[
+        tuple[float, float] | None,
+        arg(metavar="X Y", help_behavior_hint="(default: 90 degrees, 10 rad/s, 1 m, 2 m/s)"),
+    ] = None
     duration: Annotated[float, arg(metavar="S")] = 12.0
-    integrator: Annotated[str, arg(metavar="NAME")] = "implicitfast"
-    switching: Annotated[str, arg(metavar="NAME")] = "sign"
-    surface: Annotated[str, arg(metavar="printed|discrete")] = "printed"
-    screen: Annotated[str, arg(metavar="auto|none")] = "auto"
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
@@ -80,10 +65,11 @@ class RegionCommand(Command):
         from grosmc_mj.results.document import json_text
         from grosmc_mj.studies import region as study
 
-        region = self._region()
+        options = ("target", "points", "duration", "axes", "limits", "controllers")
+        region = study.Region(**{name: getattr(self, name) for name in options})
         target = self.out / f"region_{region.system.name}.json"
         for case, why in region.why_not.items():
-            if why and self.screen != "none":
+            if why:
                 screen.notice(f"{case}: not screened by equations: {why}.")
         # Opened before the work: a place that cannot be written is refused at once, and what is
         # there already stays until all of the new is complete.
@@ -93,48 +79,13 @@ class RegionCommand(Command):
             content = study.region_document(region, maps)
             part.write_text(json_text(content), encoding="utf-8")
         figure = study.write_region_figure(region, maps, target.with_suffix(".png"))
-        console, least = screen.console(), min(maps, key=lambda found: found.converged)
+        console, least = screen.console(), min(maps, key=lambda law_map: law_map.converged)
         console.print(
             f"{least.controller} on {least.case.name} converges from the fewest starts: "
             f"{least.converged:.1f} % of {least.grid.size}.",
             style="bold",
         )
         console.print(study.region_table(region, maps))
-        console.print(study.legend(region, maps), style="dim")
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, target, figure)
         return screen.DONE
-
-    def _region(self) -> Region:
-        """The maps, in SI units.
-
-        Raises:
-            ArgumentError: If a limit is not positive.
-        """
-        from grosmc_mj.experiments.runs import Settings
-        from grosmc_mj.studies.region import Region
-
-        options = ("angle", "rate", "position", "speed")
-        for name in options:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ArgumentError(f"--{name} {value:g} must be finite and positive")
-        return Region(
-            target=self.target,
-            points=self.points,
-            duration=self.duration,
-            axes=self.axes,
-            limits={
-                "rad": math.radians(self.angle),
-                "rad/s": self.rate,
-                "m": self.position,
-                "m/s": self.speed,
-            },
-            settings=Settings(
-                integrator=self.integrator,  # pyright: ignore[reportArgumentType]
-                switching=self.switching,
-                surface=self.surface,  # pyright: ignore[reportArgumentType]
-            ),
-            controllers=self.controllers,
-            screen=self.screen,  # pyright: ignore[reportArgumentType]
-        )

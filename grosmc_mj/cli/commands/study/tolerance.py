@@ -39,7 +39,6 @@ class ToleranceCommand(Command):
             file; all by default, but for the rivals.
         rivals: Study lqi, pid, adrc and adaptive, too.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
-        every_end: Confirm both ends of each answer in MuJoCo, under every condition.
         out: Folder for tolerance_NAME.json and the figure.
     """
 
@@ -47,7 +46,6 @@ class ToleranceCommand(Command):
     laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
     seeds: Annotated[int, arg(metavar="N")] = 4
-    every_end: Annotated[bool, FlagCreatePairsOff] = False
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
     def execute(self) -> int:
@@ -69,9 +67,7 @@ class ToleranceCommand(Command):
             screen.progress(len(studied.laws) * size, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
-            for index, own in tolerances_of_laws(
-                studied, self.seeds, executor, screen.notice, every=self.every_end
-            ):
+            for index, own in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
                 answers[index] = own
                 advance(studied.laws[index].name, size)
         files = self._write(studied, rows(), complete=True)
@@ -83,27 +79,27 @@ class ToleranceCommand(Command):
         self, studied: Setting, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns where they are, nowhere without a row."""
+        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies.tolerance import tolerance_document, write_tolerance_figure
+        from grosmc_mj.studies import tolerance as study
 
         if not rows:
             return ()
         target = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-        write_json(target, tolerance_document(studied, rows, self.seeds, complete=complete))
-        return target, write_tolerance_figure(studied, rows, target.with_suffix(".png"))
+        write_json(target, study.tolerance_document(studied, rows, self.seeds, complete=complete))
+        title = f"{studied.target}: what of the loop each law stands"
+        figure = target.with_suffix(".png")
+        return target, write_cells(figure, title, study.charts(studied, rows), study.NOTE)
 
     def _answer(self, rows: list[Tolerance]) -> None:
-        """Print which law breaks first, which keep the bench, and how much each law stands."""
+        """Print which law breaks first, and how much each law stands."""
         from grosmc_mj.studies import tolerance as study
 
-        console, wide = screen.console(), screen.wide_console()
+        console = screen.console()
         console.print(study.verdict(rows), style="bold", markup=False)
-        for line in study.notes(rows):
-            console.print(line, markup=False)
         least = study.least_table(rows, "The least over the conditions kept ideally")
         if self.verbose:
-            wide.print(least)
-            wide.print(study.every_answer(rows))
+            screen.wide_console().print(least)
         else:
             table, left = study.in_width(least)
             console.print(table)

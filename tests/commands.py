@@ -1,0 +1,23 @@
+"""The command line in this process: its exit codes, and the one line of a mistake."""
+
+from __future__ import annotations
+
+import pytest
+
+from grosmc_mj import cli
+
+
+def run(*arguments: object) -> int:
+    """Exit code of a command."""
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(argument) for argument in arguments])
+    assert isinstance(stop.value.code, int)
+    return stop.value.code
+
+
+def assert_one_line(error: str) -> None:
+    """Standard error is one line that can be printed, of a mistake that was foreseen."""
+    assert error.startswith("grosmc-mj: ")
+    assert error.count("\n") == 1
+    assert error[:-1].isprintable()
+    assert "unforeseen" not in error

@@ -1,0 +1,329 @@
+"""grosmc-mj campaign and its replays: the files, the exit codes, wrong use in one line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, run, servo
+
+from grosmc_mj import cli
+from grosmc_mj.cli.commands.campaign import answer
+from grosmc_mj.cli.commands.campaign.command import CampaignCommand
+from grosmc_mj.sweep import map as maps
+from grosmc_mj.sweep.store import Folder
+
+TEXT = servo(laws=LQR, limits=DEVIATION)
+PART = Path("parts") / "part-0000000.parquet"
+SEARCHES = ("--worst", "--evaluations", "128", "--radius")
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A servo's campaign under LQR, which compiles soonest."""
+    path = tmp_path_factory.mktemp("files") / "small.toml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of sixteen runs with all searches."""
+    path = tmp_path_factory.mktemp("campaign") / "out"
+    sixteen = ("campaign", file, "--runs", "16", "--out", path, "--no-figures")
+    assert run(*sixteen, *SEARCHES) == cli.DONE
+    return path
+
+
+def document(folder: Path, name: str) -> dict[str, Any]:
+    return json.loads((folder / f"{name}.json").read_text())
+
+
+def words(capsys: pytest.CaptureFixture[str]) -> str:
+    """The answer without its line breaks."""
+    return " ".join(capsys.readouterr().out.split())
+
+
+def wrong(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The one line about wrong use."""
+    capsys.readouterr()
+    assert run(*arguments) == cli.WRONG
+    line = capsys.readouterr().err
+    assert line.startswith("grosmc-mj: ")
+    assert line.count("\n") == 1
+    return line
+
+
+def test_the_documents_have_the_numbers_of_the_runs(folder: Path) -> None:
+    documents = {"manifest.json", "results.json", "worst.json", "radius.json"}
+    assert {path.name for path in folder.iterdir()} == {".lock", "parts", *documents}
+    results = document(folder, "results")
+    assert results["sampled"]["words"] == "16 runs, random, seed 0"
+    relative = pq.read_table(folder / PART)["relative"].to_numpy()
+    rates = {rate["requirement"]: rate for rate in results["pass_rates"]}
+    assert rates["all requirements"]["kept"] == (relative >= 0).sum()
+    worst = document(folder, "worst")["controllers"]["lqr"]
+    assert worst["fails"]
+    assert worst["relative"] <= relative.min()
+    radius = document(folder, "radius")["controllers"]["lqr"]
+    assert radius["found"] < radius["outside_scale"] <= 1
+
+
+def test_the_answer_has_the_numbers_and_what_they_do_not_prove(
+    file: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
+    assert run(*again) == cli.DONE
+    shown = words(capsys)
+    for phrase in ("1 of 1 parts are there already.", "deviation below 3 mrad", "no proof"):
+        assert phrase in shown
+
+
+def test_a_campaign_that_requires_nothing_says_who_completed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "free.toml"
+    path.write_text(servo(laws=LQR, limits=""))
+    assert run("campaign", path, "--runs", "16", "--out", tmp_path / "out", "--verbose") == cli.DONE
+    shown = words(capsys)
+    assert "lqr: nothing is required of it." in shown
+    assert "16 of 16" in shown
+    assert not list((tmp_path / "out").glob("map.*"))
+
+
+@pytest.mark.parametrize(("runs", "code"), [(4, cli.DIFFERS), (5, cli.DONE)])
+def test_five_runs_without_failure_show_50_percent(
+    tmp_path: Path, runs: int, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
+    easy = tmp_path / "easy.toml"
+    easy.write_text(TEXT.replace("3 mrad", "100 mrad"))
+    claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / "out")
+    assert run("campaign", easy, "--runs", runs, *claim) == code
+    shown = words(capsys)
+    assert "of the declared design keep everything" in shown
+    assert "50 % are asked for" in shown
+
+
+def test_who_judged_is_shown_and_why_equations_did_not(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    screened = ("campaign", file, "--no-figures", "--runs", "64", "--screen", "equations", "--out")
+    out = tmp_path / "equations"
+    assert run(*screened, out) == cli.DONE
+    shown, judged = capsys.readouterr(), document(out, "results")["judged"]["lqr"]
+    assert judged["runs"] == 64
+    assert 0 < judged["by_equations"] < 64
+    assert f"{judged['by_equations']} of 64 runs judged by the equations, " in shown.out
+    assert "instead of the model's own" not in shown.err
+    judges = pq.read_table(out / PART)["judged_by"].to_pylist()
+    assert judges.count("equations") == judged["by_equations"]
+    number = judges.index("equations")
+    assert run("campaign", out, "--replay", number, "--no-figures") == cli.DONE
+    assert "campaign stored by the equations, bit for bit" in words(capsys)
+    other = tmp_path / "physics"
+    assert run(*screened, other, "--integrator", "implicitfast") == cli.DONE
+    shown = capsys.readouterr()
+    why = "equations are stepped by RK4, the model by implicitfast"
+    assert f"No run is screened by equations: {why}." in shown.err
+    assert "instead of the model's own" in shown.err
+    assert "by the equations" not in shown.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--runs", "0"), "runs = 0 must be a whole number from 1"),
+        (("--executor", "slurm"), "unknown executor 'slurm'"),
+        (("--executor", "batch", "--workers", "2"), "workers"),
+        (("--axes", "load amplitude", "mass"), "unknown uncertain number 'mass'"),
+        (("--axes", "load amplitude", "load amplitude"), "name two uncertain numbers"),
+        (("--axes", "load amplitude"), "--axes load amplitude: name two uncertain numbers"),
+        (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
+        (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
+        (
+            ("--at-least", "0.5", "--sampler", "sobol"),
+            "--sampler sobol does not draw: take --sampler random",
+        ),
+        (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
+        (("--laws", "mpc"), "unknown law 'mpc'"),
+        (("--duration", "1e300"), "duration = 1e+300 must be above 0 to 1e+06 s"),
+    ],
+)
+def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
+    arguments: tuple[str, ...],
+    line: str,
+    file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert line in wrong(capsys, "campaign", file, "--out", tmp_path / "out", *arguments)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "line"),
+    [
+        ("campaign", "[plant", "no valid TOML"),
+        ("campaign", 'name = "../up"\n' + TEXT, "must be a name for files"),
+        (
+            "run",
+            servo(2 * AMPLITUDE, laws=LQR, limits=DEVIATION),
+            "two are uncertain 'load amplitude'",
+        ),
+        *(
+            (
+                command,
+                # The servo's reference is 1 rad.
+                servo(laws=LQR, limits='[[requirement]]\nsettles_within = "10 ms"\n').replace(
+                    "start = {}", 'start = { "rotor angle" = "1 rad" }'
+                ),
+                "settles_within: its band is 2 % of the error at the start",
+            )
+            for command in ("run", "campaign", "study tolerance")
+        ),
+    ],
+)
+def test_a_wrong_file_gets_one_line(
+    command: str, text: str, line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    assert line in wrong(capsys, *command.split(), path, "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_replay_says_what_it_needs(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = wrong(capsys, "campaign", folder)
+    assert "is a campaign's folder: --replay RUN repeats one of its runs" in line
+
+
+def test_a_second_campaign_in_the_folder_waits_for_the_first(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    eight = ("campaign", file, "--runs", "8", "--out", out, "--no-figures")
+    with Folder(out).held():
+        for more in ((), ("--resume",)):
+            assert "another grosmc-mj campaign adds parts to it" in wrong(capsys, *eight, *more)
+        assert [path.name for path in out.iterdir()] == [".lock"]
+    assert run(*eight) == cli.DONE
+
+
+# Results are written before they are shown.
+
+
+def test_an_interrupt_says_how_to_go_on(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("grosmc_mj.sweep.store.run_missing", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        CampaignCommand(str(file), runs=8, out=tmp_path).execute()
+    assert str(stop.value) == (
+        "interrupted: 0 of 1 parts are done; the same command with --resume runs the others"
+    )
+
+
+def test_results_are_written_before_they_are_shown(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, written = tmp_path / "out", {}
+
+    def noted(name: str, shows: Any) -> Any:
+        def show(*arguments: Any, **options: Any) -> Any:
+            written[name] = {path.stem for path in out.glob("*.json")} - {"manifest"}
+            assert not list(out.glob("*.png"))
+            return shows(*arguments, **options)
+
+        return show
+
+    for name in ("say_verdict", "say_worst", "say_radius"):
+        monkeypatch.setattr(answer, name, noted(name, getattr(answer, name)))
+    monkeypatch.setattr(maps, "write_figures", noted("figures", lambda *_: []))
+    assert run("campaign", file, "--runs", "8", "--out", out, *SEARCHES) == cli.DONE
+    assert written == {
+        "say_verdict": {"results"},
+        "say_worst": {"results", "worst"},
+        "say_radius": {"results", "worst", "radius"},
+        "figures": {"results", "worst", "radius"},
+    }
+    # The verdict comes before searches and figures.
+    assert list(written) == ["say_verdict", "say_worst", "say_radius", "figures"]
+
+
+# Replays.
+
+
+@pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
+def test_replays(folder: Path, which: str, capsys: pytest.CaptureFixture[str]) -> None:
+    replay = ("campaign", folder, "--replay", which, "--engine", "python", "--no-figures")
+    assert run(*replay) == cli.DONE
+    assert ("bit for bit" in words(capsys)) == (which == "3")
+    (margin,) = document(folder / "replays", f"{which}_lqr")["margins"].values()
+    worst, radius = (document(folder, name)["controllers"]["lqr"] for name in ("worst", "radius"))
+    least = {look["scale"]: look["least"] for look in radius["looks"]}
+    assert (
+        margin / 3e-3
+        == {
+            "3": pq.read_table(folder / PART)["relative"][3].as_py(),
+            "worst": worst["relative"],
+            "shrunk": worst["shrunk_relative"],
+            "outside": least[radius["outside_scale"]],
+        }[which]
+    )
+
+
+def test_a_tampered_run_is_no_replay(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    replay = ("campaign", copy, "--no-figures", "--replay")
+    table = replaced(pq.read_table(copy / PART), "ended", 1, 0.049)
+    forged(copy / PART, table)
+    assert run(*replay, "0") == cli.DONE
+    assert run(*replay, "1") == cli.DIFFERS
+    assert "differs: ended: 0.049 was stored, 0.05 is found" in words(capsys)
+    pq.write_table(replaced(table, "ended", 1, 0.048), copy / PART)
+    assert "part-0000000.parquet is damaged" in wrong(capsys, *replay, "0")
+
+
+@pytest.mark.parametrize(("in_the_way", "code"), [("a file", cli.DIFFERS), ("a link", cli.DONE)])
+def test_a_replay_that_cannot_be_written_is_judged(
+    folder: Path, tmp_path: Path, in_the_way: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file, where root cannot write either; a folder of somebody else's may lead anywhere."""
+    copy = Path(shutil.copytree(folder, tmp_path / "copy", ignore=lambda *_: ["replays"]))
+    if in_the_way == "a file":
+        (copy / "replays").touch()
+        forged(copy / PART, replaced(pq.read_table(copy / PART), "ended", 3, 0.049))
+    else:
+        (tmp_path / "elsewhere").mkdir()
+        (copy / "replays").symlink_to(tmp_path / "elsewhere")
+    assert run("campaign", copy, "--replay", "3", "--film") == code
+    shown = words(capsys)
+    assert ("bit for bit" in shown) == (code == cli.DONE)
+    assert ("differs: ended" in shown) == (code == cli.DIFFERS)
+    assert "Nothing is written: " in shown
+    assert "--out DIR keeps it." in shown
+    assert not list(tmp_path.rglob("3_lqr*"))
+    own = tmp_path / "own"
+    assert run("campaign", copy, "--replay", "3", "--no-figures", "--out", own) == code
+    assert [path.name for path in own.iterdir()] == ["3_lqr.json"]
+
+
+def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
+    file, out = tmp_path / "case.toml", tmp_path / "deep" / "er" / "out"
+    laws = LQR + 'name = "/../../../up/../a.b"\n'
+    file.write_text(servo(AMPLITUDE, laws=laws, limits=DEVIATION))
+    assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DONE
+    assert run("campaign", out, "--replay", "0", "--no-figures") == cli.DONE
+    assert [path.name for path in out.rglob("0_*")] == ["0__.._.._.._up_.._a.b.json"]

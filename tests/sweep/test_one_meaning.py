@@ -1,0 +1,53 @@
+"""A requirement means the same in a run, in a campaign and in a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from campaign_cases import INERTIA, LQR
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.studies.tolerance import Trial, Trials, setting
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.screening import evaluate
+
+# A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
+AT_REST = f"""
+plant = {{ system = "servo" }}
+run = {{ duration = "3 s", start = {{ "rotor angle" = "1 rad" }} }}
+computing = {{ delay = "2 ms" }}
+{LQR}
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+profile = "pulse"
+start = "0 s"
+stop = "0.1 s"
+{INERTIA}
+[[requirement]]
+settles_within = "2 s"
+"""
+
+
+def test_a_settling_time_without_initial_error_is_one_in_run_campaign_and_tolerance(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "at_rest.toml"
+    file.write_text(AT_REST, encoding="utf-8")
+    for load in (Experiment.load, Campaign.load, setting):
+        with pytest.raises(ArgumentError, match="2 % of the error at the start, and runs start wi"):
+            load(str(file))
+    file.write_text(f'{AT_REST}band = "20 mrad"\n', encoding="utf-8")
+    (judgement,) = Experiment.load(file).run(law="lqr").requirements
+    assert judgement.margin is not None
+    assert 0.1 < (judgement.measured or 0.0) < 2.5
+    campaign = Campaign.load(str(file), runs=1)
+    nominal = evaluate(campaign, "lqr", campaign.family.nominal[None])
+    studied = setting(str(file), ["lqr"])
+    (law,), loaded = studied.laws, studied.conditions[1]
+    trials = Trials(law, "physics", {loaded: studied.limits(law, loaded)}, studied.bench, 1)
+    (trial,) = trials.results([(Trial(loaded, studied.bench), 0)])
+    margins = [nominal["margin settles_within"][0], 2.0 * trial.margin]
+    assert margins == pytest.approx([judgement.margin] * 2, rel=1e-12)

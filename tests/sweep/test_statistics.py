@@ -1,0 +1,230 @@
+"""The statistics of campaigns against enumeration, closed forms and SciPy's own."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from grosmc_mj.sweep.statistics import (
+    margin_summary,
+    paired,
+    pass_rate,
+    rate_shown,
+    runs_needed,
+    sensitivities,
+)
+
+INF = math.inf
+MARGINS = st.lists(
+    st.just(-INF) | st.floats(-1e6, 1e6) | st.integers(-2, 2).map(float), min_size=1, max_size=150
+)
+
+
+def clopper_pearson(kept: int, runs: int, doubt: float) -> tuple[float, float]:
+    """The exact interval by quantiles of the beta distribution, half the doubt at each end."""
+    low = stats.beta.ppf(doubt / 2, kept, runs - kept + 1) if kept else 0.0
+    high = stats.beta.isf(doubt / 2, kept + 1, runs - kept) if kept < runs else 1.0
+    return float(low), float(high)
+
+
+def binomial_tail(kept: int, runs: int, share: float) -> float:
+    """Probability of at least so many kept."""
+    return sum(
+        math.comb(runs, k) * share**k * (1 - share) ** (runs - k) for k in range(kept, runs + 1)
+    )
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.95])
+@pytest.mark.parametrize(("kept", "runs"), [(0, 9), (9, 9), (1, 2), (17, 20), (499, 512)])
+def test_the_interval_of_a_pass_rate_is_exact(kept: int, runs: int, confidence: float) -> None:
+    rate = pass_rate(kept, runs, confidence)
+    # Rounding of SciPy's root.
+    expected = clopper_pearson(kept, runs, 1 - confidence)
+    assert (rate.low, rate.high) == pytest.approx(expected, abs=1e-9)
+    assert rate.rate == kept / runs
+
+
+@given(rate=st.integers(1, 999), confidence=st.integers(1, 999))
+def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
+    # Exact arithmetic is the oracle.
+    share, doubt = Fraction(rate, 1000), 1 - Fraction(confidence, 1000)
+    runs = runs_needed(rate / 1000, confidence / 1000)
+    assert share**runs <= doubt
+    assert runs == 1 or share ** (runs - 1) > doubt
+
+
+@pytest.mark.parametrize(("kept", "runs"), [(1, 2), (299, 299), (368, 369), (950, 1000)])
+@pytest.mark.parametrize("confidence", [0.9, 0.999])
+def test_so_many_kept_are_as_unlikely_as_is_allowed_at_the_share_that_is_shown(
+    kept: int, runs: int, confidence: float
+) -> None:
+    share = rate_shown(kept, runs, confidence)
+    assert binomial_tail(kept, runs, share) == pytest.approx(1 - confidence, rel=1e-9)
+    assert rate_shown(0, runs, confidence) == 0.0
+
+
+@given(MARGINS)
+def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(margins: list[float]) -> None:
+    summary, runs = margin_summary(np.array(margins)), len(margins)
+    for percent, value in zip((0, 1, 5, 50, 95), summary[:5], strict=True):
+        at_least = math.ceil(Fraction(percent * runs, 100))
+        assert value == sorted(margins)[max(at_least - 1, 0)]
+    worst = sorted(margins)[: math.ceil(Fraction(runs, 20))]
+    mean = -INF if -INF in worst else math.fsum(worst) / len(worst)
+    # Rounding of a sum of at most eight numbers up to 1e6.
+    assert summary.cvar == pytest.approx(mean, abs=8e6 * 2.3e-16)
+    assert (summary.diverged, summary.runs) == (margins.count(-INF), runs)
+
+
+@pytest.mark.parametrize("confidence", [0.6, 0.95])
+@pytest.mark.parametrize(("b", "c", "runs"), [(3, 7, 40), (0, 5, 9), (9, 0, 9), (0, 0, 1)])
+def test_the_difference_of_two_rates_has_the_ends_of_the_formula(
+    b: int, c: int, runs: int, confidence: float
+) -> None:
+    """The first law alone keeps b, the second alone c, both the rest."""
+    first = np.array([1.0] * b + [-1.0] * c + [1.0] * (runs - b - c))
+    second = np.array([-1.0] * b + [1.0] * c + [1.0] * (runs - b - c))
+    difference = paired(first, second, confidence)
+    worse, better = (clopper_pearson(count, runs, (1 - confidence) / 2) for count in (b, c))
+    # Twice the tolerance of SciPy's roots, 2e-12.
+    assert difference.low == pytest.approx(better[0] - worse[1], abs=4e-12)
+    assert difference.high == pytest.approx(better[1] - worse[0], abs=4e-12)
+    assert difference.p_value == pytest.approx(
+        stats.binomtest(b, b + c).pvalue if b + c else 1.0, rel=1e-9
+    )
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(*[st.sampled_from([-INF, -2.0, 0.0, 1.5])] * 2), min_size=1, max_size=30))
+def test_exchanging_the_laws_turns_the_difference_round(margins: list[Any]) -> None:
+    first, second = np.array(margins).T
+    one, other = paired(first, second), paired(second, first)
+    assert (one.only_first, one.only_second) == (other.only_second, other.only_first)
+    assert (one.both, one.neither, one.p_value) == (other.both, other.neither, other.p_value)
+    for name, opposite in (
+        ("difference", "difference"), ("median", "median"),
+        ("low", "high"), ("median_low", "median_high"),
+    ):  # fmt: skip
+        assert getattr(one, name) == -getattr(other, opposite)
+    assert one.both + one.neither + one.only_first + one.only_second == one.runs == len(margins)
+
+
+@pytest.mark.parametrize("runs", [6, 9, 60])
+def test_the_median_is_covered_whatever_the_distribution(runs: int) -> None:
+    # The differences are 1 to n: a bound is the number of its order statistic.
+    change: Any = paired(np.zeros(runs), np.arange(1.0, runs + 1), 0.95)
+    below = np.arange(runs + 1)
+    covering = below[(change.median_low <= below) & (below < change.median_high)]
+    assert 0.95 <= stats.binom.pmf(covering, runs, 0.5).sum() < 1
+    assert change.median == (runs + 1) / 2
+    # Any shorter interval of two order statistics that is as symmetric covers less.
+    assert stats.binom.pmf(covering[1:-1], runs, 0.5).sum() < 0.95
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "median"),
+    [
+        ([-INF], [-INF], 0),
+        ([-INF], [1.0], INF),
+        ([1.0], [-INF], -INF),
+        ([1.0, -INF], [-INF, 1.0], 0),
+        ([-INF, -INF, 1.0], [-INF, -3.0, 2.0], 1.0),
+    ],
+)
+def test_runs_that_did_not_complete_are_compared(
+    first: list[float], second: list[float], median: float
+) -> None:
+    assert paired(np.array(first), np.array(second)).median == median
+
+
+# What drives a margin.
+
+
+@pytest.mark.parametrize(("runs", "bins"), [(64, 8), (400, 20), (4096, 32)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_share_of_the_only_parameter(runs: int, bins: int, sign: int) -> None:
+    # Within a bin of m = n / B the ranks vary by m² - 1, in all by n² - 1 (both over 12).
+    x = np.random.default_rng(0).permutation(runs).astype(float)
+    (driver,) = sensitivities({"x": x}, sign * np.exp(x / runs))
+    m = runs // bins
+    assert driver.share == pytest.approx(1 - m * (m + 1) / (runs * (runs + 1)), rel=1e-12)
+    assert driver.correlation == pytest.approx(sign)
+
+
+@pytest.mark.parametrize(("runs", "inner"), [(4, 0.9), (16, 1 - 6 / 4080)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_few_runs_that_agree_are_no_certainty(runs: int, inner: float, sign: int) -> None:
+    (driver,) = sensitivities({"x": np.arange(1.0 * runs)}, sign * np.arange(1.0 * runs))
+    half = stats.norm.isf(0.025) * np.sqrt((1 + inner**2 / 2) / (runs - 3))
+    ends = sorted([sign, sign * np.tanh(np.arctanh(inner) - half)])
+    assert (driver.low, driver.high) == pytest.approx(ends, rel=1e-12)
+
+
+def test_a_share_sees_what_is_not_monotone() -> None:
+    x = np.arange(400) - 199.5
+    (driver,) = sensitivities({"start angle": x}, -np.abs(x))
+    assert driver.correlation == pytest.approx(0, abs=1e-12)
+    # A bin of |x| has two of the same: as of the only parameter, in half as many bins.
+    m, n = 20, 200
+    between, chance = 1 - (m * m - 1) / (n * n - 1), 19 / 399
+    assert driver.share == pytest.approx((between - chance) / (1 - chance), rel=1e-12)
+
+
+def test_shares_of_two_independent_parameters() -> None:
+    # Cells of a factorial plan with mean ranks 0, 1, 2, 3 apart: variances 4 : 1.
+    a, b = (np.tile(column, 25) for column in ([0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 0.0, 1.0]))
+    columns = {"b": b, "a": a, "c": np.repeat([0.0, 1.0], 50)}
+    drivers, chance = sensitivities(columns, 2 * a + b), 1 / 99
+    assert [driver.parameter for driver in drivers] == ["a", "b", "c"]
+    shares = [(0.8 - chance) / (1 - chance), (0.2 - chance) / (1 - chance), 0]
+    assert [driver.share for driver in drivers] == pytest.approx(shares, rel=1e-12)
+
+
+def test_chance_gives_the_bias_that_is_taken_off() -> None:
+    # The mean of the share between two bins over all orders of five runs is (B - 1) / (n - 1).
+    between = []
+    for margins in itertools.permutations(range(5)):
+        (driver,) = sensitivities({"x": np.arange(5.0)}, np.array(margins, float))
+        raw = stats.chi2.isf(driver.p_value, 1) / 4
+        between.append(raw)
+        assert driver.share == pytest.approx(max(0, (raw - 0.25) / 0.75), abs=1e-9)
+    # Rounding of the tail of chi-squared, there and back.
+    assert np.mean(between) == pytest.approx(1 / 4, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=25)
+def test_correlation_and_p_value_are_scipys(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    levels = rng.integers(0, 2, 40).astype(float) if seed % 2 else rng.normal(size=40)
+    margins = rng.normal(size=40).round(1) + levels
+    margins[:3] = -INF
+    (driver,) = sensitivities({"x": levels}, margins)
+    # SciPy's own ranks know no -inf; a number below all others has the same rank.
+    finite = np.where(margins == -INF, -1e9, margins)
+    expected: Any = stats.spearmanr(levels, finite)
+    assert driver.correlation == pytest.approx(expected.statistic, abs=1e-12)
+    if seed % 2:
+        groups = [finite[levels == level] for level in (0, 1)]
+        # Next to 1 it goes by the root of H, of which the last digits are rounding.
+        statistic = stats.chi2.isf(driver.p_value, 1)
+        assert statistic == pytest.approx(stats.kruskal(*groups).statistic, rel=1e-11, abs=1e-12)
+
+
+def test_why_nothing_can_be_said_of_a_driver() -> None:
+    rising = np.arange(9.0)
+    drivers = sensitivities({"held": np.ones(9), "x": rising}, rising)
+    assert [driver.parameter for driver in drivers] == ["x", "held"]
+    assert drivers[1][1:] == (None, None, None, None, None, "the parameter does not vary")
+    (same,) = sensitivities({"x": rising}, np.full(9, -INF))
+    assert (same.share, same.note) == (None, "the margins are all the same")
+    (few,) = sensitivities({"x": np.array([1.0, 2.0])}, np.array([1.0, 2.0]))
+    assert (few.correlation, few.note) == (None, "fewer than 4 runs")
