@@ -58,7 +58,7 @@ class JudgeCommand(Command):
         if self.page is not None and self.page.suffix != ".md":
             raise ArgumentError(f"--page {self.page} must end in .md")
         if self.page is not None and self.target:
-            raise ArgumentError(f"--page is about all claims: leave out {self.target}")
+            raise ArgumentError(f"--page {self.page} is about all claims: leave out {self.target}")
         lab = _laboratory()
         findings = judge_with_progress(lab, select_claims(self.target))
         single = findings[0].claim.id == self.target
