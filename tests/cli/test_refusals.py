@@ -29,7 +29,7 @@ REFUSALS = [
     ("claims servoo", "did you mean 'servo'?"),
     ("claims arm-epsilonn", "did you mean 'arm-epsilon'?"),
     ("claims arm/case1", "unknown claim 'arm/case1'"),
-    ("claims servo --page page.md", "--page is about all claims: leave out servo"),
+    ("claims servo --page page.md", "--page page.md is about all claims: leave out servo"),
     ("claims --page docs", "must end in .md"),
     ("claims sweep servo --record", "leave out servo"),
     ("claims premises", "SYSTEM|SYSTEM/CASE"),
