@@ -37,12 +37,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments is None:
         _settle()
     _open_closed_streams()
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    debug = _DEBUG in given
-    given = [each for each in given if each != _DEBUG]
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = _DEBUG in words
+    words = [word for word in words if word != _DEBUG]
     with Output.standard() as output:
         with _quiet(debug or arguments is not None), _terminable():
-            code = _code(given, debug)
+            code = _code(words, debug)
         output.finish()
     if output.lost is not None:
         code = _complain(f"standard output: {output.lost}")
@@ -69,17 +69,17 @@ def _code(arguments: Sequence[str], debug: bool) -> int:
     # A defect of ours: one line too, for whoever runs this in a script.
     except Exception as error:
         _trace(debug)
-        said = f"unforeseen {type(error).__name__}: {shown(error, str)}"
-        return _complain(said if debug else f"{said}; {_DEBUG} shows where")
+        message = f"unforeseen {type(error).__name__}: {shown(error, str)}"
+        return _complain(message if debug else f"{message}; {_DEBUG} shows where")
 
 
 def _complain(message: str) -> int:
     """Say in one line what was wrong, or in one line a mistake."""
-    lines = [one_line(each) for each in message.split(NEXT)]
-    said = NEXT.join(f"{x[: _LONGEST - 3]}..." if len(x) > _LONGEST else x for x in lines)
+    lines = [one_line(line) for line in message.split(NEXT)]
+    text = NEXT.join(f"{x[: _LONGEST - 3]}..." if len(x) > _LONGEST else x for x in lines)
     # Whoever closed standard error does not want to know.
     with contextlib.suppress(OSError, ValueError):
-        print(f"{PROGRAM}: {said}", file=sys.stderr, flush=True)
+        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
     return WRONG
 
 

@@ -49,13 +49,13 @@ def recorded_experiments(target: str) -> list[Experiment]:
     system, _, name = target.partition("/")
     if not name:
         return [one for one in select_experiments([system], None) if not one.on_machine]
-    found = find_experiment(system, name)
-    if found.on_machine:
+    experiment = find_experiment(system, name)
+    if experiment.on_machine:
         raise ArgumentError(
             f"{target}: no results of a machine are recorded: grosmc-mj run judges it, and "
             "grosmc-mj study ladder says where it breaks"
         )
-    return [found]
+    return [experiment]
 
 
 def shown_experiment(target: str) -> Experiment:

@@ -66,13 +66,13 @@ def compare(old: Path, new: Path) -> ResultComparison:
         ArgumentError: If one is not there, or they have nothing in common.
     """
     before, after = read_results([old]), read_results([new])
-    found, compared = changes(before.documents, after.documents)
+    listed, compared = changes(before.documents, after.documents)
     there, now = campaign_folders(old), campaign_folders(new)
     for key in there.keys() & now.keys():
         more, tests = campaign_changes(campaign_rows(there[key]), campaign_rows(now[key]))
-        found += more
+        listed += more
         compared += tests
-    found += [gone_or_new(key, gone=key in there) for key in there.keys() ^ now.keys()]
+    listed += [gone_or_new(key, gone=key in there) for key in there.keys() ^ now.keys()]
     notices = [*before.notices, *after.notices]
     if not compared:
         unread = [
@@ -84,9 +84,9 @@ def compare(old: Path, new: Path) -> ResultComparison:
             else f"{old} and {new} have no results in common: name two files or folders with "
             "results of the same command and target"
         )
-    found.sort(key=lambda change: change.order)
+    listed.sort(key=lambda change: change.order)
     sources = _source_differences(before.documents, after.documents)
-    return ResultComparison(old, new, found, compared, sources, notices)
+    return ResultComparison(old, new, listed, compared, sources, notices)
 
 
 def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:

@@ -93,7 +93,7 @@ def _set(content: dict[str, Any], quantity: Quantity, value: float) -> None:
     edited = quantity.owner in ("body", "joint", "parameter")
     name, key = ("edit", quantity.owner) if edited else (quantity.owner, _OF[quantity.owner])
     tables = [dict(table) for table in content.get(name, [])]
-    table = next((each for each in tables if each.get(key) == quantity.of), None)
+    table = next((row for row in tables if row.get(key) == quantity.of), None)
     if table is None:
         tables.append(table := {key: quantity.of})
     table[quantity.quantity] = written
@@ -109,7 +109,7 @@ def _uncertain(quantity: Quantity, value: float, deviation: float) -> dict[str, 
         "least": max(low, value - spread), "most": min(high, value + spread),
     }  # fmt: skip
     of: Any = True if quantity.owner == "computing" else quantity.of
-    distribution = {key: _written(each, quantity.unit) for key, each in numbers.items()}
+    distribution = {key: _written(number, quantity.unit) for key, number in numbers.items()}
     return {
         quantity.owner: of,
         "name": quantity.name,

@@ -168,7 +168,7 @@ def comparison_result(
             name=state, titles=("time since start [s]", f"RMS error [{unit}]"), lines=lines
         )
         sheets.append(Sheet(table=shown, charts=[chart]))
-    said = ", ".join(f"{state}: {rung}" for state, rung in best.items())
+    words = ", ".join(f"{state}: {rung}" for state, rung in best.items())
     return result(
         "compare",
         {"case": case, "log": log.name, "horizon": horizon},
@@ -176,7 +176,7 @@ def comparison_result(
             Answer(
                 question=f"Which rung explains {log.name}",
                 verdict=MEASURED,
-                words=f"Least error after {rows[0].horizons[-1]:.3g} s: {said}",
+                words=f"Least error after {rows[0].horizons[-1]:.3g} s: {words}",
                 more="; ".join(notes),
             )
         ],

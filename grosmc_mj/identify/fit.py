@@ -158,9 +158,9 @@ class _Residual:
         """The residuals at several points, (r,) each: state by state, window by window."""
         values, starts = zip(*map(self.parts, points), strict=True)
         runs = self.predictor.states(
-            [self.parameters.plant(each, self.plant) for each in values],
+            [self.parameters.plant(vector, self.plant) for vector in values],
             starts,
-            [self.parameters.input_delay(each) for each in values],
+            [self.parameters.input_delay(vector) for vector in values],
         )
         errors = [
             self.predictor.errors(
@@ -291,7 +291,7 @@ def _searched(residual: _Residual, x: Array) -> Array:
     low[count:], high[count:] = x[count:] - 10.0, x[count:] + 10.0
     names = sysid.ParameterDict()
     names.add(sysid.Parameter("point", np.clip(x, low, high), low, high))
-    _, found = sysid.optimize(
+    _, result = sysid.optimize(
         names,
         lambda at, _: ([residual.of([np.asarray(at).ravel()])[0][:, None]], None, None),
         optimizer="mujoco",
@@ -303,7 +303,7 @@ def _searched(residual: _Residual, x: Array) -> Array:
         output=io.StringIO(),
         jacobian=lambda at, _: residual.jacobian(np.asarray(at).ravel()),
     )
-    return np.asarray(found.x, float).ravel()
+    return np.asarray(result.x, float).ravel()
 
 
 def _first_scale(log: Log, state: str) -> float:
@@ -353,16 +353,16 @@ def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> U
 
 
 def residuals(
-    found: Fit, log: Log, plant: Plant, horizon: float, timestep: float
+    fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float
 ) -> dict[str, list[tuple[slice, Array]]]:
     """The samples and the residual of each measured state in each window, in its unit.
 
     The starts of the windows are fitted to the log, the parameters are not.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    none = np.zeros(len(found.values), bool)
-    residual = _Residual(found.parameters, none, predictor, plant, found.scales, found.values)
-    errors = residual.errors(_searched(residual, residual.point(found.values)))
+    none = np.zeros(len(fit.values), bool)
+    residual = _Residual(fit.parameters, none, predictor, plant, fit.scales, fit.values)
+    errors = residual.errors(_searched(residual, residual.point(fit.values)))
     samples = [window.samples for window in predictor.windows]
     return {name: list(zip(samples, parts, strict=True)) for name, parts in errors.items()}
 

@@ -108,16 +108,16 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     """
     file, plant = experiment.file, experiment.plant(experiment.nominal.truest)
     tables = {table.called: table for table in file.uncertain}
-    wanted = [
+    chosen = [
         tables[name] if name in tables else _table_of(name, experiment, list(tables))
         for name in names
     ] or list(tables.values())
-    if not wanted:
+    if not chosen:
         raise ArgumentError(
             f"{experiment.path} has no [[uncertain]]: name what to fit, such as --fit "
             "joint.shaft.damping"
         )
-    declared = file.model_copy(update={"uncertain": wanted, "correlation": []})
+    declared = file.model_copy(update={"uncertain": chosen, "correlation": []})
     try:
         quantities = family_of(declared, experiment.case, plant).quantities
     except ArgumentError as error:
@@ -137,7 +137,7 @@ def _table_of(path: str, experiment: Experiment, known: Sequence[str]) -> Uncert
     owner, _, rest = path.partition(".")
     of, _, quantity = rest.rpartition(".")
     if owner not in _PATHS or quantity not in QUANTITIES[owner]:
-        paths = [f"{owner}.NAME.{each}" for owner in _PATHS for each in QUANTITIES[owner]]
+        paths = [f"{owner}.NAME.{number}" for owner in _PATHS for number in QUANTITIES[owner]]
         raise ArgumentError(f"--fit {unknown_name('parameter', path, [*known, *paths])}")
     name = f"{of} {quantity.replace('_', ' ')}"
     table = UncertainTable.model_validate({owner: of, quantity: list(_RANGE), "name": name})

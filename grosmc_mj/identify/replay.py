@@ -229,8 +229,8 @@ def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) ->
         """The share of the error that the inputs leave, of the state of which they leave most."""
         starts = starts_of(trial, windows, plant.system)
         norms = []
-        for each in (trial, replace(trial, inputs=0.0 * trial.inputs)):
-            predictor = Predictor(each, windows, timestep)
+        for candidate in (trial, replace(trial, inputs=0.0 * trial.inputs)):
+            predictor = Predictor(candidate, windows, timestep)
             (states,) = predictor.states([plant], [starts], [0.0])
             errors = predictor.errors(states, plant.system).values()
             norms.append(np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors]))

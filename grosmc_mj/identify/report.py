@@ -44,9 +44,9 @@ def values_table(fit: Fit) -> Table:
 def quality_table(rows: Sequence[Quality]) -> Table:
     """How well the held-out part is predicted."""
     cells = [
-        (each.state, f"{number(each.rms)} {each.unit}", number(100 * each.fit),
-         number(each.steps), "white" if each.white else "correlated in time")
-        for each in rows
+        (row.state, f"{number(row.rms)} {row.unit}", number(100 * row.fit),
+         number(row.steps), "white" if row.white else "correlated in time")
+        for row in rows
     ]  # fmt: skip
     return table(
         "Prediction of the held-out part",
@@ -62,10 +62,10 @@ def identification(
     fit: Fit, rows: Sequence[Quality], log: str, horizon: float, hold_out: float
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
-    experiment, white = fit.parameters.experiment, all(each.white for each in rows)
-    least = min(rows, key=lambda each: each.fit)
-    said = f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
-    said += f"{least.state} of the held-out part predicted to {100 * least.fit:.3g} %"
+    experiment, white = fit.parameters.experiment, all(row.white for row in rows)
+    least = min(rows, key=lambda row: row.fit)
+    words = f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
+    words += f"{least.state} of the held-out part predicted to {100 * least.fit:.3g} %"
     values = [
         {"name": quantity.name, "value": value, "unit": quantity.unit,
          "in_the_case": quantity.nominal, "half_width": half}
@@ -78,20 +78,20 @@ def identification(
             Answer(
                 question=f"Parameters of {experiment.path.stem} from {log}",
                 verdict=MEASURED if white else OPEN,
-                words=said,
-                more="; ".join(each.words for each in fit.unseen),
+                words=words,
+                more="; ".join(row.words for row in fit.unseen),
             )
         ],
         sheets=[Sheet(table=values_table(fit)), Sheet(table=quality_table(rows))],
         values=[
-            Value(name=f"{log}: {each['name']}", value=each["value"], unit=each["unit"],
+            Value(name=f"{log}: {row['name']}", value=row["value"], unit=row["unit"],
                   relative=1e-3)
-            for each in values
+            for row in values
         ],
         parameters=values,
         covariance=fit.covariance.tolist(),
-        unseen=[each._asdict() for each in fit.unseen],
-        held_out=[each._asdict() for each in rows],
+        unseen=[row._asdict() for row in fit.unseen],
+        held_out=[row._asdict() for row in rows],
     )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def _lines(chart: LineChart) -> Figure:
 
 def _grid(chart: GridChart) -> Figure:
     """A colour for each cell of a plane."""
-    numbers = {each.letter: i for i, each in enumerate(chart.legend)}
+    numbers = {entry.letter: i for i, entry in enumerate(chart.legend)}
     count = max(1, len(numbers))
     wide = max(map(len, chart.grid), default=0)
     (across, right), (up, top) = chart.axes
@@ -115,7 +115,9 @@ def _grid(chart: GridChart) -> Figure:
     def middles(end: float, n: int) -> list[float]:
         return [end * ((2 * i + 1) / n - 1) for i in range(n)]
 
-    scale = [[(i + j) / count, each.colour] for i, each in enumerate(chart.legend) for j in (0, 1)]
+    scale = [
+        [(i + j) / count, entry.colour] for i, entry in enumerate(chart.legend) for j in (0, 1)
+    ]
     heat = {
         "type": "heatmap", "x": middles(right, wide), "y": middles(top, len(chart.grid)),
         "z": [[numbers.get(letter) for letter in row.ljust(wide)] for row in chart.grid],
@@ -123,9 +125,9 @@ def _grid(chart: GridChart) -> Figure:
         "hovertemplate": "%{x:.4g}, %{y:.4g}<extra></extra>",
     }  # fmt: skip
     keys = [
-        {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": _plain(each.name),
-         "marker": {"color": each.colour, "symbol": "square", "size": 12}}
-        for each in chart.legend
+        {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": _plain(entry.name),
+         "marker": {"color": entry.colour, "symbol": "square", "size": 12}}
+        for entry in chart.legend
     ]  # fmt: skip
     return _figure([heat, *keys], 460, xaxis=_axis(across), yaxis=_axis(up))
 

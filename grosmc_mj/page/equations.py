@@ -29,6 +29,6 @@ def mathml(formula: str) -> str:
         if not element.tag.startswith(f"{{{_MATHML}}}m"):
             return ""
         element.tag = element.tag.removeprefix(f"{{{_MATHML}}}")
-        for name in [each for each in element.attrib if each not in _ATTRIBUTES]:
+        for name in [attribute for attribute in element.attrib if attribute not in _ATTRIBUTES]:
             del element.attrib[name]
     return ET.tostring(root, encoding="unicode")

@@ -62,9 +62,9 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
         SetupError: If it cannot be written.
     """
     notices, documents, figures = list(reading.notices), reading.documents, list[Figure]()
-    results = [each for each in documents if isinstance(each.content, Result)]
+    results = [document for document in documents if isinstance(document.content, Result)]
     answers = sorted(
-        (answer for each in results for answer in _result(each).answers),
+        (answer for document in results for answer in _result(document).answers),
         key=lambda answer: VERDICTS.index(answer.verdict),
     )
     laws, cases = _matrix(results)
@@ -75,17 +75,17 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
         "laws": laws,
         "matrix": cases,
         "standings": [
-            (each.kind, standing)
-            for each in results
-            if each.kind not in _OF_CASES
-            for standing in _result(each).standings
+            (document.kind, standing)
+            for document in results
+            if document.kind not in _OF_CASES
+            for standing in _result(document).standings
         ],
         "curves": _cases(documents, figures),
-        "studies": [_study(each, figures) for each in results if _result(each).sheets],
+        "studies": [_study(document, figures) for document in results if _result(document).sheets],
         "claims": _claims(results),
         "version": __version__,
         "command": _text(Path(shlex.join(["grosmc-mj", "report", *map(str, paths)]))),
-        "origins": [_origin(each) for each in documents],
+        "origins": [_origin(document) for document in documents],
         "number": number,
         "label_of": label_of,
     }
@@ -108,9 +108,9 @@ def _result(document: Document) -> Result:
 def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, Standing]]]:
     """The laws, and how each stands in each case."""
     cases: dict[str, dict[str, Standing]] = {}
-    for each in results:
-        if each.kind in _OF_CASES:
-            for standing in _result(each).standings:
+    for result in results:
+        if result.kind in _OF_CASES:
+            for standing in _result(result).standings:
                 cases.setdefault(standing.case, {})[standing.law] = standing
     laws = dict.fromkeys(law for case in cases.values() for law in case)
     return list(laws), dict(sorted(cases.items()))
@@ -130,16 +130,16 @@ def _summary(
         scores = []
         for law in laws:
             own = [case[law] for case in cases.values() if law in case and case[law].required]
-            kept = sum(not each.breaks_at for each in own)
+            kept = sum(not item.breaks_at for item in own)
             scores += [f"{label_of(law)} in {kept} of {len(own)}"] if own else []
         sentences.append(
             f"{len(laws)} control laws were run in {len(cases)} cases and judged by the "
             f"requirements of each. All requirements are kept by {', '.join(scores)}."
         )
     counts = Counter(answer.verdict for answer in answers)
-    verdicts = ", ".join(f"{counts[each]} {each}" for each in VERDICTS if counts[each])
+    verdicts = ", ".join(f"{counts[item]} {item}" for item in VERDICTS if counts[item])
     sentences.append(f"Answers: {verdicts}.")
-    if unfinished := sum(not _result(each).complete for each in results):
+    if unfinished := sum(not _result(item).complete for item in results):
         sentences.append(f"{unfinished} of the results were interrupted and are not complete.")
     return sentences
 
@@ -147,15 +147,15 @@ def _summary(
 def _cases(documents: Sequence[Document], figures: list[Figure]) -> list[dict[str, Any]]:
     """The curves of each case with the number of its film, and the tables of its run."""
     newest = {
-        (each.content.system, each.content.case): each.content
-        for each in documents
-        if isinstance(each.content, Curves) and each.content.panels
+        (document.content.system, document.content.case): document.content
+        for document in documents
+        if isinstance(document.content, Curves) and document.content.panels
     }
     clocks = {
-        (each.content.configuration.case.system, each.content.configuration.case.case):
-            each.content.configuration.film
-        for each in documents
-        if isinstance(each.content, Film)
+        (document.content.configuration.case.system, document.content.configuration.case.case):
+            document.content.configuration.film
+        for document in documents
+        if isinstance(document.content, Film)
     }  # fmt: skip
     return [
         {
@@ -192,9 +192,9 @@ def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
     """The claims by system, each once and with its equation."""
     claims = {
         claim.id: claim
-        for each in results
-        if isinstance(each.content, ClaimsResult)
-        for claim in each.content.claims
+        for result in results
+        if isinstance(result.content, ClaimsResult)
+        for claim in result.content.claims
     }
     systems: dict[str, list[tuple[Any, str]]] = {}
     for claim in claims.values():
@@ -207,18 +207,18 @@ def _films(
 ) -> Iterator[tuple[tuple[str, str], str]]:
     """The films of cases whose curves are there and that fit into the room [bytes], in base 64."""
     cases = {
-        (each.content.system, each.content.case)
-        for each in documents
-        if isinstance(each.content, Curves)
+        (item.content.system, item.content.case)
+        for item in documents
+        if isinstance(item.content, Curves)
     }
     newest: dict[tuple[str, str], Document] = {}
-    for each in documents:
-        if isinstance(each.content, Film):
-            case = each.content.configuration.case
+    for item in documents:
+        if isinstance(item.content, Film):
+            case = item.content.configuration.case
             if (case.system, case.case) in cases:
-                newest[case.system, case.case] = each
+                newest[case.system, case.case] = item
             else:
-                notices.append(f"{_text(each.path)}: its case has no curves here")
+                notices.append(f"{_text(item.path)}: its case has no curves here")
     left = room * 3 // 4
     for key, document in newest.items():
         file = document.path.with_suffix(".mp4")

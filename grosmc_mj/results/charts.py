@@ -162,11 +162,11 @@ def _curves(panel: Axes, chart: LineChart) -> None:
 
 def _map(panel: Axes, chart: GridChart, nominal: GridChart | None) -> dict[str, Artist]:
     """A map, with the edge of its first letter on the nominal one; returns its legend."""
-    letters = [each.letter for each in chart.legend]
+    letters = [entry.letter for entry in chart.legend]
     index = np.array([[letters.index(letter) for letter in row] for row in chart.grid])
     (across, end), (down, height) = chart.axes
     edges = [np.linspace(-limit, limit, len(index) + 1) for limit in (end, height)]
-    colours = ListedColormap([each.colour for each in chart.legend])
+    colours = ListedColormap([entry.colour for entry in chart.legend])
     panel.pcolormesh(
         *edges, index, cmap=colours, vmin=-0.5, vmax=len(letters) - 0.5, rasterized=True
     )
@@ -178,4 +178,6 @@ def _map(panel: Axes, chart: GridChart, nominal: GridChart | None) -> dict[str, 
             centres = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
             line = panel.contour(*centres, good, levels=[0.5], colors="white", linewidths=1.6)
             line.set_path_effects([withStroke(linewidth=3.2, foreground=BLACK)])
-    return {each.name: Patch(facecolor=each.colour, edgecolor="#444444") for each in chart.legend}
+    return {
+        entry.name: Patch(facecolor=entry.colour, edgecolor="#444444") for entry in chart.legend
+    }

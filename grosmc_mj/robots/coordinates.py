@@ -174,7 +174,7 @@ class RobotCoordinates(OutputCoordinates):
         drift, gain = np.zeros((len(x), self.size)), np.zeros((len(x), self.size, n))
         M = np.zeros((n, n))
         for i, state in enumerate(x):
-            inputs, wrench = (None if each is None else each[i] for each in (u, w))
+            inputs, wrench = (None if signal is None else signal[i] for signal in (u, w))
             data = forward(model, state, inputs, wrench, self.system.bodies)
             mujoco.mj_fullM(model, data, M)
             gain[i, 1::2] = np.linalg.inv(M)

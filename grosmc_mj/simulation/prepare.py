@@ -85,8 +85,8 @@ def prepare(
     plants, controllers, accumulated = (
         items if isinstance(items, tuple) else (items,) for items in (plant, controller, meters)
     )
-    given, lists = reals(x0), disturbances
-    starts, system = np.atleast_2d(given), plants[0].system if plants else None
+    states, lists = reals(x0), disturbances
+    starts, system = np.atleast_2d(states), plants[0].system if plants else None
     counts = {len(items) for items in (plants, controllers, lists, accumulated, starts)} - {1}
     if len(counts) > 1 or 0 in counts or system is None:
         raise ArgumentError(
@@ -133,7 +133,7 @@ def prepare(
     for item, start in zip(problem.plants, problem.x0, strict=True):
         item.require_start(start)
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
-    single = not counts and given.ndim == 1 and plants[0] is plant and controllers[0] is controller
+    single = not counts and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
     return problem, single
 
 

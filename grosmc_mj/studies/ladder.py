@@ -545,18 +545,18 @@ def way(rows: Iterable[Climb], law: str, condition: str) -> list[Climb]:
 
 def ways(rows: Sequence[Climb], condition: str) -> dict[str, list[Climb]]:
     """The way of each law that has begun to climb under a condition."""
-    found = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
-    return {law: rungs for law, rungs in found.items() if rungs}
+    climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
+    return {law: rungs for law, rungs in climbs.items() if rungs}
 
 
-def first_failed(way: Sequence[Climb]) -> Climb | None:
+def first_failed(climbs: Sequence[Climb]) -> Climb | None:
     """The first rung on which something is not kept; None if all is kept on all."""
-    return next((row for row in way if not row.kept), None)
+    return next((row for row in climbs if not row.kept), None)
 
 
-def fallen(way: Sequence[Climb], claim: str) -> Climb | None:
+def fallen(climbs: Sequence[Climb], claim: str) -> Climb | None:
     """The first rung on which a claim is not kept; None if it is kept wherever it is judged."""
-    return next((row for row in way if row.claims.get(claim, 0.0) > 1), None)
+    return next((row for row in climbs if row.claims.get(claim, 0.0) > 1), None)
 
 
 def verdict(studied: Ladder, rows: Sequence[Climb], condition: str) -> str:

@@ -181,8 +181,8 @@ def orders(rows: Sequence[Benchmark]) -> dict[str, float]:
     laws = dict.fromkeys(row.law for row in rows)
     chosen = {law: [row for row in rows if row.law == law] for law in laws}
     return {
-        law: order([row.h for row in found], [row.max_sliding for row in found])
-        for law, found in chosen.items()
+        law: order([row.h for row in points], [row.max_sliding for row in points])
+        for law, points in chosen.items()
     }
 
 
@@ -277,12 +277,12 @@ def cases_of(target: str | None = None) -> list[Experiment]:
             for name in ([target] if target else CASES)
             for case in CASES[name]
         ]
-    found = find_experiments(target)
-    if len(found) > 1:
+    experiments = find_experiments(target)
+    if len(experiments) > 1:
         raise ArgumentError(unknown_name("system of the chapter", target, CASES))
-    for experiment in found:
+    for experiment in experiments:
         _law_that_switches(experiment)
-    return found
+    return experiments
 
 
 def _law_that_switches(experiment: Experiment) -> str:
@@ -299,10 +299,14 @@ def _law_that_switches(experiment: Experiment) -> str:
         )
     plant, names = experiment.nominal.truest, experiment.controllers
     designs = {name: experiment.law(plant, name).design for name in names}
-    found = [name for name, made in designs.items() if made is not None and made.switching]
-    if not found:
+    laws = [
+        name
+        for name, controller in designs.items()
+        if controller is not None and controller.switching
+    ]
+    if not laws:
         raise ArgumentError(f'{where}: none of {", ".join(names)} switches: add law = "grosmc"')
-    return "grosmc" if "grosmc" in found else found[0]
+    return "grosmc" if "grosmc" in laws else laws[0]
 
 
 def experiments(cases: Sequence[Experiment]) -> list[SwitchingRun]:
@@ -334,16 +338,16 @@ def measure_case(planned: SwitchingRun, timestep: float = TIMESTEP) -> CaseRow:
     assert trajectory.sliding is not None
     names = (*result.metrics, "cost_continuous_share", "cost_rate")
     values = (metric.value for metric in (*result.metrics.values(), *result.cost_shares))
-    found = {k: math.nan if v is None else v for k, v in zip(names, values, strict=True)}
+    numbers = {k: math.nan if v is None else v for k, v in zip(names, values, strict=True)}
     return CaseRow(
         run=planned,
-        deviation=found["deviation"],
-        max_sliding=found["max_sliding"],
-        rms_sliding=found["rms_sliding"],
-        total_variation=found["total_variation"],
+        deviation=numbers["deviation"],
+        max_sliding=numbers["max_sliding"],
+        rms_sliding=numbers["rms_sliding"],
+        total_variation=numbers["total_variation"],
         crossings=crossings(trajectory.sliding) / float(trajectory.time[-1]),
-        cost_continuous=found["cost_continuous_share"],
-        cost_rate=found["cost_rate"],
+        cost_continuous=numbers["cost_continuous_share"],
+        cost_rate=numbers["cost_rate"],
         ended=result.ended,
     )
 
@@ -358,7 +362,7 @@ def is_shown(period: float) -> bool:
 
 def scalar_table(by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark]) -> Table:
     """The scalar benchmark at one sample time, the most chatter first."""
-    found, rows = orders(by_time), []
+    slopes, rows = orders(by_time), []
     shown = [row for row in by_time if is_shown(row.h)]
     for row in sorted(shown, key=lambda row: -row.total_variation):
         own = (x for x in by_ratio if x.law == row.law and not math.isfinite(x.max_sliding))
@@ -367,7 +371,7 @@ def scalar_table(by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark]) ->
         rows.append(
             [
                 row.law,
-                f"{found[row.law]:.2f}",
+                f"{slopes[row.law]:.2f}",
                 *map(number, measured),
                 number(row.total_variation / OWN_VARIATION),
                 "-" if diverges is None else f"{diverges:.2f}",
@@ -482,13 +486,13 @@ def switching_document(
     by_time: Sequence[Benchmark], by_ratio: Sequence[Benchmark], cases: Sequence[CaseRow]
 ) -> dict[str, Any]:
     """The content of switching.json; what diverged has null for its numbers."""
-    found = orders(by_time)
+    slopes = orders(by_time)
     first, *rest = charts(by_time, by_ratio, cases)
     bounded = [row for row in by_time if math.isfinite(row.max_sliding)]
-    said = "every law diverges"
+    words = "every law diverges"
     if best := min(bounded, key=lambda row: (row.h, row.max_sliding), default=None):
         size = f"max |s| = {number(best.max_sliding)} at {number(best.h * 1e3)} ms"
-        said = f"the most accurate is {best.law}: {size}"
+        words = f"the most accurate is {best.law}: {size}"
     return result(
         "switching",
         {
@@ -497,8 +501,8 @@ def switching_document(
         },
         answers=[
             Answer(
-                question="Switching laws", verdict=MEASURED, words=said,
-                more=f"orders: {', '.join(f'{law} {number(p)}' for law, p in found.items())}",
+                question="Switching laws", verdict=MEASURED, words=words,
+                more=f"orders: {', '.join(f'{law} {number(p)}' for law, p in slopes.items())}",
             )
         ],
         sheets=[
@@ -509,7 +513,7 @@ def switching_document(
         benchmark={
             "equation": "s' = r phi + 0.5 sin(2 pi t), rho = 1, phi held",
             "own_total_variation": {"value": OWN_VARIATION, "unit": "1/s"},
-            "orders": found,
+            "orders": slopes,
             "sample_times": [row._asdict() for row in by_time],
             "gain_ratios": [row._asdict() for row in by_ratio],
         },

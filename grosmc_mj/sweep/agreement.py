@@ -62,8 +62,8 @@ def agreements(
         name = "; ".join(map(str, physics.edits)) or "nominal"
         for variant in nominal.system.variants:
             random = np.random.default_rng(sample)
-            found = acceleration_difference(physics, physics.analytic(variant), random, states)
-            rows.append(Agreement(nominal.system.name, variant, name, found, states))
+            difference = acceleration_difference(physics, physics.analytic(variant), random, states)
+            rows.append(Agreement(nominal.system.name, variant, name, difference, states))
     return rows
 
 
@@ -141,11 +141,13 @@ def model_mismatch(plant: Plant) -> str:
         equations = plant.analytic()
     except ModelError as error:
         return str(error)
-    found = acceleration_difference(plant, equations, np.random.default_rng(0), _MISMATCH_STATES)
-    if found <= AGREEMENT_BOUND:
+    difference = acceleration_difference(
+        plant, equations, np.random.default_rng(0), _MISMATCH_STATES
+    )
+    if difference <= AGREEMENT_BOUND:
         return ""
     return (
-        f"accelerations differ from MuJoCo's by {found:.1e} of the largest term, more than "
+        f"accelerations differ from MuJoCo's by {difference:.1e} of the largest term, more than "
         f"{AGREEMENT_BOUND:.0e}, so that equations lack something"
     )
 

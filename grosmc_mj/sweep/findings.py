@@ -278,29 +278,29 @@ def run_campaign(
 # ---- tables
 
 
-def findings_tables(campaign: Campaign, found: Findings) -> list[Table]:
+def findings_tables(campaign: Campaign, findings: Findings) -> list[Table]:
     """Pass rates, margins, differences between laws, and what drives each law's margin."""
-    tables = [pass_rates_table(found)]
-    tables += [margins_table(found)] if found.summaries else []
-    tables += [paired_table(found)] if found.differences else []
-    return [*tables, *(sensitivity_table(found, law) for law in campaign.judged)]
+    tables = [pass_rates_table(findings)]
+    tables += [margins_table(findings)] if findings.summaries else []
+    tables += [paired_table(findings)] if findings.differences else []
+    return [*tables, *(sensitivity_table(findings, law) for law in campaign.judged)]
 
 
-def _sampled(found: Findings) -> str:
+def _sampled(findings: Findings) -> str:
     """The last lines of every legend."""
-    return f"\n{found.sampled.words}. {found.sampled.footnote}"
+    return f"\n{findings.sampled.words}. {findings.sampled.footnote}"
 
 
-def pass_rates_table(found: Findings) -> Table:
+def pass_rates_table(findings: Findings) -> Table:
     """How many runs keep each requirement."""
-    confidence = next(iter(found.rates.values())).confidence
+    confidence = next(iter(findings.rates.values())).confidence
     rows = []
-    for (requirement, law), rate in found.rates.items():
+    for (requirement, law), rate in findings.rates.items():
         # Only all of the runs are 100 %, and only none 0 %.
         inner = 0 < rate.kept < rate.runs
         share = f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}" if inner else f"{100 * rate.rate:g}"
         counts = (str(rate.kept), str(rate.runs), share, rate_interval(rate, "..") or "-")
-        rows.append((requirement, label_of(law), *counts, str(found.cut_short.get(law, 0))))
+        rows.append((requirement, label_of(law), *counts, str(findings.cut_short.get(law, 0))))
     level = f"{100 * confidence:.6g} %"
     columns = numbers("kept", "of runs", "rate %", f"{level} interval", "not completed")
     return table(
@@ -311,19 +311,19 @@ def pass_rates_table(found: Findings) -> Table:
         legend="Intervals of Clopper and Pearson. A run that did not complete keeps nothing. To "
         f'state "at least {100 * _AIM:g} % of the declared design passes" with {level} confidence '
         f"takes {runs_needed(_AIM, confidence)} independent runs without a failure."
-        f"{_sampled(found)}",
+        f"{_sampled(findings)}",
     )
 
 
-def margins_table(found: Findings) -> Table:
+def margins_table(findings: Findings) -> Table:
     """The distribution of each requirement's margin."""
     rows = []
-    for (requirement, law), of in found.summaries.items():
+    for (requirement, law), of in findings.summaries.items():
         values = map(number, (of.least, of.cvar, of.q01, of.q05, of.median, of.q95))
         mean = number(of.mean)
         if of.mean_low is not None:
             mean += f"\n({number(of.mean_low)} ..\n{number(of.mean_high)})"
-        rows.append((requirement, label_of(law), *values, mean, found.units[requirement]))
+        rows.append((requirement, label_of(law), *values, mean, findings.units[requirement]))
     headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")
     return table(
         "Margins: limit less measured",
@@ -332,17 +332,17 @@ def margins_table(found: Findings) -> Table:
         grouped=True,
         legend=f"Below zero the requirement failed. Worst {TAIL} %: mean of the worst {TAIL} % of "
         "the margins (CVaR); then quantiles, and the mean with its interval (Student's t). -inf: a "
-        f"run that did not complete.{_sampled(found)}",
+        f"run that did not complete.{_sampled(findings)}",
     )
 
 
-def paired_table(found: Findings) -> Table:
+def paired_table(findings: Findings) -> Table:
     """Laws against each other on the same plants."""
     rows = []
-    for (requirement, first, second), of in found.differences.items():
+    for (requirement, first, second), of in findings.differences.items():
         ends = (None if end is None else 100 * end for end in (of.low, of.high))
         points = _between("", 100 * of.difference, *ends)
-        median = _between(found.units[requirement], of.median, of.median_low, of.median_high)
+        median = _between(findings.units[requirement], of.median, of.median_low, of.median_high)
         laws = f"{label_of(first)},\n{label_of(second)}"
         counts = (str(of.only_first), str(of.only_second))
         rows.append((requirement, laws, *counts, points, _p_value(of.p_value), median))
@@ -354,14 +354,14 @@ def paired_table(found: Findings) -> Table:
         grouped=True,
         legend="Only: plants on which one law alone keeps the requirement. In brackets: intervals, "
         "of the rates two of Clopper and Pearson together, of the median by order statistics; p: "
-        f"McNemar's, exact. All requirements: of each law its own.{_sampled(found)}",
+        f"McNemar's, exact. All requirements: of each law its own.{_sampled(findings)}",
     )
 
 
-def sensitivity_table(found: Findings, law: str) -> Table:
+def sensitivity_table(findings: Findings, law: str) -> Table:
     """What drives the least margin under one law."""
     rows, styles = [], []
-    for of in found.sensitivities[law]:
+    for of in findings.sensitivities[law]:
         styles.append("dim" if of.note else "")
         if of.share is None or of.correlation is None:
             rows.append((of.parameter, "-", "", "-", of.note))
@@ -378,7 +378,7 @@ def sensitivity_table(found: Findings, law: str) -> Table:
         legend="Share of the variance of the margins' ranks that the parameter explains alone, "
         "less what chance gives; p: of a share at least as large if it explained nothing. "
         "Correlation: Spearman's, positive if more of the parameter leaves more margin. Shares of "
-        f"correlated parameters overlap.{_sampled(found)}",
+        f"correlated parameters overlap.{_sampled(findings)}",
     )
 
 
@@ -406,12 +406,12 @@ def rate_interval(rate: PassRate, between: str) -> str:
 # ---- the document
 
 
-def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
+def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
     """results.json; a margin without bound is that of a run that did not complete."""
-    sampled, complete = found.sampled, found.sampled.runs == found.sampled.planned
+    sampled, complete = findings.sampled, findings.sampled.runs == findings.sampled.planned
     # Where nothing is required, the rates are those of the runs that complete.
     shown = ALL if campaign.judged else COMPLETES
-    rates = {law: rate for (of, law), rate in found.rates.items() if of == shown}
+    rates = {law: rate for (of, law), rate in findings.rates.items() if of == shown}
     kept = all(rate.kept == rate.runs for rate in rates.values())
     sentences = []
     for law, rate in rates.items():
@@ -421,37 +421,37 @@ def results_document(campaign: Campaign, found: Findings) -> dict[str, Any]:
         question=f"Campaign {campaign.specification.name}",
         verdict=NOT_KEPT if not kept else KEPT if complete else OPEN,
         words="; ".join(sentences),
-        more=judged_words(found.judges),
+        more=judged_words(findings.judges),
     )
     return result_of(
         campaign,
         "campaign",
         complete=complete,
         answers=[answer],
-        sheets=[Sheet(table=table) for table in findings_tables(campaign, found)],
+        sheets=[Sheet(table=table) for table in findings_tables(campaign, findings)],
         sampled={**sampled._asdict(), "words": sampled.words},
         says=sampled.footnote,
         pass_rates=[
             {"requirement": requirement, "controller": law, **rate._asdict()}
-            for (requirement, law), rate in found.rates.items()
+            for (requirement, law), rate in findings.rates.items()
         ],
-        ended_early=dict(found.cut_short),
+        ended_early=dict(findings.cut_short),
         judged={
             law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
-            for law, judge in found.judges.items()
+            for law, judge in findings.judges.items()
         },
         margins=[
-            {"requirement": of, "controller": law, "unit": found.units[of], **summary._asdict()}
-            for (of, law), summary in found.summaries.items()
+            {"requirement": of, "controller": law, "unit": findings.units[of], **summary._asdict()}
+            for (of, law), summary in findings.summaries.items()
         ],
         differences=[
             {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
-            for (requirement, first, second), pair in found.differences.items()
+            for (requirement, first, second), pair in findings.differences.items()
         ],
         drivers={
             law: [driver._asdict() for driver in drivers]
-            for law, drivers in found.sensitivities.items()
+            for law, drivers in findings.sensitivities.items()
         },
-        worst_runs=dict(found.worst),
+        worst_runs=dict(findings.worst),
         units={number.name: number.unit for number in campaign.family.quantities},
     )

@@ -60,7 +60,7 @@ class PassMap(NamedTuple):
 def write_figures(
     campaign: Campaign,
     folder: Folder,
-    found: Findings,
+    findings: Findings,
     reached: Sequence[Radius],
     axes: Sequence[str] = (),
 ) -> list[Path]:
@@ -69,17 +69,17 @@ def write_figures(
     Args:
         campaign: The campaign.
         folder: Where it is kept.
-        found: What its runs say.
+        findings: What its runs say.
         reached: How far the uncertainty may grow; empty if nobody looked.
         axes: Names of the two numbers of the map; empty for those that drive margins most.
     """
     title, files = campaign.experiment.case.title, list[Path]()
-    if (pair := map_axes(campaign, found, axes)) is not None:
+    if (pair := map_axes(campaign, findings, axes)) is not None:
         shown = pass_map_of(campaign, folder, pair)
         count = len(next(iter(shown.runs.values()))[0])
-        words = f"{title}: all requirements ({found.sampled._replace(runs=count).words})"
+        words = f"{title}: all requirements ({findings.sampled._replace(runs=count).words})"
         path = folder.path / "map.png"
-        files.append(write_pass_map(path, shown, words, found.sampled.footnote))
+        files.append(write_pass_map(path, shown, words, findings.sampled.footnote))
     if reached:
         plants = max(search.plants for search in reached)
         words = f"{title}: scale of the uncertainty ({plants} plants at each)"
@@ -89,7 +89,7 @@ def write_figures(
 
 
 def map_axes(
-    campaign: Campaign, found: Findings, names: Sequence[str] = ()
+    campaign: Campaign, findings: Findings, names: Sequence[str] = ()
 ) -> tuple[Quantity, Quantity] | None:
     """The two numbers of the map: the named ones, or those that drive margins most.
 
@@ -99,7 +99,7 @@ def map_axes(
     if not campaign.judged or len(by_name) < 2:
         return None
     shares = dict.fromkeys(by_name, 0.0)
-    for driver in (driver for drivers in found.sensitivities.values() for driver in drivers):
+    for driver in (driver for drivers in findings.sensitivities.values() for driver in drivers):
         shares[driver.parameter] = max(shares[driver.parameter], driver.share or 0.0)
     strongest = sorted(by_name, key=lambda name: -shares[name])[:2]
     first, second = names or sorted(strongest, key=list(by_name).index)

@@ -167,10 +167,10 @@ def _points(campaign: Campaign) -> Array:
     return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])
 
 
-def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
+def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
     """How far the uncertainty may grow under each controller, beside what is promised."""
     rows, notes = [], []
-    for search in found:
+    for search in searches:
         law, outside, promised = label_of(search.controller), search.outside, search.promised
         fails_at, leaves_at = (look and look.scale for look in (outside, search.left))
         scales = (search.found, fails_at, promised.scale, search.stayed, leaves_at)
@@ -185,17 +185,17 @@ def radius_table(campaign: Campaign, found: Sequence[Radius]) -> Table:
         "How far the uncertainty may grow: 1 is as declared",
         [*names("law"), *numbers(*headers), *text("the failing plant just outside")],
         rows,
-        legend=f"{found[0].plants} plants at each scale, up to "
-        f"{max(search.largest for search in found):.3g}. Promised: scale up to which the premises "
-        "hold for every extreme plant, so that |s| does not grow but for what one sample does. "
-        "Compare it with where |s| leaves that bound: of the requirements, which may be looser or "
-        f"stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
+        legend=f"{searches[0].plants} plants at each scale, up to "
+        f"{max(search.largest for search in searches):.3g}. Promised: scale up to which the "
+        "premises hold for every extreme plant, so that |s| does not grow but for what one sample "
+        "does. Compare it with where |s| leaves that bound: of the requirements, which may be "
+        f"looser or stricter, premises say nothing. {' '.join(notes)} {NO_PROOF}",
     )
 
 
-def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, Any]:
+def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str, Any]:
     """How far each controller keeps what is required."""
-    reached = {f"{search.controller}: no failure up to": search.found for search in found}
+    reached = {f"{search.controller}: no failure up to": search.found for search in searches}
     return result_of(
         campaign,
         "radius",
@@ -206,7 +206,7 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
                 words="; ".join(f"{name} {scale:.3g}" for name, scale in reached.items()),
             )
         ],
-        sheets=[Sheet(table=radius_table(campaign, found), charts=list(map(chart, found)))],
+        sheets=[Sheet(table=radius_table(campaign, searches), charts=list(map(chart, searches)))],
         values=[Value(name=name, value=scale, better=1) for name, scale in reached.items()],
         says=NO_PROOF,
         controllers={
@@ -233,7 +233,7 @@ def radius_document(campaign: Campaign, found: Sequence[Radius]) -> dict[str, An
                     for look in search.looks
                 ],
             }
-            for search in found
+            for search in searches
         },
     )
 

@@ -154,9 +154,9 @@ def _stored(
     return {name: columns[controller][name][place] for name in names} if columns else None
 
 
-def replay_document(campaign: Campaign, found: ReplayedRun, engine: str) -> dict[str, Any]:
+def replay_document(campaign: Campaign, replayed: ReplayedRun, engine: str) -> dict[str, Any]:
     """One run that was repeated, as a result."""
-    outcome, differences = found.outcome, found.differences
+    outcome, differences = replayed.outcome, replayed.differences
     law = outcome["controller"][0]
     question = f"Run {outcome['id'][0]} of {campaign.specification.name} under {law} again"
     words = "not compared" if differences is None else "as stored, bit by bit"

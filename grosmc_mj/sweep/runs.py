@@ -145,12 +145,12 @@ def run_rows(
     """
     if limits is None:
         limits = required(experiment.limits, experiment.controllers)
-    made: dict[Any, Plant] = {}
+    plants: dict[Any, Plant] = {}
     groups: dict[Any, dict[int, Run]] = {}
     impossible: dict[int, str] = {}
     for i, row in enumerate(rows):
         try:
-            run = ready(experiment, row, plant, made)
+            run = ready(experiment, row, plant, plants)
         except GrosmcError as error:
             if not keep_impossible:
                 raise
@@ -172,7 +172,7 @@ def ready(
     experiment: Experiment,
     row: Row,
     name: PlantName = "physics",
-    made: dict[Any, Plant] | None = None,
+    plants: dict[Any, Plant] | None = None,
 ) -> Run:
     """The plant, the law in its loop and the case of a row.
 
@@ -180,7 +180,7 @@ def ready(
         experiment: Of the row.
         row: The row.
         name: The plant that is made, as of ``run_rows``.
-        made: Plants that were made already, by their numbers; those with equal ones are one.
+        plants: Plants that were made already, by their numbers; those with equal ones are one.
 
     Raises:
         GrosmcError: If there can be no such run.
@@ -190,13 +190,13 @@ def ready(
         for key, value in row.values.items()
     ]
     changed, settings = varied(experiment, values, row.case), experiment.settings
-    plant, case, made = row.plant, changed.case, {} if made is None else made
+    plant, case, plants = row.plant, changed.case, {} if plants is None else plants
     if plant is None:
         key = case.edits, changed.scales
-        if key not in made:
+        if key not in plants:
             own = changed.plant(experiment.plant(experiment.nominal.truest))
-            made[key] = own if name == "physics" else own.analytic(name)
-        plant = made[key]
+            plants[key] = own if name == "physics" else own.analytic(name)
+        plant = plants[key]
         plant.require_start(np.array(case.x0))
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
     if case.loop is not None and law.loop is not None:

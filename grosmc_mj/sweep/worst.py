@@ -178,10 +178,10 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     return plant if high >= 1.0 else nominal + high * (plant - nominal)
 
 
-def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
+def worst_table(campaign: Campaign, searches: Sequence[Worst]) -> Table:
     """The worst plant under each controller, and who came how far."""
     rows = []
-    for plant in found:
+    for plant in searches:
         nearest = "none was found"
         if plant.shrunk is not None:
             margin = number(plant.shrunk_relative)
@@ -189,7 +189,7 @@ def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
         margins = map(number, (plant.samples, plant.search, plant.random))
         values = f"{campaign.words(plant.values)}: margin {number(plant.relative)}"
         rows.append((label_of(plant.controller), *margins, plant.winner, values, nearest))
-    runs = found[0].evaluations
+    runs = searches[0].evaluations
     return table(
         "The worst plant: least margin in parts of its limit",
         [
@@ -206,9 +206,9 @@ def worst_table(campaign: Campaign, found: Sequence[Worst]) -> Table:
     )  # fmt: skip
 
 
-def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]:
+def worst_document(campaign: Campaign, searches: Sequence[Worst]) -> dict[str, Any]:
     """The worst plants, by controller."""
-    failing = [plant.controller for plant in found if plant.fails]
+    failing = [plant.controller for plant in searches if plant.fails]
     answer = Answer(
         question=f"Worst plants of {campaign.specification.name}",
         verdict=NOT_KEPT if failing else MEASURED,
@@ -218,10 +218,10 @@ def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]
         campaign,
         "worst",
         answers=[answer],
-        sheets=[Sheet(table=worst_table(campaign, found))],
+        sheets=[Sheet(table=worst_table(campaign, searches))],
         values=[
             Value(name=f"{plant.controller}: least margin", value=finite(plant.relative), better=1)
-            for plant in found
+            for plant in searches
         ],
         says=NO_PROOF,
         controllers={
@@ -238,6 +238,6 @@ def worst_document(campaign: Campaign, found: Sequence[Worst]) -> dict[str, Any]
                 "shrunk_relative": plant.shrunk_relative,
                 "not_nominal": list(plant.changed),
             }
-            for plant in found
+            for plant in searches
         },
     )

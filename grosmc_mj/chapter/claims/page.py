@@ -35,10 +35,10 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
     Raises:
         SetupError: If a file cannot be written.
     """
-    told = [finding for finding in findings if is_told(finding)]
+    stories = [finding for finding in findings if is_told(finding)]
     figures = [
         write_picture(finding, lab, path.parent / "figures" / f"{finding.claim.id}.png")
-        for finding in told
+        for finding in stories
     ]
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -48,12 +48,12 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
         T=f"{1e3 * lab.settings.control_period:g}",
         brief=tables[:2],
         tables=tables[2:],
-        stories=told,
+        stories=stories,
         facts=facts,
         claim_tables=claim_tables,
         appendix=[turning_table(stored_sweeps()), slips_table()],
     )
-    names = "|".join(re.escape(finding.claim.id) for finding in told)
+    names = "|".join(re.escape(finding.claim.id) for finding in stories)
     if names:
         page = re.sub(rf"(?<=[ |])({names})(?=[,:;]? )", r"[\1](#\1)", page)
     with written_aside(path) as part:

@@ -46,9 +46,12 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
     Then one for each value of the choices that the claim is meant for, on the plant that decides.
     """
     claim, points, drawn = finding.claim, [], [finding.claim.threshold]
-    for name, found in finding.plants.items():
-        colour = VERDICT_COLOURS[found.verdict.value]
-        points += [(name, found.measured, colour, colour), (name, found.refined, colour, "none")]
+    for name, measured in finding.plants.items():
+        colour = VERDICT_COLOURS[measured.verdict.value]
+        points += [
+            (name, measured.measured, colour, colour),
+            (name, measured.refined, colour, "none"),
+        ]
     for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED
         points.append((name, trial, colour, colour))

@@ -42,8 +42,8 @@ def needed(claim: Claim) -> str:
 
 def is_told(finding: Finding) -> bool:
     """Whether the page tells a claim's story: an equation or a proof, or one without support."""
-    told = finding.claim.kind in (Kind.MISPRINT, Kind.PROOF)
-    return told or finding.verdict is not Verdict.SUPPORTED
+    has_story = finding.claim.kind in (Kind.MISPRINT, Kind.PROOF)
+    return has_story or finding.verdict is not Verdict.SUPPORTED
 
 
 def turning(finding: Finding) -> list[str]:
@@ -143,12 +143,12 @@ def claim_tables(finding: Finding) -> list[Table]:
     rows = [
         (
             plant,
-            number_of(found.measured) + end,
-            "exact" if found.refined is None else number_of(found.refined) + end,
-            found.verdict.value,
-            found.measured.note,
+            number_of(measured.measured) + end,
+            "exact" if measured.refined is None else number_of(measured.refined) + end,
+            measured.verdict.value,
+            measured.measured.note,
         )
-        for plant, found in finding.plants.items()
+        for plant, measured in finding.plants.items()
     ]
     columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]
     return [table("", columns, story.items()), table("", EVIDENCE, rows)]

@@ -46,8 +46,8 @@ class _OfLog(Command):
         logs = [read_log(path, system, table) for path in (self.log, *self.also)]
         return experiment, joined(logs)
 
-    def _path(self, what: str, experiment: Experiment) -> Path:
-        return self.out / f"{what}_{experiment.case.system}_{self.log.stem}.json"
+    def _path(self, kind: str, experiment: Experiment) -> Path:
+        return self.out / f"{kind}_{experiment.case.system}_{self.log.stem}.json"
 
 
 @dataclass(frozen=True)

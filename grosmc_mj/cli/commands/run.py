@@ -113,7 +113,7 @@ class RunCommand(Command):
         alone: bool,
     ) -> dict[str, Any]:
         """Judge, write and print the results of an experiment; returns the answer."""
-        from grosmc_mj.chapter.premises import audit_document, audit_table
+        from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
         from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.document import experiment_document
         from grosmc_mj.experiments.requirements import judge_all
@@ -146,7 +146,8 @@ class RunCommand(Command):
                     screen.say_lines(console, lines, "dim", all=self.verbose)
             if self.verbose:
                 screen.say_tables(content)
-                screen.wide_console().print(*map(audit_table, premises))
+                for audit in premises:
+                    screen.wide_console().print(audit_table(audit), *worst_points(audit), sep="\n")
         if aside is not None:
             console.print(
                 f"{path.name} had results of another file or other settings: now in {aside.name}; "

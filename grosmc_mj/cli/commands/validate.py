@@ -115,8 +115,8 @@ class ValidateCommand(Command):
             return []
         systems = dict.fromkeys(case.system for case in done.selected)
         cases = {name: [one.case for one in recorded_experiments(name)] for name in systems}
-        whole = [name for name in systems if all(case in done.selected for case in cases[name])]
-        return [claim for claim in CLAIMS if claim.system in whole]
+        complete = [name for name in systems if all(case in done.selected for case in cases[name])]
+        return [claim for claim in CLAIMS if claim.system in complete]
 
     def _draw(self, done: Validation) -> int:
         """Draw the figures; returns how many."""

@@ -133,15 +133,15 @@ def distance_from_hold(
     return Measured(float(max(off / CART_BAND, angle / band)), note)
 
 
-def _pole(what: str) -> Experiment:
+def _pole(uncertainty: str) -> Experiment:
     """The chapter's start with one change of the pole."""
-    edit = UNCERTAINTIES[what]
+    edit = UNCERTAINTIES[uncertainty]
     return varied(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
 
 
-def deviation(lab: Laboratory, plant: PlantName, *, what: str) -> Measured:
+def deviation(lab: Laboratory, plant: PlantName, *, uncertainty: str) -> Measured:
     """max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
-    result = lab.run(_pole(what), plant, "cart-ism")
+    result = lab.run(_pole(uncertainty), plant, "cart-ism")
     return of(result, from_optimum(result.comparison))
 
 

@@ -165,7 +165,9 @@ def difference(
 ) -> Measured:
     """Largest difference of the errors of two runs, a case and a law each, in percent."""
     results = [lab.case(system, case, plant, controller) for case, controller in runs]
-    broken = next((each for each in results if each.status is not Status.COMPLETED), results[0])
+    broken = next(
+        (result for result in results if result.status is not Status.COMPLETED), results[0]
+    )
     return of(broken, difference_of(results, until))
 
 
@@ -186,7 +188,7 @@ def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> 
     )
     if ours.broken or theirs.broken:
         return ours if ours.broken else theirs
-    one, other = (each.value or np.nan for each in (ours, theirs))
+    one, other = (metric.value or np.nan for metric in (ours, theirs))
     return Measured(one / other, f"{one:.3g} % against {other:.3g} %")
 
 
@@ -201,7 +203,7 @@ def excess_cost(
 ) -> Measured:
     """J over J*, less 1, in percent."""
     result = lab.case(system, case, plant, controller)
-    J, least = (result.metrics[each].value or np.nan for each in (name, "cost_optimal"))
+    J, least = (result.metrics[key].value or np.nan for key in (name, "cost_optimal"))
     return of(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 

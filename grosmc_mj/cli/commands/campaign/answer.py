@@ -16,21 +16,25 @@ from grosmc_mj.sweep.worst import Worst, worst_table
 
 
 def say_verdict(
-    console: Console, campaign: Campaign, found: Findings, at_least: float | None, confidence: float
+    console: Console,
+    campaign: Campaign,
+    findings: Findings,
+    at_least: float | None,
+    confidence: float,
 ) -> int:
     """Say on how many plants each law keeps everything, the worst law first.
 
     Args:
         console: Where to.
         campaign: The campaign.
-        found: What the runs say.
+        findings: What the runs say.
         at_least: Share that each must be shown to keep; None if none is required.
         confidence: Of the intervals, and of the bound that is compared with that share.
 
     Returns:
         The exit code.
     """
-    rates = {law: rate for (requirement, law), rate in found.rates.items() if requirement == ALL}
+    rates = {law: rate for (requirement, law), rate in findings.rates.items() if requirement == ALL}
     missed = False
     for law, rate in sorted(rates.items(), key=lambda pair: pair[1].rate):
         if at_least is not None:
@@ -48,7 +52,7 @@ def say_verdict(
             interval = interval and f"{interval} % ({100 * rate.confidence:g} % interval)"
             words = (
                 f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
-                f"design: {interval or found.sampled.intervals}."
+                f"design: {interval or findings.sampled.intervals}."
             )
         screen.say_verdict(console, words, good=good)
     for law in campaign.laws:
@@ -58,14 +62,14 @@ def say_verdict(
 
 
 def say_findings(
-    console: Console, campaign: Campaign, found: Findings, progress: Sequence[str], *, full: bool
+    console: Console, campaign: Campaign, findings: Findings, progress: Sequence[str], *, full: bool
 ) -> None:
     """The requirements that fail most first, what drives the margins, and what was sampled."""
     rows, lines = [], []
-    for (requirement, law), rate in sorted(found.rates.items(), key=lambda pair: pair[1].rate):
+    for (requirement, law), rate in sorted(findings.rates.items(), key=lambda pair: pair[1].rate):
         if requirement != ALL:
-            margin = found.summaries.get((requirement, law))
-            least = f"{number(margin.least)} {found.units[requirement]}" if margin else "-"
+            margin = findings.summaries.get((requirement, law))
+            least = f"{number(margin.least)} {findings.units[requirement]}" if margin else "-"
             kept = (
                 f"{rate.kept} of {rate.runs}",
                 rate_interval(rate, "..") or "-",
@@ -73,13 +77,13 @@ def say_findings(
             rows.append((requirement, law, *kept, least.rstrip()))
     columns = ("requirement", "law", "kept", "interval %", "least margin")
     console.print(screen.brief_table("", columns, rows, words=2, most=8))
-    for (requirement, first, second), pair in found.differences.items():
+    for (requirement, first, second), pair in findings.differences.items():
         if requirement == ALL:
             lines.append(
                 f"same plants: {first} alone keeps everything on {pair.only_first}, {second} alone "
                 f"on {pair.only_second}"
             )
-    for law, (driver, *_) in found.sensitivities.items():
+    for law, (driver, *_) in findings.sensitivities.items():
         if driver.drives:
             lines.append(
                 f"{law}: {driver.parameter} drives its margin most "
@@ -87,19 +91,21 @@ def say_findings(
             )
     screen.say_lines(console, lines, "", all=False)
     notes = [
-        judged_words(found.judges),
-        f"{found.sampled.words}. {found.sampled.footnote}",
+        judged_words(findings.judges),
+        f"{findings.sampled.words}. {findings.sampled.footnote}",
     ]
     for line in filter(None, [*notes, *progress]):
         console.print(line, style="dim", markup=False)
-    for table in findings_tables(campaign, found) if full else ():
+    for table in findings_tables(campaign, findings) if full else ():
         console.print("", table)
 
 
-def say_worst(console: Console, campaign: Campaign, found: Sequence[Worst], *, full: bool) -> None:
+def say_worst(
+    console: Console, campaign: Campaign, searches: Sequence[Worst], *, full: bool
+) -> None:
     """The worst plant under each law, the worst first."""
     lines = []
-    for plant in sorted(found, key=lambda plant: plant.relative):
+    for plant in sorted(searches, key=lambda plant: plant.relative):
         line = (
             f"{plant.controller}: worst plant, by {plant.winner}: margin {number(plant.relative)} "
             f"of its limit, {campaign.words(plant.values)}"
@@ -108,16 +114,16 @@ def say_worst(console: Console, campaign: Campaign, found: Sequence[Worst], *, f
             line += f"; nearest that fails: {campaign.words(plant.shrunk)}"
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
-    if full and found:
-        console.print(worst_table(campaign, found), "")
+    if full and searches:
+        console.print(worst_table(campaign, searches), "")
 
 
 def say_radius(
-    console: Console, campaign: Campaign, found: Sequence[Radius], *, full: bool
+    console: Console, campaign: Campaign, searches: Sequence[Radius], *, full: bool
 ) -> None:
     """How far the uncertainty may grow under each law, the least first."""
     lines = []
-    for search in sorted(found, key=lambda search: search.found):
+    for search in sorted(searches, key=lambda search: search.found):
         line = f"{search.controller}: no failure up to {search.found:.3g} times the uncertainty"
         for words, at in (
             (", one at", search.outside and search.outside.scale),
@@ -128,5 +134,5 @@ def say_radius(
             line += "" if at is None else f"{words} {at:.3g}"
         lines.append(line)
     screen.say_lines(console, lines, "", all=False)
-    if full and found:
-        console.print(radius_table(campaign, found), "")
+    if full and searches:
+        console.print(radius_table(campaign, searches), "")

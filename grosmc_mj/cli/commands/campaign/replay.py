@@ -38,23 +38,23 @@ def replay_run(command: CampaignCommand, which: str) -> int:
     console, folder, engine = screen.console(), Path(command.target), command.engine
     campaign, notices = read_campaign(folder, command.case_file)
     run: Any = (campaign, Folder(folder), which, command.controller, engine)
-    found = replay(*run)
-    result = found.judged
+    replayed = replay(*run)
+    result = replayed.judged
     law = re.sub(r"[^\w.+-]+", "_", result.controller.name)
     base = (command.out or folder / "replays") / f"{which}_{law}"
-    unwritten = _written(command, base, replay_document(campaign, found, engine))
-    if found.differences == []:
-        by = " by the equations" if found.outcome["judged_by"][0] == "equations" else ""
+    unwritten = _written(command, base, replay_document(campaign, replayed, engine))
+    if replayed.differences == []:
+        by = " by the equations" if replayed.outcome["judged_by"][0] == "equations" else ""
         words = f"Run {which} is what the campaign stored{by}, bit for bit; engine {engine}."
         screen.say_verdict(console, words, good=True)
-    elif found.differences:
+    elif replayed.differences:
         screen.say_verdict(console, f"Run {which} is not what the campaign stored.", good=False)
     if not result.ended:
         words = "Numbers are of the law's samples, as they are stored; costs are of the recording."
         console.print(words, style="dim")
-    for line in found.differences or ():
+    for line in replayed.differences or ():
         console.print(f"differs: {line}", style="bold red", soft_wrap=True)
-    margins, numbers = _lines(campaign, found)
+    margins, numbers = _lines(campaign, replayed)
     screen.say_lines(console, margins, "", all=command.verbose)
     screen.say_lines(console, notices, "yellow", all=command.verbose)
     screen.say_lines(console, tables.endings([result]), all=command.verbose)
@@ -67,8 +67,8 @@ def replay_run(command: CampaignCommand, which: str) -> int:
     if unwritten:
         console.print(f"Nothing is written: {unwritten}; --out DIR keeps it.", soft_wrap=True)
     else:
-        _draw(console, command, campaign, found, base)
-    return screen.DIFFERS if found.differences else screen.DONE
+        _draw(console, command, campaign, replayed, base)
+    return screen.DIFFERS if replayed.differences else screen.DONE
 
 
 def _written(command: CampaignCommand, base: Path, content: Any) -> str:
@@ -90,24 +90,28 @@ def _written(command: CampaignCommand, base: Path, content: Any) -> str:
 
 
 def _draw(
-    console: Console, command: CampaignCommand, campaign: Campaign, found: ReplayedRun, base: Path
+    console: Console,
+    command: CampaignCommand,
+    campaign: Campaign,
+    replayed: ReplayedRun,
+    base: Path,
 ) -> None:
     """The figure and the film, and where all is."""
     files = [Path(f"{base}.json")]
     if command.figures:
         files.append(Path(f"{base}.png"))
-        with figure_written(files[-1], figure_size([found.result])) as figure:
-            draw_experiment(figure, [found.result])
+        with figure_written(files[-1], figure_size([replayed.result])) as figure:
+            draw_experiment(figure, [replayed.result])
     screen.say_files(console, *files)
     if command.film:
         # Its poster and its data have the names of the figure and of the result.
         film = base.parent / FOLDER / f"{base.name}.mp4"
-        film_runs(console, [found.result], campaign.experiment.settings, film)
+        film_runs(console, [replayed.result], campaign.experiment.settings, film)
 
 
-def _lines(campaign: Campaign, found: ReplayedRun) -> tuple[list[str], list[str]]:
+def _lines(campaign: Campaign, replayed: ReplayedRun) -> tuple[list[str], list[str]]:
     """Margins of the run, the least first, and the plant's uncertain numbers, a line each."""
-    outcome, drawn = found.outcome, []
+    outcome, drawn = replayed.outcome, []
     margins = sorted(
         (float(outcome[f"margin {limit.key}"][0]), limit.words, limit.unit)
         for limit in campaign.limits_of(outcome["controller"][0])

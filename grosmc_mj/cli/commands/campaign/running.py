@@ -54,17 +54,19 @@ def run(command: CampaignCommand) -> int:
         for line in (*folder.begin(campaign, resume=command.resume), *_notices(campaign)):
             screen.notice(line)
         progress = _run_parts(campaign, folder, executor)
-    found = findings(campaign, folder, command.confidence)
-    documents = {RESULTS: results_document(campaign, found)}
+    result = findings(campaign, folder, command.confidence)
+    documents = {RESULTS: results_document(campaign, result)}
     write_json(folder.path / RESULTS, documents[RESULTS])
-    code = answer.say_verdict(console, campaign, found, command.at_least, command.confidence)
-    answer.say_findings(console, campaign, found, progress, full=full)
+    code = answer.say_verdict(console, campaign, result, command.at_least, command.confidence)
+    answer.say_findings(console, campaign, result, progress, full=full)
     reached: list[Radius] = []
     if command.worst:
         laws, runs = campaign.judged, command.evaluations
         with screen.progress(2 * runs * len(laws), "runs") as advance:
             plants = [
-                worst(campaign, law, found.worst[law], runs, partial(advance, f"worst under {law}"))
+                worst(
+                    campaign, law, result.worst[law], runs, partial(advance, f"worst under {law}")
+                )
                 for law in laws
             ]
         documents[WORST] = worst_document(campaign, plants)
@@ -77,7 +79,7 @@ def run(command: CampaignCommand) -> int:
         answer.say_radius(console, campaign, reached, full=full)
     files = [folder.path / name for name in documents]
     if command.figures:
-        files += maps.write_figures(campaign, folder, found, reached, command.axes)
+        files += maps.write_figures(campaign, folder, result, reached, command.axes)
     screen.say_files(console, *files)
     return code
 

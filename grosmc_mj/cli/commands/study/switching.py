@@ -62,10 +62,10 @@ class SwitchingCommand(Command):
         figure = switching.write_switching_figure(*rows, target.with_suffix(".png"))
         console = screen.console()
         endings = [f"{row.run.key}: {row.ended}" for row in cases if row.ended]
-        said = f"All {len(cases)} runs in MuJoCo completed."
+        words = f"All {len(cases)} runs in MuJoCo completed."
         if endings:
-            said = f"{len(endings)} of {len(cases)} runs in MuJoCo ended early."
-        screen.say_verdict(console, said, good=not endings)
+            words = f"{len(endings)} of {len(cases)} runs in MuJoCo ended early."
+        screen.say_verdict(console, words, good=not endings)
         screen.say_lines(console, endings, all=self.verbose)
         console.print(switching.scalar_table(by_time, by_ratio))
         if self.verbose:
