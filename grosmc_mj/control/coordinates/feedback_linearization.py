@@ -273,8 +273,11 @@ def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackL
 
 
 def _determinant(matrix: Any) -> Any:
-    """By minors: sympy's other methods simplify at every step."""
-    return matrix.det(method="laplace")
+    """By minors, as it is: sympy's own methods simplify at every step, which takes seconds."""
+    if matrix.rows == 1:
+        return matrix[0, 0]
+    minors = (matrix.minor_submatrix(0, j) for j in range(matrix.rows))
+    return sp.Add(*((-1) ** j * matrix[0, j] * _determinant(m) for j, m in enumerate(minors)))
 
 
 def is_zero(expression: sp.Expr, equations: Equations) -> bool:
