@@ -20,6 +20,10 @@ from loky.process_executor import ProcessPoolExecutor
 # clean up, and no user wants to read that loky's resource tracker does.
 _ENVIRONMENT = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore:resource_tracker"}
 
+# What a worker keeps on purpose, such as the runs that several claims share, is no leak, for which
+# loky would start it again [bytes].
+_KEPT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "2e9"}
+
 
 def worker_pool(
     workers: int,
@@ -42,7 +46,7 @@ def worker_pool(
             workers,
             initializer=_begin,
             initargs=(os.getpid(), start, arguments),
-            env=dict(environment),
+            env={**_KEPT, **environment},
         )
 
 
