@@ -91,11 +91,14 @@ def _answer(
     broken = failed or (ended and not judgements)
     verdict = NOT_KEPT if broken else KEPT if complete else OPEN
     nearest = max(judgements, key=lambda item: item.share, default=None)
+    tightest = ""
+    if nearest is not None:
+        tightest = f"tightest: {_measured(nearest)} by {nearest.controller} on {nearest.plant}"
     return Answer(
         question=f"Run of {target}",
         verdict=verdict,
         words=words + ("" if complete else " (interrupted: not complete)"),
-        more="" if nearest is None else f"tightest: {_measured(nearest)}",
+        more=tightest,
     )
 
 
@@ -124,7 +127,7 @@ def _measured(item: Judgement) -> str:
     """A requirement with its measured value."""
     limit, unit = item.limit, f" {item.limit.unit}" if item.limit.unit not in ("", "1") else ""
     value = f"{number(item.measured)} of {number(limit.value)}{unit}"
-    return f"{limit.kind.replace('_', ' ')}: {value} by {item.controller} on {item.plant}"
+    return f"{limit.kind.replace('_', ' ')}: {value}"
 
 
 def _judged(item: Judgement) -> dict[str, Any]:

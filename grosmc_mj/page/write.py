@@ -29,7 +29,7 @@ from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
 # Bytes of a page, and of its text around the films; letters of a configuration.
-LARGEST, _AROUND, _CONFIGURATION = 8_000_000, 20_000, 20_000
+LARGEST, _AROUND, _CONFIGURATION = 16_000_000, 20_000, 20_000
 # Results that stand in the table of every law in every case.
 _OF_CASES = ("run", "validation")
 

@@ -84,7 +84,7 @@ def test_all_is_as_recorded_and_can_be_repeated(
     assert standings.keys() == ran
     required, free = (standings["servo/case1", law] for law in ("grosmc", "lqr"))
     assert (required.required, free.required) == (True, False)
-    assert required.words == "settles within: 4 of 5 s by grosmc on physics"
+    assert required.words == "settles within: 4 of 5 s"
     assert free.words == "deviation: 1.42 rad, recorded 1.42"
     # On the benches LQR is required to do as well as the others, and does not.
     broken = {key for key, x in standings.items() if x.breaks_at}

@@ -66,8 +66,8 @@ def test_a_run_answers_which_requirement_is_nearest_and_where_each_law_stands(
     experiment, runs = judged
     judgements = judge_all(experiment.limits, runs)
     found = result_of(judged, judgements, complete=True)
-    (answer,), within = found.answers, "stays within: 0.5 of 0.1 rad by lqr on corrected"
-    assert (answer.verdict, answer.more) == ("not kept", f"tightest: {within}")
+    (answer,), within = found.answers, "stays within: 0.5 of 0.1 rad"
+    assert (answer.verdict, answer.more) == ("not kept", f"tightest: {within} by lqr on corrected")
     assert answer.words == "1 of 2 requirements are not kept"
     standings = [(each.law, each.breaks_at, each.words) for each in found.standings]
     assert standings == [

@@ -190,7 +190,7 @@ def test_a_film_is_shown_or_named(tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"
     for content, shown, notices in (
         (b"film", [base64.b64encode(b"film").decode()], []),
-        (bytes(LARGEST), [], [f"{film}: has no room in a page of 8 MB"]),
+        (bytes(LARGEST), [], [f"{film}: has no room in a page of 16 MB"]),
     ):
         write_film(tmp_path, content)
         page, text, _ = page_of(tmp_path)
