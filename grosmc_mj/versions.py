@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import platform
 from collections.abc import Iterable
+from pathlib import Path
 
 __version__ = "0.1.0"
 
@@ -23,6 +25,15 @@ def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
         of: Names of packages, or ``python``; by default what every document records.
     """
     return {name: _version(name) for name in of}
+
+
+@functools.cache
+def source_digest() -> str:
+    """SHA-256 of this package's own Python, which a checkout changes without another version."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 @functools.cache

@@ -142,11 +142,13 @@ def attempt(mutant: MutationSpec, end: float, slow: bool) -> dict[str, Any] | No
     """Put a fault in, run the tests, take it out; None where no time is left."""
     if time.time() > end:
         return None
-    which = "not render and not apart" if slow else "not slow and not render"
+    which = "not render and not apart" + ("" if slow else " and not slow")
     tests = " ".join(tests_of(mutant.module_path))
     command = f"{sys.executable} -m pytest -q -x -p no:cacheprovider -m '{which}' {tests}"
     result = mutate_and_test([mutant], command, TIMEOUT)
-    ended = "noticed" if result.is_killed else "survived"
+    # Where no test was left to run, or none could be collected, nothing was noticed.
+    found = re.search(r"\d+ (failed|error)", result.output or "")
+    ended = "noticed" if result.is_killed and found else "survived"
     return {
         "where": where(mutant),
         "kind": mutant.operator_name.removeprefix("core/"),

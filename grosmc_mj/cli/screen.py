@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
 from grosmc_mj.cli.exit_codes import DONE as DONE
 from grosmc_mj.cli.exit_codes import WRONG as WRONG
+from grosmc_mj.errors import SetupError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,12 +71,21 @@ def notice(line: str) -> None:
 
 
 @contextlib.contextmanager
-def kept_on_interrupt(write: Callable[[], Sequence[Path]]) -> Iterator[None]:
-    """Write what is there and say where, if what is done within is interrupted."""
+def kept_on_interrupt(write: Callable[[], Sequence[Path]], advice: str = "") -> Iterator[None]:
+    """Write what is there and say where, if what is done within is interrupted or fails.
+
+    Args:
+        write: Writes it, and returns where it is.
+        advice: What to do after an interrupt; to start over by default.
+    """
     try:
         yield
-    except KeyboardInterrupt:
-        say_files(console(), *write())
+    except (Exception, KeyboardInterrupt) as end:
+        with contextlib.suppress(SetupError):  # the first error is the one to tell
+            if files := write():
+                say_files(console(), *files)
+        if advice and isinstance(end, KeyboardInterrupt):
+            raise KeyboardInterrupt(advice) from None
         raise
 
 
@@ -121,7 +131,9 @@ def say_result(
     brief: int = 1,
     tables: Sequence[Table] = (),
 ) -> None:
-    """Write a result, then print its answer, what is wrong, its tables, and where it is.
+    """Write a result and print its answer, what is wrong, its tables, and where it is.
+
+    One that cannot be written is printed all the same.
 
     Args:
         content: A result's document.
@@ -134,16 +146,18 @@ def say_result(
     from grosmc_mj.results.document import write_json
     from grosmc_mj.results.result import KEPT, MEASURED
 
-    write_json(path, content)
     answer = content["answers"][0]
-    say_verdict(
-        console(), f"{answer['words'].rstrip('.')}.", good=answer["verdict"] in (KEPT, MEASURED)
-    )
-    say_lines(console(), lines, all=full)
-    if tables:
-        console().print(*tables)
-    else:
-        say_tables(content, None if full else brief)
+    try:
+        write_json(path, content)
+    finally:
+        say_verdict(
+            console(), f"{answer['words'].rstrip('.')}.", good=answer["verdict"] in (KEPT, MEASURED)
+        )
+        say_lines(console(), lines, all=full)
+        if tables:
+            console().print(*tables)
+        else:
+            say_tables(content, None if full else brief)
     say_files(console(), path)
 
 

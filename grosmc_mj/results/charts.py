@@ -139,7 +139,12 @@ def _curves(panel: Axes, chart: LineChart) -> None:
             style = {"marker": _MARKERS[i], "ms": 4, "markevery": max(1, len(y) // 10)}
         panel.plot(series.x, y, color=colour, lw=1.4, label=series.name, **style)
         bad = [i for i, good in enumerate(series.good) if good is False]
-        panel.plot([series.x[i] for i in bad], [y[i] for i in bad], "o", color=colour, mfc="white")
+        hollow: dict[str, Any] = {"color": colour, "mfc": "white", "clip_on": False}
+        panel.plot([series.x[i] for i in bad], [y[i] for i in bad], "o", **hollow)
+        # What ended early has no value: it stands at the lower edge.
+        ended = [series.x[i] for i in bad if series.y[i] is None]
+        edge = panel.get_xaxis_transform()
+        panel.plot(ended, [0.0] * len(ended), "o", transform=edge, **hollow)
     for mark in chart.marks:
         panel.axvline(mark, color=BLACK, lw=0.9, ls=(0, (2, 2)))
     if chart.limit is not None:
@@ -156,7 +161,7 @@ def _curves(panel: Axes, chart: LineChart) -> None:
             if axis == "x":
                 panel.set_xticks(sorted(set(numbers)), [f"{x:g}" for x in sorted(set(numbers))])
                 panel.xaxis.set_minor_locator(NullLocator())
-        elif low <= 0 and high > _FAR:
+        elif axis == "y" and low <= 0 and high > _FAR:
             panel.set_yscale("symlog", linthresh=1e-2)
 
 

@@ -62,8 +62,6 @@ VERDICT_COLOURS = {
 
 OPTIMUM = BLACK
 DISTURBANCE = GREEN
-# Below zero margin.
-FAILED_SHADE = "#f3e3d7"
 GRID = "#dddddd"
 # The reference, or the nominal optimum, over all curves.
 REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "zorder": 5}

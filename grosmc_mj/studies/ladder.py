@@ -17,7 +17,8 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
+from grosmc_mj.experiments.case import case_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
@@ -65,7 +66,7 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
 )
-from grosmc_mj.versions import versions
+from grosmc_mj.versions import source_digest, versions
 
 # The case of a system whose loop and machine are those that one can buy.
 MACHINE = "machine"
@@ -385,7 +386,8 @@ def ladder(
 class Cells:
     """Finished rows of a ladder, a file each, so that a killed ladder goes on where it was.
 
-    A file is named by all that its row depends on: that of another file, law or version is another.
+    A file is named by all that its row depends on: that of another case, law, version or code of
+    the package is another.
 
     Attributes:
         folder: Where they lie.
@@ -398,7 +400,12 @@ class Cells:
     @classmethod
     def of(cls, studied: Ladder, folder: Path) -> Cells:
         """The cells of a ladder in a folder."""
-        return cls(folder, json_text([studied.configuration(), versions()]))
+        conditions = [
+            [case_document(condition.experiment.case), condition.experiment.document()]
+            for condition in studied.conditions
+        ]
+        own = [studied.configuration(), conditions, versions(), source_digest()]
+        return cls(folder, json_text(own))
 
     def read(self, *key: str | bool) -> Climb | None:
         """The row with a key; None if it is not there, or cannot be read."""
@@ -431,6 +438,8 @@ def climb(
     row = Climb(law=law.name, rung=rung.name, together=together, condition=condition.name)
     try:
         run = run_of(studied, law, rung, condition)
+    except SetupError:  # of this computer, not of the law
+        raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
     limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])

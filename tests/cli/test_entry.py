@@ -21,6 +21,9 @@ from commands import assert_one_line, run
 from rich.console import Console
 
 from grosmc_mj import cli
+from grosmc_mj.cli import screen
+from grosmc_mj.errors import SetupError
+from grosmc_mj.results.result import Answer, result
 
 SMALL = """
 [plant]
@@ -232,6 +235,15 @@ def test_results_that_cannot_be_written_are_printed(
     output = capsys.readouterr()
     assert "cannot write" in output.err
     assert output.out.startswith("The requirement is kept")
+
+
+def test_the_answer_of_a_result_that_cannot_be_written_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = result("run", {}, answers=[Answer(question="Is it?", verdict="kept", words="It is")])
+    with pytest.raises(SetupError, match="cannot write"):
+        screen.say_result(content, tmp_path, full=False)
+    assert capsys.readouterr().out == "It is.\n"
 
 
 def disk_full() -> Any:

@@ -520,9 +520,11 @@ def test_a_killed_ladder_goes_on_to_the_same_bytes(
     ran_rungs.clear()
     assert ran("servo", *options, "--resume") == cli.DONE
     assert not ran_rungs
-    monkeypatch.setattr(study_of, "versions", lambda: {"mujoco": "another"})
-    assert ran("servo", *options, "--resume") == cli.DONE
-    assert ran_rungs[: len(below)] == below
+    for name, other in (("versions", {"mujoco": "another"}), ("source_digest", "another")):
+        monkeypatch.setattr(study_of, name, lambda other=other: other)
+        assert ran("servo", *options, "--resume") == cli.DONE
+        assert ran_rungs[: len(below)] == below
+        ran_rungs.clear()
 
 
 # Killed by itself while its fifth run is under way.
@@ -582,7 +584,9 @@ def test_an_interrupt_and_a_termination_keep_what_was_climbed(
 
     monkeypatch.setattr(study_of, "climb", stopped)
     assert ran("servo", "--laws", "lqr", "--out", str(tmp_path)) == 130
-    assert "ladder_servo_machine.json" in capsys.readouterr().out
+    output = capsys.readouterr()
+    assert "ladder_servo_machine.json" in output.out
+    assert "the same command with --resume" in output.err
     found = json.loads((tmp_path / "ladder_servo_machine.json").read_text(encoding="utf-8"))
     assert not found["complete"]
     assert [each["rung"] for each in found["climbs"]] == [

@@ -71,7 +71,10 @@ class LadderCommand(Command):
         steps = list(studied.steps())
         rows: list[Climb] = []
         with (
-            screen.kept_on_interrupt(lambda: self._write(studied, rows, complete=False)),
+            screen.kept_on_interrupt(
+                lambda: self._write(studied, rows, complete=False),
+                "interrupted; the same command with --resume runs what is missing",
+            ),
             screen.progress(len(steps), "rungs") as advance,
         ):
             for law, rung, condition, together in steps:
@@ -83,10 +86,12 @@ class LadderCommand(Command):
                     cells.write(row)
                 rows.append(row)
                 advance(law.name, 1)
-        files = self._write(studied, rows, complete=True)
+        try:
+            files = self._write(studied, rows, complete=True)
+        finally:
+            self._answer(studied, rows)
         if self.film:
             files = (*files, self._film(studied, laws[self.film], rows))
-        self._answer(studied, rows)
         screen.say_files(screen.console(), *files)
         return screen.DONE
 

@@ -70,8 +70,10 @@ class ToleranceCommand(Command):
             for index, own in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
                 answers[index] = own
                 advance(studied.laws[index].name, size)
-        files = self._write(studied, rows(), complete=True)
-        self._answer(rows())
+        try:
+            files = self._write(studied, rows(), complete=True)
+        finally:
+            self._answer(rows())
         screen.say_files(screen.console(), *files)
         return screen.DONE
 
