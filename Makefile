@@ -14,8 +14,8 @@ PART ?=
 # A file's tests share what they ran; tests/conftest.py orders the files.
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 FAST = $(PYTEST) -m 'not slow and not render and not apart' $(ARGS)
-# Where `make test-report` looks for results; of a run with ARGS they aren't all of the part.
-STORED = $(if $(ARGS),,--junitxml=build/tests/$(1).xml)
+# Where `make test-report` looks for results; a run with ARGS or of a file is not a whole part.
+STORED = $(if $(ARGS)$(filter %.py,$(PART)),,--junitxml=build/tests/$(1).xml)
 
 # What numbers come from: the rest runs, judges and writes what these compute.
 COMPUTING := plants control physics machine robots loop simulation assumptions

@@ -110,7 +110,7 @@ def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | Gri
     """Draw charts of curves or of maps in rows, with one legend; paths as for `write_cells`."""
     columns = max(len(row) for row in rows)
     with figure_written(path, (_PANEL[0] * columns, _PANEL[1] * len(rows) + 0.9)) as figure:
-        figure.suptitle(title, fontsize=14)
+        figure.suptitle(in_lines(title, 32 * columns), fontsize=14)
         panels = figure.subplots(len(rows), columns, squeeze=False)
         handles: dict[str, Artist] = {}
         for i, row in enumerate(rows):
@@ -139,12 +139,12 @@ def _curves(panel: Axes, chart: LineChart) -> None:
             style = {"marker": _MARKERS[i], "ms": 4, "markevery": max(1, len(y) // 10)}
         panel.plot(series.x, y, color=colour, lw=1.4, label=series.name, **style)
         bad = [i for i, good in enumerate(series.good) if good is False]
-        hollow: dict[str, Any] = {"color": colour, "mfc": "white", "clip_on": False}
+        hollow: dict[str, Any] = {"color": colour, "mfc": "white"}
         panel.plot([series.x[i] for i in bad], [y[i] for i in bad], "o", **hollow)
         # What ended early has no value: it stands at the lower edge.
         ended = [series.x[i] for i in bad if series.y[i] is None]
         edge = panel.get_xaxis_transform()
-        panel.plot(ended, [0.0] * len(ended), "o", transform=edge, **hollow)
+        panel.plot(ended, [0.03] * len(ended), "^", transform=edge, **hollow)
     for mark in chart.marks:
         panel.axvline(mark, color=BLACK, lw=0.9, ls=(0, (2, 2)))
     if chart.limit is not None:
