@@ -77,7 +77,10 @@ LEGEND = (
     "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
     "never: it does not settle; -: there is no such law."
 )
-NOTE = f"{LEGEND} Blue: all is kept; the redder, the further beyond. *: rests on assumptions."
+NOTE = (
+    f"{LEGEND} Green: every requirement is met; the redder, the further beyond a limit. *: rests "
+    "on assumptions."
+)
 CLAIMS = "Rung on which each claim fails"
 _TITLES = {
     True: "Rungs added one by one",

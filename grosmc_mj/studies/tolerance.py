@@ -79,7 +79,7 @@ LEGEND = (
     "none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again beyond; "
     "!: MuJoCo differs from the equations, and counts."
 )
-NOTE = f"{LEGEND} Blue: more than the bench has; red: less."
+NOTE = f"{LEGEND} Green: more than the bench has; red: less."
 # Letters in a line of a header, and octaves of a chart's colours.
 _LETTERS, _OCTAVES = 12, 6.0
 
