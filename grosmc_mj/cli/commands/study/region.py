@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 
 
@@ -50,13 +51,13 @@ class RegionCommand(Command):
     ] = ()
     points: Annotated[int, arg(metavar="N")] = 100
     axes: Annotated[
-        tuple[str, str] | None,
+        tuple[str, ...],
         arg(metavar="X Y", help_behavior_hint="(default: the controlled position and its rate)"),
-    ] = None
+    ] = ()
     limits: Annotated[
-        tuple[float, float] | None,
+        tuple[float, ...],
         arg(metavar="X Y", help_behavior_hint="(default: 90 degrees, 10 rad/s, 1 m, 2 m/s)"),
-    ] = None
+    ] = ()
     duration: Annotated[float, arg(metavar="S")] = 12.0
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
@@ -65,8 +66,12 @@ class RegionCommand(Command):
         from grosmc_mj.results.document import json_text
         from grosmc_mj.studies import region as study
 
-        options = ("target", "points", "duration", "axes", "limits", "controllers")
-        region = study.Region(**{name: getattr(self, name) for name in options})
+        pairs: dict[str, Any] = {"axes": self.axes or None, "limits": self.limits or None}
+        for name, pair in pairs.items():
+            if pair and len(pair) != 2:
+                raise ArgumentError(f"--{name} {' '.join(map(str, pair))}: give two, X and Y")
+        options = ("target", "points", "duration", "controllers")
+        region = study.Region(**{name: getattr(self, name) for name in options}, **pairs)
         target = self.out / f"region_{region.system.name}.json"
         for case, why in region.why_not.items():
             if why:
