@@ -20,8 +20,8 @@ from loky.process_executor import ProcessPoolExecutor
 # clean up, and no user wants to read that loky's resource tracker does.
 _ENVIRONMENT = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore:resource_tracker"}
 
-# What a worker keeps on purpose, such as the runs that several claims share, is no leak, for which
-# loky would start it again [bytes].
+# loky starts a worker again that has grown by more than this [bytes]. A worker of claims keeps the
+# runs that several of them share: that is no leak.
 _KEPT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "2e9"}
 
 

@@ -21,7 +21,7 @@ from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.films.offscreen import without_graphics
 
-# What ``run --save`` stands for alone.
+# The format of ``run --save`` without one.
 _FORMAT = "parquet"
 
 

@@ -71,7 +71,7 @@ def notice(line: str) -> None:
 
 
 @contextlib.contextmanager
-def kept_on_interrupt(write: Callable[[], Sequence[Path]], advice: str = "") -> Iterator[None]:
+def partial_results_kept(write: Callable[[], Sequence[Path]], advice: str = "") -> Iterator[None]:
     """Write what is there and say where, if what is done within is interrupted or fails.
 
     Args:

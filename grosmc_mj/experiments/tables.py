@@ -59,12 +59,6 @@ def results_table(results: Sequence[RunResult]) -> Table:
     )
 
 
-def results_tables(results: Sequence[RunResult]) -> list[Table]:
-    """All runs, a table for each system."""
-    systems = dict.fromkeys(result.case.system for result in results)
-    return [results_table([r for r in results if r.case.system == name]) for name in systems]
-
-
 LEGEND = (
     "x1*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
     "not within the run); it and the overshoot count up to the onset of a later disturbance. J: "

@@ -141,7 +141,7 @@ def _curves(panel: Axes, chart: LineChart) -> None:
         bad = [i for i, good in enumerate(series.good) if good is False]
         hollow: dict[str, Any] = {"color": colour, "mfc": "white"}
         panel.plot([series.x[i] for i in bad], [y[i] for i in bad], "o", **hollow)
-        # What ended early has no value: it stands at the lower edge.
+        # A run that ended early has no value: it stands at the lower edge.
         ended = [series.x[i] for i in bad if series.y[i] is None]
         edge = panel.get_xaxis_transform()
         panel.plot(ended, [0.03] * len(ended), "^", transform=edge, **hollow)

@@ -15,7 +15,7 @@ class Search:
         middle: Of a factor that passes and one that fails, where to look next.
         narrow: Whether two such factors are as near as is wanted.
         first: Factor to begin with.
-        least: No smaller one is tried.
+        least: A failing factor of this size or less ends the search downwards.
         same: Key that is equal for two factors that are one, such as a time on a timestep's grid.
 
     Attributes:

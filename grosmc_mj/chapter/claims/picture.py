@@ -46,11 +46,11 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
     Then one for each value of the choices that the claim is meant for, on the plant that decides.
     """
     claim, points, drawn = finding.claim, [], [finding.claim.threshold]
-    for name, measured in finding.plants.items():
-        colour = VERDICT_COLOURS[measured.verdict.value]
+    for name, on_plant in finding.plants.items():
+        colour = VERDICT_COLOURS[on_plant.verdict.value]
         points += [
-            (name, measured.measured, colour, colour),
-            (name, measured.refined, colour, "none"),
+            (name, on_plant.measured, colour, colour),
+            (name, on_plant.refined, colour, "none"),
         ]
     for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED

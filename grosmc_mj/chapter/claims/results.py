@@ -72,27 +72,27 @@ def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
         claim = finding.claim
         words = "not as expected" if finding.unexpected else "as expected"
         yield Value(name=claim.id, value=words)
-        for plant, measured in finding.plants.items():
-            name, value = f"{claim.id} on {plant}", measured.measured.value
-            yield Value(name=f"{name}: verdict", value=measured.verdict.value)
+        for plant, on_plant in finding.plants.items():
+            name, value = f"{claim.id} on {plant}", on_plant.measured.value
+            yield Value(name=f"{name}: verdict", value=on_plant.verdict.value)
             yield Value(name=name, value=plain(value), unit=claim.unit, relative=_SWITCHED)
 
 
 def claim_numbers(finding: Finding, lab: Laboratory) -> dict[str, Any]:
     """One claim with its measurements, and the evidence that they have converged."""
     claim, settings, plants = finding.claim, lab.settings, dict[str, Any]()
-    for name, measured in finding.plants.items():
-        evidence: dict[str, Any] = {"exact": measured.refined is None}
-        if measured.refined is not None:
+    for name, on_plant in finding.plants.items():
+        evidence: dict[str, Any] = {"exact": on_plant.refined is None}
+        if on_plant.refined is not None:
             evidence |= {
                 "control_period": [settings.control_period, settings.control_period / 2],
                 "timestep": [settings.timestep, settings.timestep / 2],
-                "values": [measured.measured.value, measured.refined.value],
-                "notes": [measured.measured.note, measured.refined.note],
-                "plants": [name, measured.finer],
+                "values": [on_plant.measured.value, on_plant.refined.value],
+                "notes": [on_plant.measured.note, on_plant.refined.note],
+                "plants": [name, on_plant.finer],
             }
-        value, note, _ = measured.measured
-        plants[name] = {"value": value, "note": note, "verdict": measured.verdict.value}
+        value, note, _ = on_plant.measured
+        plants[name] = {"value": value, "note": note, "verdict": on_plant.verdict.value}
         plants[name]["evidence"] = evidence
     return {
         **{name: getattr(claim, name) for name in _OF_CLAIM},

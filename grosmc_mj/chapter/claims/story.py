@@ -143,12 +143,12 @@ def claim_tables(finding: Finding) -> list[Table]:
     rows = [
         (
             plant,
-            number_of(measured.measured) + end,
-            "exact" if measured.refined is None else number_of(measured.refined) + end,
-            measured.verdict.value,
-            measured.measured.note,
+            number_of(on_plant.measured) + end,
+            "exact" if on_plant.refined is None else number_of(on_plant.refined) + end,
+            on_plant.verdict.value,
+            on_plant.measured.note,
         )
-        for plant, measured in finding.plants.items()
+        for plant, on_plant in finding.plants.items()
     ]
     columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]
     return [table("", columns, story.items()), table("", EVIDENCE, rows)]

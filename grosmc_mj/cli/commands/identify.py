@@ -92,11 +92,11 @@ class IdentifyCommand(_OfLog):
         # The case file has a name of its own: a run of it writes results of that name.
         path, case = self._path("identification", experiment), self._path("identify", experiment)
         files = path.with_suffix(".png"), case.with_suffix(".toml")
-        draw(parts, held, plant.system, files[0])
-        write_case(best, log.name, files[1])
         document = identification(best, rows, log.name, self.horizon, self.hold_out)
         unseen = [f"{parameter.words}." for parameter in best.unseen]
         screen.say_result(document, path, unseen, full=self.verbose, brief=2)
+        draw(parts, held, plant.system, files[0])
+        write_case(best, log.name, files[1])
         screen.say_files(screen.console(), *files)
         return screen.DONE
 

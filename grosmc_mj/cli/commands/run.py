@@ -86,7 +86,7 @@ class RunCommand(Command):
                     advance(result.key)
             complete, premises = True, audits(results)
         finally:
-            # What was computed is kept and shown, whatever happened since.
+            # Results are kept and shown, whatever happened since.
             if results:
                 answer = self._answer(experiment, results, premises, path, complete, alone)
         console, files = screen.console(), [path]
@@ -180,7 +180,7 @@ def _check(experiment: Experiment) -> None:
 def _wrong(
     experiment: Experiment, results: Sequence[RunResult], premises: Sequence[Audit]
 ) -> Iterator[str]:
-    """What is not judged, ended early or fails, a line each."""
+    """A line for each requirement without a judgement, run that ended early and failed premise."""
     from grosmc_mj.experiments.tables import endings
 
     yield from experiment.not_judged

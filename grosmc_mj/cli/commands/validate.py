@@ -78,7 +78,7 @@ class ValidateCommand(Command):
                     record_expected(done.results)
                 done.compare()
         finally:
-            # What was computed is kept and shown, whatever happened since.
+            # Results are kept and shown, whatever happened since.
             if done.results:
                 screen.say_result(
                     done.document(Laboratory(settings)), self.out / "validation.json",

@@ -110,7 +110,7 @@ def _refuse_axes(axes: tuple[str, ...], names: list[str]) -> None:
 
 
 def _notices(campaign: Campaign) -> list[str]:
-    """What is not judged, does not act, or steps otherwise than the model says."""
+    """Lines on requirements that are not judged, loads that do not act, and another integrator."""
     late = f"never acts: runs end at {campaign.duration:g} s, before it begins."
     notices = [*campaign.not_judged, *(f"{name} {late}" for name in campaign.idle)]
     if campaign.plant.restepped:

@@ -71,7 +71,7 @@ class LadderCommand(Command):
         steps = list(studied.steps())
         rows: list[Climb] = []
         with (
-            screen.kept_on_interrupt(
+            screen.partial_results_kept(
                 lambda: self._write(studied, rows, complete=False),
                 "interrupted; the same command with --resume runs what is missing",
             ),

@@ -63,7 +63,7 @@ class ToleranceCommand(Command):
             return [row for _, own in sorted(answers.items()) for row in own]
 
         with (
-            screen.kept_on_interrupt(lambda: self._write(studied, rows(), complete=False)),
+            screen.partial_results_kept(lambda: self._write(studied, rows(), complete=False)),
             screen.progress(len(studied.laws) * size, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
