@@ -285,6 +285,8 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     assert implicit.count("") == len(studied.imperfections) - 1
     assert lines[-1] == "MuJoCo confirmed 30 of 30 answers."
     assert [x["breaks_at"] for x in document["standings"]] == ["computing delay", "actuator limit"]
+    words = "kept only without it, then deviation below (nominal)"
+    assert document["standings"][1]["words"] == words
 
 
 def test_an_interrupt_keeps_finished_laws_and_the_answer_names_the_one_that_breaks_first(
