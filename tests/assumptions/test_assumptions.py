@@ -13,19 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Store
 from shipped import ARM_G, find_case, run_case, task_of
 
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import (
-    Audit,
-    Premise,
-    audit,
-    least_margin,
-    reading_of,
-    run_audit,
-)  # fmt: skip
+from grosmc_mj.assumptions import audit as audits
+from grosmc_mj.assumptions.audit import Audit, Premise, audit, run_audit
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
@@ -261,10 +253,10 @@ def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
     # A force on the cart turns the upright pole the other way than one on the pole.
     upright = [balance(law, plant, 0.0, np.zeros(4), w) for w in (together, apart)]
     assert upright[1].required > upright[0].required
-    margins = [least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
+    margins = [audits.least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
     assert margins[0] == pytest.approx(margins[1], rel=1e-12)
     # A region of next to nothing is the pole upright.
-    here = least_margin(law, plant, (1e-9, 1e-9), together)
+    here = audits.least_margin(law, plant, (1e-9, 1e-9), together)
     assert here == pytest.approx(upright[1].configured - upright[1].required, rel=1e-6)
 
 
@@ -306,23 +298,10 @@ def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
     assert found.signals["required"].max() > 1
 
 
-@pytest.mark.slow
-def test_command_says_where_the_premise_fails(store: Store) -> None:
-    command = store.command("claims", "premises", "arm/case1")
-    assert command.code == cli.DONE
-    assert "FAILS" in command.said
-    assert "case1: epsilon: worst in the region at t =" in command.said
-    written = command.read("premises_arm.json")
-    (document,) = written["premises"]
-    failed = [premise["name"] for premise in document["premises"] if not premise["holds"]]
-    assert failed == ["epsilon"]
-    assert written["versions"]
-
-
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
     points: Any = SimpleNamespace(t=np.arange(4.0), x=np.arange(4.0)[:, None])
     least = -6.45 * (1 + 4e-16)
-    reading = reading_of(points, np.array([2.0, -6.45, least, -6.4]))
+    reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
     # No multiple of no gain is enough.

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
+from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, run_on
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.assumptions.balance import balance
-from grosmc_mj.assumptions.robot import is_robots, robot_audit
+from grosmc_mj.assumptions.robot import robot_audit
 from grosmc_mj.chapter.premises import audit_document, audit_table
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.control.task import AS_PRINTED
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.machine import Stop, Transmission
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.document import json_text
@@ -171,20 +169,6 @@ def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
     assert (premise(enough, "epsilon").holds, premise(enough, "epsilon").restores) == (True, "")
 
 
-def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
-    friction = JointEdit("elbow", friction=1.0)
-    plant, controller = arm().plant.edited(friction), law("lqr")
-    x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
-    for side in (-1.0, 1.0):
-        x[3] = side
-        (still,), _ = error.error_dynamics([0.0], x[None], p, plant, u=np.zeros((1, N)))
-        (without,), (gain,) = error.error_dynamics(
-            [0.0], x[None], p, arm().plant, u=np.zeros((1, N))
-        )
-        # Sliding friction is against the motion, of its full size.
-        np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
-
-
 # --- what takes the dominance of the input gain away ---
 
 THREE_LINKS = """
@@ -283,16 +267,6 @@ def test_a_touched_joint_limit_is_noticed() -> None:
 
 
 # --- which runs have premises, and as a table and as values ---
-
-
-@pytest.mark.slow
-def test_other_runs_have_no_such_premises() -> None:
-    case = replace(find_case("servo", "nominal"), duration=0.05)
-    for plant in ("physics", "corrected"):
-        other = run_case(case, plant, "grosmc", PYTHON)
-        assert not is_robots(other)
-        with pytest.raises(ArgumentError, match="no run of a robot"):
-            robot_audit(other)
 
 
 @pytest.mark.slow

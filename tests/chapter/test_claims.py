@@ -22,17 +22,7 @@ from shipped import SERVO_UNCERTAINTY, TWO_LINK_UNCERTAINTY
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims
 from grosmc_mj.chapter.claims import story
-from grosmc_mj.chapter.claims.claim import (
-    Choice,
-    Claim,
-    Finding,
-    Kind,
-    Measured,
-    NoValueError,
-    PlantFinding,
-    Sentence,
-    Verdict,
-)  # fmt: skip
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
 from grosmc_mj.chapter.claims.ledger import CLAIMS, Measurement
 from grosmc_mj.chapter.claims.measurements.arm import tracking
@@ -61,8 +51,8 @@ S, R, U, P, I = (
 def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
     """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
     measured = Measured(value, "something short")
-    plants: dict[PlantName, PlantFinding] = {
-        plant: PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
+    plants: dict[PlantName, claims.PlantFinding] = {
+        plant: claims.PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
         for plant in claim.plants
     }
     return Finding(claim, plants)
@@ -286,7 +276,7 @@ def test_exact_claim_is_measured_once_and_others_twice_and_the_last_plant_decide
 def test_verdict_over_choices(
     values: list[float], meant: Any, verdict: Verdict, holds: list[bool | None], flip: float | None
 ) -> None:
-    choice = Choice("size", tuple(values), argument="size")
+    choice = claims.Choice("size", tuple(values), argument="size")
     claim = invented([], choices=(choice,), premise=lambda _: "too small", **meant)
     result = judged(claim)
     assert result.verdict is (P if verdict is R else verdict)
@@ -310,7 +300,7 @@ def test_verdict_over_choices(
 def test_a_measurement_takes_the_extreme_and_extrapolates() -> None:
     def measure(lab: Any, _: str, *, case: float, shift: float = 0.0) -> Measured:
         if case > 90:
-            raise NoValueError("the run ended")
+            raise claims.NoValueError("the run ended")
         return Measured(case + shift + 0.5**lab.depth if case else None)
 
     for cases, take, options, shift, value in (
@@ -339,7 +329,7 @@ def test_several_choices_have_one_measurement_and_several_claims_one_verdict() -
         ([S, S, S], S), ([R, P, U, I, S], R), ([U, P, I], P), ([I, U], U), ([S, I], I)
     ):  # fmt: skip
         findings = [finding(BY_ID["theorem-1"], verdict) for verdict in verdicts]
-        assert Sentence("quote", tuple(findings)).verdict is together
+        assert claims.Sentence("quote", tuple(findings)).verdict is together
         assert claims.verdicts_of(findings, Kind.CLAIM) == [together]
         # Questions are no claims of the chapter: they are counted one by one.
         questions = [finding(BY_ID["servo-bench"], verdict) for verdict in verdicts]

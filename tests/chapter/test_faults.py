@@ -13,12 +13,12 @@ from shipped import controller_names
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.balance import switching_rate
 from grosmc_mj.chapter.claims.faults import FAULTS
-from grosmc_mj.chapter.claims.judging import judge, judge_claims, parts_of
-from grosmc_mj.chapter.claims.ledger import CLAIMS, find_claim
+from grosmc_mj.chapter.claims.judging import judge
+from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.self_test import self_test
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import nominal
-from grosmc_mj.executors import Batch, make_executor
+from grosmc_mj.executors import Batch
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory
 from grosmc_mj.experiments.runs import Settings
@@ -166,25 +166,3 @@ def test_a_claim_that_has_noticed_is_tried_no_more() -> None:
     lab = Laboratory(Settings(), Fault("spy", "looks on", controller=spy))
     find_claim("arm-printed-c").measure(lab, "corrected")
     assert seen
-
-
-@pytest.mark.slow
-def test_processes_judge_the_same_in_the_order_of_the_claims() -> None:
-    """Every claim is in one part of one system, and the parts are enough for a handful of cores."""
-    parts = parts_of(CLAIMS)
-    assert sorted(claim.id for part in parts for claim in part) == sorted(c.id for c in CLAIMS)
-    assert all(len({claim.system for claim in part}) == 1 for part in parts)
-    assert len(parts) >= 12
-    lab, log = Laboratory(Settings()), list[str]()
-    processes, faults = make_executor("processes", workers=2), [FAULT["printed physics"]]
-    here = [judge(lab, claim) for claim in QUICK]
-    for executor in (Batch(), processes):
-        assert judge_claims(lab, QUICK, executor, log.append) == here
-    assert sorted(log) == sorted(2 * [claim.id for claim in QUICK])
-    one, other = (
-        self_test(Settings(), QUICK, faults, executor, thorough=True)
-        for executor in (Batch(), processes)
-    )
-    assert one == other
-    copied = Laboratory(*Laboratory(Settings(control_period=2e-3)).__reduce__()[1])
-    assert copied.refined.settings.control_period == 1e-3

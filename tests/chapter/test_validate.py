@@ -20,7 +20,6 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.ledger import CLAIMS
-from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.result import Result
@@ -124,25 +123,6 @@ def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(
     assert "No films: no OpenGL backend renders off-screen (glfw: no display" in output
     content = read(tmp_path)
     assert (content["as_recorded"], bool(content["differences"])) == (False, True)
-
-
-def test_ctrl_c_keeps_the_results_that_are_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    simulate, count = runs.simulate, iter(range(100))
-
-    def counted(*arguments: Any, **numbers: Any) -> Any:
-        if next(count) == 3:
-            raise KeyboardInterrupt
-        return simulate(*arguments, **numbers)
-
-    monkeypatch.setattr(runs, "simulate", counted)
-    assert run("validate", "servo", "--no-figures", "--out", tmp_path) == cli.INTERRUPTED
-    output, content = capsys.readouterr(), read(tmp_path)
-    assert "grosmc-mj: interrupted; run the same command again to start over\n" in output.err
-    assert output.out.startswith("Not complete: 3 runs are done.\n")
-    assert (content["complete"], len(content["runs"])) == (False, 3)
-    assert not any(standing["complete"] for standing in content["standings"])
 
 
 # The ledger of claims.

@@ -19,18 +19,10 @@ from scipy import stats
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
+from grosmc_mj.comparison import significance
 from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes
 from grosmc_mj.comparison.changes import Change, Effect
 from grosmc_mj.comparison.comparison import compare
-from grosmc_mj.comparison.significance import (
-    LEVEL,
-    POWER,
-    holm,
-    other_plants_means,
-    other_plants_rates,
-    same_plants_means,
-    same_plants_rates,
-)  # fmt: skip
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.results.result import Value
 from grosmc_mj.sweep.findings import Basis
@@ -202,7 +194,7 @@ def test_equal_campaigns_raise_an_alarm_in_one_comparison_of_twenty_at_most(
             assert {change.effect for change in changes} == {CHANGED}
             assert all(change.note.startswith("no test: ") for change in changes)
     # More alarms than this would be seen of one test in ten thousand, were the level kept.
-    assert alarms <= stats.binom.isf(1e-4, comparisons, LEVEL)
+    assert alarms <= stats.binom.isf(1e-4, comparisons, significance.LEVEL)
 
 
 @pytest.mark.parametrize("sampler", ["random", "sobol"])
@@ -222,7 +214,7 @@ def test_pass_rates_of_the_same_plants_are_compared_by_those_that_changed(
     rates = [change for name, change in found.items() if name.endswith("pass rate")]
     assert bool(rates) == (lost != won)
     # Holm's procedure takes the least of the p-values times 5, as there are 5 tests.
-    effect = NOISE if 5 * p >= LEVEL else WORSE if lost > won else BETTER
+    effect = NOISE if 5 * p >= significance.LEVEL else WORSE if lost > won else BETTER
     for change in rates:
         assert change.effect is effect
         assert effect is NOISE or f"McNemar, p = {p:.1g} of 5 tests" in change.note
@@ -285,7 +277,7 @@ def test_a_second_alarm_needs_less_than_the_first() -> None:
         ([0.02, 0.02, 0.02], [False] * 3),
         ([], []),
     ):
-        assert holm(p_values).tolist() == alarms
+        assert significance.holm(p_values).tolist() == alarms
     # Rates of 13 and of 7 plants lost: without the step-down the second would be noise.
     few, more = (np.where(np.arange(RUNS) < count, -0.1, 0.1) for count in (7, 13))
     new = rows(more)
@@ -306,18 +298,19 @@ def test_signs_are_flipped_in_all_combinations(runs: int) -> None:
     # Rounding of sums in another order.
     share = np.mean(np.array(sums) >= abs(changes.sum()) * (1 - 1e-12))
     base, none = np.zeros(runs), np.zeros(5)
-    assert same_plants_means(base, changes).p_value == pytest.approx(share, rel=1e-9)
+    assert significance.same_plants_means(base, changes).p_value == pytest.approx(share, rel=1e-9)
     # Plants that did not change have no say.
-    more = same_plants_means(np.append(base, none), np.append(changes, none))
+    more = significance.same_plants_means(np.append(base, none), np.append(changes, none))
     assert more.p_value == pytest.approx(share, rel=1e-9)
-    assert same_plants_means(none, none).p_value == 1.0
+    assert significance.same_plants_means(none, none).p_value == 1.0
 
 
 @pytest.mark.parametrize(("paired", "runs", "level"), [(True, 60, 0.05), (False, 300, 0.005)])
 def test_the_least_detectable_change_of_a_mean_is_detected_with_the_power(
     paired: bool, runs: int, level: float
 ) -> None:
-    random, test = np.random.default_rng(7), same_plants_means if paired else other_plants_means
+    random = np.random.default_rng(7)
+    test = significance.same_plants_means if paired else significance.other_plants_means
 
     def draw(change: float) -> Any:
         before = random.normal(0, 1, runs)
@@ -327,7 +320,7 @@ def test_the_least_detectable_change_of_a_mean_is_detected_with_the_power(
     change = float(np.median([draw(0.0).detectable(level) for _ in range(50)]))
     share = np.mean([draw(change).p_value <= level for _ in range(2000)])
     # Three standard deviations of 2,000 draws.
-    assert share == pytest.approx(POWER, abs=0.03)
+    assert share == pytest.approx(significance.POWER, abs=0.03)
 
 
 @pytest.mark.parametrize(("lost", "won"), [(0, 0), (12, 9), (150, 140)])
@@ -336,7 +329,7 @@ def test_the_least_detectable_change_of_a_rate_is_that_of_mcnemar(lost: int, won
     before = (np.arange(runs) >= won) * 1.0
     after = before.copy()
     after[:won], after[runs - lost :] = 1.0, 0.0
-    change = same_plants_rates(before, after).detectable(level)
+    change = significance.same_plants_rates(before, after).detectable(level)
     # At least 8 plants must differ: 2 / 2^8 <= 1 % < 2 / 2^7.
     differing = max(lost + won, 8)
     share = (1 + change * runs / differing) / 2
@@ -344,16 +337,4 @@ def test_the_least_detectable_change_of_a_rate_is_that_of_mcnemar(lost: int, won
     counts = np.arange(differing + 1)
     alarms = [stats.binomtest(int(count), differing).pvalue <= level for count in counts]
     power = stats.binom.pmf(counts, differing, share) @ alarms
-    assert power == pytest.approx(POWER, abs=0.03)
-
-
-@pytest.mark.parametrize("kept", [0, 3, 150])
-def test_the_least_detectable_change_of_a_rate_on_other_plants_is_that_of_fisher(kept: int) -> None:
-    runs, others, level = 300, 200, 0.01
-    before, counts = (np.arange(runs) < kept) * 1.0, np.arange(others + 1)
-    change = other_plants_rates(before, np.ones(others)).detectable(level)
-    tests = [other_plants_rates(before, (np.arange(others) < count) * 1.0) for count in counts]
-    alarms = [test.p_value <= level for test in tests]
-    rates = [rate for rate in (kept / runs - change, kept / runs + change) if 0 <= rate <= 1]
-    powers = [stats.binom.pmf(counts, others, rate) @ alarms for rate in rates]
-    assert max(powers) == pytest.approx(POWER, abs=0.08)
+    assert power == pytest.approx(significance.POWER, abs=0.03)

@@ -325,17 +325,3 @@ def test_a_wrong_option_is_one_line(
     error = capsys.readouterr().err
     assert words in error
     assert_one_line(error)
-
-
-@pytest.mark.slow
-def test_errors_are_as_large_as_their_intervals_say(experiment: Experiment) -> None:
-    """As parts of their 95 % intervals, whose half is 1.96 standard deviations."""
-    parameters, plant = parameters_of(experiment, coverage.NAMES), experiment.plant("physics")
-    errors = []
-    for number in range(300, 305):
-        true, log = short(number)
-        found = fit(parameters, log, plant, **HOW)
-        errors.append(1.96 * (found.values - true) / found.half)
-    # 15 normal deviates: 95 % of their mean squares lie between these.
-    assert 0.41 < np.mean(np.square(errors)) < 1.83
-    assert np.abs(errors).max() < 3.5

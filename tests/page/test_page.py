@@ -13,20 +13,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import page_documents as made
 import pytest
 from commands import run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from page_documents import (
-    CLAIM,
-    CLAIMS,
-    DOCUMENTS,
-    LADDER,
-    RUN,
-    write_document,
-    write_documents,
-    write_film,
-)  # fmt: skip
+from page_documents import DOCUMENTS, write_document, write_documents, write_film
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj import cli
@@ -165,13 +157,13 @@ def test_a_law_of_which_nothing_is_required_stands_by_the_record(tmp_path: Path)
         {"case": "servo/case2", "law": "lqr", "required": False, "breaks_at": "record"},
         {"case": "servo/case1", "law": "grosmc"},
     ]
-    content = {**RUN, "kind": "validation", "standings": standings}
+    content = {**made.RUN, "kind": "validation", "standings": standings}
     write_document(tmp_path / "validation.json", content)
     # The newer of two results counts, and an interrupted one is named.
     for name, verdict, modified in (("a", "supported", 2000), ("b", "refuted", 1000)):
-        claims = {**CLAIMS, "claims": [{**CLAIM, "verdict": verdict}]}
+        claims = {**made.CLAIMS, "claims": [{**made.CLAIM, "verdict": verdict}]}
         os.utime(write_document(tmp_path / f"{name}.json", claims), (modified, modified))
-    write_document(tmp_path / "ladder.json", {**LADDER, "standings": [], "complete": False})
+    write_document(tmp_path / "ladder.json", {**made.LADDER, "standings": [], "complete": False})
     _, text, _ = page_of(tmp_path)
     marks = re.findall(r'data-law="(\w+)"><span class="mark ([\w-]+)">(.)</span>', text)
     expected = [("LQR", "measured", "•"), ("GROSMC", "kept", "✓"), ("LQR", "not-kept", "✗")]

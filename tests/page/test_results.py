@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from types import MappingProxyType
 
-import mujoco
 import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv, to_rgb
@@ -16,25 +15,14 @@ from rich.console import Console
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.page.charts import chart_figure
+from grosmc_mj.results import tables
 from grosmc_mj.results.charts import write_cells
-from grosmc_mj.results.document import json_text, origin, write_json
+from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import figure_written, labelled_below
-from grosmc_mj.results.palette import COLOURS, FAILED, KEPT, OTHERS, law_styles
-from grosmc_mj.results.result import CellChart, LineChart, Series
-from grosmc_mj.results.tables import (
-    WIDTH,
-    Table,
-    markdown_table,
-    names,
-    number,
-    numbers,
-    prefixed,
-    table,
-    text,
-    words,
-)  # fmt: skip
-from grosmc_mj.versions import versions
+from grosmc_mj.results.palette import FAILED, KEPT
+from grosmc_mj.results.result import CellChart
+from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
 
 def test_numbers_survive_to_the_last_bit_and_null_stands_for_those_that_json_has_not(
@@ -57,20 +45,10 @@ def test_numbers_survive_to_the_last_bit_and_null_stands_for_those_that_json_has
         write_json(path / "b.json", {})
 
 
-def test_origin_is_code_and_seed() -> None:
-    document = origin(7, 2)
-    assert (document["seed"], document["schema_version"]) == (7, 2)
-    assert origin(None)["schema_version"] == 1
-    assert document["versions"]["mujoco"] == mujoco.__version__
-    revision = document["git_revision"]
-    assert revision is None or len(revision.partition("-")[0]) == 40
-    assert versions(["no-such-package"]) == {"no-such-package": "not installed"}
-
-
 # Tables.
 
 
-def lines(shown: Table) -> list[str]:
+def lines(shown: tables.Table) -> list[str]:
     """Lines of a wide terminal."""
     console = Console(width=160, color_system=None)
     with console.capture() as capture:
@@ -92,19 +70,19 @@ def test_a_group_is_named_once_and_set_apart_and_brackets_are_shown() -> None:
     columns = [*names("law"), *text("statement"), *numbers("value")]
     row = ("a_law_of_my_own_with_a_long_name", "of several words " * 12, "1.25e-3")
     printed = lines(table("", columns, [row]))
-    assert max(map(len, printed)) == WIDTH
+    assert max(map(len, printed)) == tables.WIDTH
     assert "".join(printed).count("1.25e-3") == 1
     assert "a_law_of_my_own_with" in printed[2]
     # In Markdown numbers stand at the right, and bars stay bars.
     columns = [*words("law"), *numbers("max |u|"), *words("")]
-    assert markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
+    assert tables.markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
         r"| law | max \|u\| |  |", "|---|---:|---|", r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |",
     ]  # fmt: skip
 
 
 def test_a_number_has_six_characters_at_most_and_a_unit_its_prefix() -> None:
     values = (0.0, 0.01234, 12.345, 9999.0, 12345.0, -1.23456e-7, -math.inf, None)
-    assert " ".join(map(number, values)) == "0 0.0123 12.3 9999 1.2e4 -1.2e-7 -inf -"
+    assert " ".join(map(tables.number, values)) == "0 0.0123 12.3 9999 1.2e4 -1.2e-7 -inf -"
     assert prefixed("rad", 2.0) == prefixed("rad", 0.0) == prefixed("rad", math.inf) == ("rad", 1)
     assert (prefixed("rad", 0.2), prefixed("m", 1e-3)) == (("mrad", 1e3), ("mm", 1e3))
     assert prefixed("m", 3e-5) == prefixed("m", 3e-9) == ("µm", 1e6)
@@ -166,18 +144,3 @@ def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
         hue, saturation, _ = rgb_to_hsv(to_rgb(shade[1]))
         assert hue == pytest.approx(rgb_to_hsv(to_rgb(meant))[0], abs=0.02)
         assert saturation > 0.3
-
-
-def test_laws_have_the_same_colour_wherever_they_are_drawn() -> None:
-    """Those without one of their own take the others in turn."""
-    styles = law_styles(["lqr", "mine", "grosmc", "yours", "mine"]).values()
-    assert [(style.label, style.colour) for style in styles] == [
-        ("LQR", COLOURS["lqr"]), ("mine", OTHERS[0]), ("GROSMC", COLOURS["grosmc"]),
-        ("yours", OTHERS[1]),
-    ]  # fmt: skip
-    assert len({style.line for style in styles}) == 4
-    series = [Series(name=law, x=[0.0], y=[1.0]) for law in ("lqr", "grosmc", "mine")]
-    drawn = chart_figure(LineChart(name="J", titles=("x", "y"), lines=series))["data"]
-    colours = [line["marker"]["color"] for line in drawn]
-    assert colours[:2] == [COLOURS["lqr"], COLOURS["grosmc"]]
-    assert len(set(colours)) == 3

@@ -18,7 +18,6 @@ from commands import assert_one_line, run
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.cited import cited_claims
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Computing, Loop
@@ -163,20 +162,6 @@ def made_up(*names: str) -> study.Ladder:
     return replace(ladder("servo", ["lqr", "pid"]), climbing=own)
 
 
-def test_shares_and_reasons_are_words() -> None:
-    for used, changes, share, why in (
-        (0.31, {}, "0.31", "settles within: 0.31 times"),
-        (1.001, {}, "1x", "settles within: at its limit"),
-        (math.inf, {}, "never", "settles within: never"),
-        (3, {"optimum_settles": 1.84}, "3x",
-         "settles within: 3 times (the nominal optimum needs 1.84 s)"),
-        (math.inf, {"tightest": ENDED}, "ended", ENDED),
-        (0.5, {"impossible": "there is no loop"}, "-", "there is no loop"),
-    ):  # fmt: skip
-        shown = row("a", used, **dict[str, Any](changes))
-        assert (shown.share_text, shown.reason, shown.kept) == (share, why, used == 0.31)
-
-
 def test_passing_every_rung_and_passing_the_complete_machine_are_two_columns() -> None:
     rows = [
         *WAY,
@@ -198,17 +183,6 @@ def test_passing_every_rung_and_passing_the_complete_machine_are_two_columns() -
         ["interrupted", "", "", ""],
         ["recovers", "no", "yes (0.9)", "delay: settles within: 3 times"],
     ]
-
-
-def test_a_run_that_cannot_be_has_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object) -> None:
-        raise ArgumentError("there is no such law")
-
-    monkeypatch.setattr(study, "run_of", refused)
-    studied = ladder("servo", ["lqr"])
-    step = climb(studied, *next(studied.steps())[:3], together=True)
-    assert step.impossible == "there is no such law"
-    assert (step.kept, step.amplitude, step.shares) == (False, None, {})
 
 
 def test_rivals_climb_on_request_and_the_file_s_own_loads_act(tmp_path: Path) -> None:

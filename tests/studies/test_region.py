@@ -113,20 +113,6 @@ def test_fl_lqr_converges_if_its_optimal_trajectory_stays_in_the_region() -> Non
     assert outcomes(law, starts, 6.0).tolist() == [CONVERGED, Outcome.SINGULAR.letter]
 
 
-@pytest.mark.slow
-def test_grosmc_converges_wherever_fl_lqr_does_and_keeps_more_of_it() -> None:
-    maps = {
-        (law_map.case.name, law_map.controller): law_map.grid == CONVERGED
-        for law_map in Region("cart_pendulum", points=8, duration=12.0).maps()
-    }
-    nominal, edited = maps["nominal", "grosmc"], maps["case1", "grosmc"]
-    assert np.all(nominal >= maps["nominal", "fl-lqr"])
-    assert edited.sum() > 2 * maps["case1", "fl-lqr"].sum()
-    # The pendulum has no left and no right.
-    for grid in maps.values():
-        np.testing.assert_array_equal(grid, grid[::-1, ::-1])
-
-
 # Looks before the end.
 
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from grosmc_mj.cli.pages import write_text
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.studies.rivals import SYSTEMS, Rival, compared, rivals, rivals_table
@@ -149,8 +147,3 @@ def test_words_of_the_page_hold(system: str) -> None:
     file = experiment.file.model_copy(update={"controller": [table], "requirement": []})
     faster = compared(replace(experiment, file=file).run(law="adrc"))
     assert 2 * faster.deviation == pytest.approx(best.deviation, rel=0.1)
-
-
-def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SetupError, match="has no"):
-        write_text("rivals", tmp_path / "none.md")

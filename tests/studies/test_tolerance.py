@@ -21,83 +21,55 @@ from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
 from grosmc_mj.studies.studied import judgeable_in
-from grosmc_mj.studies.tolerance import (
-    LEAST,
-    MOST,
-    RESOLUTION,
-    Setting,
-    Tolerance,
-    Trial,
-    TrialResult,
-    Trials,
-    setting,
-    tolerances,
-    verdict,
-)  # fmt: skip
+from grosmc_mj.studies.tolerance import Setting, Tolerance, setting, tolerances, verdict
 from grosmc_mj.sweep.search import Search
 
-DELAY = 0.05
+DELAY, MOST = 0.05, tolerance.MOST
 FILE = f"""
-[plant]
-system = "servo"
+plant = {{ system = "servo" }}
+computing = {{ delay = "{DELAY} s" }}
+sensor = [{{ of = "rotor angle", delay = "0.1 s", resolution = "0.1 rad" }}]
+controller = [{{ law = "lqr" }}]
+requirement = [{{ stays_within = "0.5 rad", after = "50 s" }}]
 [run]
 start = {{ "rotor angle" = "0 rad" }}
 duration = "60 s"
 control_period = "5 ms"
 timestep = "5 ms"
-[computing]
-delay = "{DELAY} s"
-[[sensor]]
-of = "rotor angle"
-delay = "0.1 s"
-resolution = "0.1 rad"
-[[controller]]
-law = "lqr"
-[[requirement]]
-stays_within = "0.5 rad"
-after = "50 s"
 """
 
 
-# The search.
-
-
-def answered(keeps: Callable[[float], bool], most: float = MOST, **options: Any) -> Search:
-    search = Search(most, tolerance.geometric_mean, tolerance.resolved, least=LEAST, **options)
-    while factors := search.on_grid(tolerance.BEYOND):
+def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any) -> Search:
+    """A search on its grid, or from where another one ended."""
+    middle, near = tolerance.geometric_mean, tolerance.resolved
+    search = Search(options.pop("most", MOST), middle, near, least=tolerance.LEAST, **options)
+    search.known |= {begin: keeps(begin)} if begin else {}
+    while factors := search.factors() if begin else search.on_grid(tolerance.BEYOND):
         assert not set(factors) & set(search.known)
         search.known |= {factor: keeps(factor) for factor in factors}
     return search
 
 
-def assert_resolved(search: Search, bound: float) -> None:
-    assert search.largest is not None
-    assert search.failed is not None
-    assert search.largest <= bound < search.failed <= search.largest * RESOLUTION * 1.001
-
-
 def test_the_bound_is_searched_from_below() -> None:
-    for keeps, bound, again in (
-        *((lambda x, b=b: x <= b, b, []) for b in (0.07, 1.0, 3.3, 700.0)),
-        (lambda x: x <= 3 or 8 <= x <= 16, 3, [(8, 16)]),
+    for keeps, begin, bound, again in (
+        *((lambda x, b=b: x <= b, 0.0, b, []) for b in (0.07, 1.0, 3.3, 700.0)),
+        # Physics walks from where the equations end.
+        *((lambda x: x <= 5, begin, 5, []) for begin in (0.5, 40.0)),
+        (lambda x: x <= 3 or 8 <= x <= 16, 0.0, 3, [(8, 16)]),
         # The first failure counts though larger amounts are kept.
-        (lambda x: not 0.2 < x < 0.3, 0.2, [(0.5, MOST)]),
+        (lambda x: not 0.2 < x < 0.3, 0.0, 0.2, [(0.5, MOST)]),
     ):
-        search = answered(keeps)
-        assert_resolved(search, bound)
+        search = answered(keeps, begin)
+        assert search.largest is not None
+        assert search.failed is not None
+        resolution = tolerance.RESOLUTION * 1.001
+        assert search.largest <= bound < search.failed <= search.largest * resolution
         assert search.again == again
     kept, never = answered(lambda _: True), answered(lambda _: False)
     assert (kept.largest, kept.failed) == (MOST, None)
-    assert (never.largest, never.failed, never.again) == (None, LEAST, [])
-    bounded = answered(lambda _: True, 3.0)
+    assert (never.largest, never.failed, never.again) == (None, tolerance.LEAST, [])
+    bounded = answered(lambda _: True, most=3.0)
     assert sorted(bounded.known) == [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 3.0]
-    # Physics walks from where the equations end.
-    for begin in (0.5, 40.0):
-        walk = Search(MOST, tolerance.geometric_mean, tolerance.resolved, least=LEAST)
-        walk.known[begin] = begin <= 5
-        while factors := walk.factors():
-            walk.known |= {factor: factor <= 5 for factor in factors}
-        assert_resolved(walk, 5)
     # Times on a grid are tried once.
     coarse = answered(lambda x: round(4 * x) <= 5, same=lambda x: round(4 * x))
     assert (round(4 * (coarse.largest or 0)), round(4 * (coarse.failed or 0))) == (5, 6)
@@ -172,12 +144,14 @@ def test_all_seeds_must_keep_it(monkeypatch: pytest.MonkeyPatch) -> None:
     studied = setting("servo", ["lqr"])
     for failing in (None, 0, 1, 3):
 
-        def made(self: Trials, _: object, runs: Any, failing: Any = failing) -> None:
-            self.known.update({x: TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs})
+        def made(self: tolerance.Trials, _: object, runs: Any, failing: Any = failing) -> None:
+            self.known.update(
+                {x: tolerance.TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs}
+            )
 
-        monkeypatch.setattr(Trials, "_run", made)
-        trials = Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
-        (worst,) = trials.worst([Trial(studied.conditions[0], studied.bench)])
+        monkeypatch.setattr(tolerance.Trials, "_run", made)
+        trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
+        (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
         assert worst.kept is (failing is None)
         # None is run for a loop that has failed already.
         assert {number for _, number in trials.known} == ({0} if failing == 0 else {0, 1, 2, 3})
@@ -221,17 +195,10 @@ def test_lqr_stands_its_delay_margin_and_physics_confirms_it(
 # The answer.
 
 
-def row_of(
-    studied: Setting, index: int, kept: float, failed: float | None, **more: Any
-) -> Tolerance:
-    usual = {"law": studied.laws[0].name, "condition": "nominal", "kept_ideally": True}
-    changes = {**usual, "breaks": "deviation_below", **more}
-    return Tolerance(
-        imperfection=studied.imperfections[index],
-        largest_kept=kept,
-        smallest_failed=failed,
-        **changes,
-    )
+def row_of(studied: Setting, at: int, kept: float, failed: float | None, **more: Any) -> Tolerance:
+    usual: dict[str, Any] = {"law": "lqr", "condition": "nominal", "kept_ideally": True}
+    numbers = {**usual, "breaks": "deviation_below", "largest_kept": kept, **more}
+    return Tolerance(imperfection=studied.imperfections[at], smallest_failed=failed, **numbers)
 
 
 def rows_of(studied: Setting, kept: float = 2.0, **more: Any) -> list[Tolerance]:
