@@ -45,7 +45,7 @@ def run_document(**changes: Any) -> dict[str, Any]:
               relative=0.0, absolute=0.02),
         Value(name="x: deviation", value=numbers["deviation"], unit="rad", relative=0.25,
               absolute=1e-4),
-        Value(name="x: status", value="completed"),
+        Value(name="x: premise", value=changes.get("premise", "completed")),
     ]  # fmt: skip
     values = [value for value in values if value.name not in changes.get("without", ())]
     own = {"versions": VERSIONS, "machine": numbers["machine"], "seed": numbers["seed"]}
@@ -56,11 +56,6 @@ def written(folder: Path, document: Mapping[str, Any]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "servo_case1.json").write_text(json.dumps(document), encoding="utf-8")
     return folder
-
-
-def effects(tmp_path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Effect]:
-    comparison = compare(written(tmp_path / "old", old), written(tmp_path / "new", new))
-    return {change.name.partition(": ")[2]: change.effect for change in comparison.changes}
 
 
 @pytest.mark.parametrize(
@@ -82,20 +77,20 @@ def effects(tmp_path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> d
         # A missing one is worse.
         ({"without": ("x: margin",)}, {"margin": WORSE}),
         ({"deviation": None}, {"deviation": WORSE}),
+        # Words of studies are ranked.
+        ({"premise": ("fails", "holds")}, {"premise": BETTER}),
+        ({"premise": ("holds", "fails")}, {"premise": WORSE}),
+        ({"premise": ("refuted", "open")}, {"premise": CHANGED}),
     ],
 )
 def test_a_change_is_told_from_noise(
     changes: dict[str, Any], expected: dict[str, Effect], tmp_path: Path
 ) -> None:
-    assert effects(tmp_path, run_document(), run_document(**changes)) == expected
-
-
-def test_words_of_studies_are_ranked(tmp_path: Path) -> None:
-    for before, after, effect in (
-        ("fails", "holds", BETTER), ("holds", "fails", WORSE), ("refuted", "open", CHANGED)
-    ):  # fmt: skip
-        old, new = (valued([Value(name="x: premise", value=x)]) for x in (before, after))
-        assert effects(tmp_path, old, new) == {"premise": effect}
+    before, after = changes.get("premise", ("", ""))
+    old, new = run_document(premise=before), run_document(**changes | {"premise": after})
+    comparison = compare(written(tmp_path / "old", old), written(tmp_path / "new", new))
+    effects = {change.name.partition(": ")[2]: change.effect for change in comparison.changes}
+    assert effects == expected
 
 
 def test_the_command_exits_1_if_something_got_worse(
