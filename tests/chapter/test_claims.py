@@ -207,35 +207,25 @@ def judged(claim: Claim, level: Any = None, **options: Any) -> Finding:
     return judge(stub, claim, **options)
 
 
-@pytest.mark.parametrize(
-    ("levels", "at_most", "at_least"),
-    [
+def test_verdict_by_the_values_at_both_time_steps() -> None:
+    below, above = math.nextafter(2.0, 0.0), math.nextafter(2.0, 3.0)
+    for coarse, fine, at_most, at_least in (
         # The threshold itself supports, and no value refutes.
-        ((math.nextafter(2.0, 0.0), math.nextafter(2.0, 0.0)), S, R),
-        ((2.0, 2.0), S, S),
-        ((math.nextafter(2.0, 3.0), math.nextafter(2.0, 3.0)), R, S),
-        ((None, None), R, R),
+        (below, below, S, R), (2.0, 2.0, S, S), (above, above, R, S), (None, None, R, R),
         # A value that moves without crossing the threshold is conclusive, one that crosses not.
-        ((1.9, 0.1), S, R),
-        ((1.0, 3.0), I, I),
-        ((3.0, 1.0), I, I),
+        (1.9, 0.1, S, R), (1.0, 3.0, I, I), (3.0, 1.0, I, I),
         # So is nothing that ended early, or is no number.
-        ((Measured(1.0, broken=True), 1.0), I, I),
-        ((3.0, Measured(3.0, broken=True)), I, I),
-        ((math.nan, math.nan), I, I),
-    ],
-)
-def test_verdict_by_the_values_at_both_time_steps(
-    levels: tuple[Any, Any], at_most: Verdict, at_least: Verdict
-) -> None:
-    values = [x if isinstance(x, Measured) else Measured(x) for x in levels]
-    assert judged(invented(values)).verdict is at_most
-    assert judged(invented(values, sense="at least")).verdict is at_least
-    # A premise is named only where the claim failed.
-    failed = judged(invented(values, premise=lambda _: "too small"))
-    named = (P, "too small") if at_most is R else (at_most, "")
-    assert (failed.verdict, failed.because) == named
-    assert judged(invented(values, premise=lambda _: "")).verdict is at_most
+        (Measured(1.0, broken=True), 1.0, I, I), (3.0, Measured(3.0, broken=True), I, I),
+        (math.nan, math.nan, I, I),
+    ):  # fmt: skip
+        values = [x if isinstance(x, Measured) else Measured(x) for x in (coarse, fine)]
+        assert judged(invented(values)).verdict is at_most
+        assert judged(invented(values, sense="at least")).verdict is at_least
+        # A premise is named only where the claim failed.
+        failed = judged(invented(values, premise=lambda _: "too small"))
+        named = (P, "too small") if at_most is R else (at_most, "")
+        assert (failed.verdict, failed.because) == named
+        assert judged(invented(values, premise=lambda _: "")).verdict is at_most
 
 
 def test_exact_claim_is_measured_once_and_others_twice_and_the_last_plant_decides() -> None:
@@ -261,9 +251,8 @@ def test_exact_claim_is_measured_once_and_others_twice_and_the_last_plant_decide
         assert judged(invented([Measured(value)] * 2)).near is near
 
 
-@pytest.mark.parametrize(
-    ("values", "meant", "verdict", "holds", "flip"),
-    [
+def test_verdict_over_choices() -> None:
+    for values, meant, verdict, holds, flip in (
         ([1.0, 3.0], {"every": ("size",)}, U, [True, False], 2.0),
         ([3.0, 4.0], {"every": ("size",)}, R, [False, False], None),
         ([1.0, 3.0], {"some": ("size",)}, S, [True, False], 2.0),
@@ -271,30 +260,26 @@ def test_exact_claim_is_measured_once_and_others_twice_and_the_last_plant_decide
         ([1.0, 3.0], {}, R, [True, False], 2.0),
         # A choice that cannot be designed tells nothing.
         ([-1.0, 3.0], {"every": ("size",)}, R, [None, False], None),
-    ],
-)
-def test_verdict_over_choices(
-    values: list[float], meant: Any, verdict: Verdict, holds: list[bool | None], flip: float | None
-) -> None:
-    choice = claims.Choice("size", tuple(values), argument="size")
-    claim = invented([], choices=(choice,), premise=lambda _: "too small", **meant)
-    result = judged(claim)
-    assert result.verdict is (P if verdict is R else verdict)
-    assert judged(replace(claim, premise=None)).verdict is verdict
-    assert result.because == ("" if verdict is S else "too small")
-    assert bool(result.turns) == (verdict is U)
-    assert ("for every" in claim.quantifier) == ("every" in meant)
-    # A claim that holds for some value only names it beside the verdict.
-    assert result.needs == ("size = 1" if verdict is S else "")
-    (statements,) = story.statements_tables([result])
-    assert ("(with size = 1)" in statements.rows[0][1]) == (verdict is S)
-    # A sweep finds where the answer changes.
-    (swept,) = sweep(Level(), [claim])  # pyright: ignore[reportArgumentType]
-    assert [trial["holds"] for trial in swept["values"]] == holds
-    at = float(swept["flips"].removeprefix("at size = ")) if swept["flips"] else None
-    assert at == (flip and pytest.approx(flip, abs=1 / 16))
-    content = Result.model_validate(sweeps_result([swept], LAB))
-    assert content.answers[0].words.startswith("1 of 1" if flip else "0 of 1")
+    ):
+        choice = claims.Choice("size", tuple(values), argument="size")
+        claim = invented([], choices=(choice,), premise=lambda _: "too small", **meant)
+        result = judged(claim)
+        assert result.verdict is (P if verdict is R else verdict)
+        assert judged(replace(claim, premise=None)).verdict is verdict
+        assert result.because == ("" if verdict is S else "too small")
+        assert bool(result.turns) == (verdict is U)
+        assert ("for every" in claim.quantifier) == ("every" in meant)
+        # A claim that holds for some value only names it beside the verdict.
+        assert result.needs == ("size = 1" if verdict is S else "")
+        (statements,) = story.statements_tables([result])
+        assert ("(with size = 1)" in statements.rows[0][1]) == (verdict is S)
+        # A sweep finds where the answer changes.
+        (swept,) = sweep(Level(), [claim])  # pyright: ignore[reportArgumentType]
+        assert [trial["holds"] for trial in swept["values"]] == holds
+        at = float(swept["flips"].removeprefix("at size = ")) if swept["flips"] else None
+        assert at == (flip and pytest.approx(flip, abs=1 / 16))
+        content = Result.model_validate(sweeps_result([swept], LAB))
+        assert content.answers[0].words.startswith("1 of 1" if flip else "0 of 1")
 
 
 def test_a_measurement_takes_the_extreme_and_extrapolates() -> None:

@@ -106,7 +106,8 @@ def test_the_command_exits_1_if_something_got_worse(
     assert "1 got worse beyond noise, of 4 compared; 1 changed." in capsys.readouterr().out
     suite = ElementTree.parse(junit).getroot()
     assert (suite.get("failures"), len(suite.findall("testcase/failure"))) == ("1", 1)
-    assert json.loads((out / "diff.json").read_text())["counts"]["worse"] == 1
+    document = json.loads((out / "diff.json").read_text())
+    assert (document["counts"]["worse"], document["answers"][0]["verdict"]) == (1, "not kept")
     assert run("diff", new, old, "--out", out) == cli.DONE
     written(new, run_document(seed=2, margin=0.5))
     assert run(*command) == cli.DONE
