@@ -18,6 +18,7 @@ from commands import assert_one_line, run
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.cited import cited_claims
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Computing, Loop
@@ -183,6 +184,11 @@ def test_passing_every_rung_and_passing_the_complete_machine_are_two_columns() -
         ["interrupted", "", "", ""],
         ["recovers", "no", "yes (0.9)", "delay: settles within: 3 times"],
     ]
+    slow, none = row("a", 3.0, optimum_settles=1.84), row("a", 0.5, impossible="there is no loop")
+    assert slow.reason == "settles within: 3 times (the nominal optimum needs 1.84 s)"
+    assert (none.share_text, none.reason, none.kept) == ("-", "there is no loop", False)
+    assert row("a", 1.001).reason == "settles within: at its limit"
+    assert (slow.share_text, row("a", 9.0, tightest=ENDED).share_text) == ("3x", "ended")
 
 
 def test_rivals_climb_on_request_and_the_file_s_own_loads_act(tmp_path: Path) -> None:
@@ -387,6 +393,16 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
         assert climber.ran == everything
 
 
+def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:
+    file = written(tmp_path, CLAIMED[: CLAIMED.index("[[")].replace("lqr", "mine:law"))
+    sources = []
+    for value in ("0.0", "1.0"):
+        (tmp_path / "mine.py").write_text(f"def law(t, x, memory, p):\n    return {value}\n")
+        sources.append(ladder(str(file)).configuration()["sources"])
+    assert sources[0].keys() == sources[1].keys() != set()
+    assert sources[0] != sources[1]
+
+
 def test_a_target_or_claim_that_is_wrong_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -410,7 +426,7 @@ def test_a_target_or_claim_that_is_wrong_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
+def test_no_verdict_depends_on_a_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction breaks it, and the run keeps all that is required."""
     file = written(tmp_path)
     assert run("run", file, "--out", tmp_path) == cli.DONE
@@ -418,3 +434,11 @@ def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
     alone = climb(studied, studied.laws[0], studied.alone[0], studied.conditions[0], together=False)
     assert alone.kept
     assert alone.claims["servo-before-load"] > 1
+
+    # A run that cannot be has its reason.
+    def refused(*_: object) -> None:
+        raise ArgumentError("there is no such law")
+
+    monkeypatch.setattr(study, "run_of", refused)
+    step = climb(studied, *next(studied.steps())[:3], together=True)
+    assert (step.impossible, step.kept, step.shares) == ("there is no such law", False, {})
