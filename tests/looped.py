@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Actuator, Loop, in_loop
+from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.loop.controllers import AppliedLoop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, AnalyticPlant
@@ -109,26 +109,7 @@ def seen(run: Trajectory) -> Array:
     return run.seen
 
 
-def behind(u: Sequence[float] | Array, *, h: float = H, **numbers: Any) -> Array:
-    """What an actuator of these numbers makes of a script, timestep by timestep."""
-    return played(u, Loop(actuators=(Actuator(CURRENT, **numbers),)), h=h).input
-
-
 @cache
 def nominal(**settings: Any) -> Experiment:
     """The servo's nominal case, run in another way."""
     return Experiment.load("servo/nominal").with_settings(**settings)
-
-
-def closed(
-    bare: Controller,
-    loop: Loop,
-    x0: Sequence[float],
-    duration: float,
-    *,
-    predict: bool = False,
-    **options: Any,
-) -> Trajectory:
-    """The servo under a law in its loop."""
-    law = in_loop(bare, loop, SERVO, predict=predict)
-    return simulate(servo(), law, x0, duration=duration, **options)

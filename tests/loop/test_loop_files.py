@@ -87,9 +87,7 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
         ),
         seed=7,
     )  # fmt: skip
-
-
-def test_counts_of_an_encoder_are_its_steps_in_a_turn(tmp_path: Path) -> None:
+    # Counts of an encoder are its steps in a turn.
     sensor = '[[sensor]]\nof = "rotor angle"\ncounts = 1024\n'
     loop = Experiment.load(written(tmp_path, sensor, PLAIN)).case.loop
     assert loop is not None
@@ -104,8 +102,6 @@ MISTAKES = [
     ('[computing]\ndelay = "2 mm"\n', "computing: delay: .*mm"),
     ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', "actuator 1: rate_limit: .*A/s"),
     ('[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n', "sensor 1: unknown state .*did you me"),
-    ('[computing]\ndely = "1 ms"\n', "dely.*did you mean.*delay"),
-    ("[computing]\nseed = 1.0\n", r"computing: seed = 1\.0 must be a whole number"),
     # All at once.
     ('[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
      '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n',
@@ -124,10 +120,9 @@ def test_mistakes_are_told_with_the_file(parts: str, words: str, tmp_path: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [".parquet", ".npz"])
-def test_what_a_law_saw_is_kept_in_files(ending: str, tmp_path: Path) -> None:
+def test_a_law_s_measurements_are_kept_in_files(tmp_path: Path) -> None:
     run = Experiment.load("servo/bench").varied(duration=0.05).run("physics", "implicit, predicted")
-    found = gm.load_trajectory(run.save(tmp_path / f"run{ending}"))
+    found = gm.load_trajectory(run.save(tmp_path / "run.parquet"))
     np.testing.assert_array_equal(seen(found), seen(run.trajectory))
     assert not np.array_equal(seen(found), found.state[:-1])
     np.testing.assert_array_equal(found.command, run.trajectory.command)

@@ -301,6 +301,7 @@ SHAPES = r"must be \(4,\), \(1,\) and \(12,\)"
         (lambda: of_pendulum(None, math.inf), "u = inf must be finite numbers"),
         (lambda: of_pendulum(None, 1.0),
          r"1\.0\] is no equilibrium: x' = \[0\.0, 0\.0, 0\.952\d*, 1\.42"),
+        (lambda: of_pendulum([0.0, 0.0, 0.2, 0.0]), "is no equilibrium"),
         (lambda: analytic("servo").changed([BodyEdit("rotor", 2.0)]), "scale a parameter instead"),
         (lambda: physics("servo").changed(scales={"J": 2.0}), "edit a body or a joint instead"),
         (lambda: analytic("servo").changed(scales={"q": 2.0}), "unknown parameter of servo 'q'"),
