@@ -190,14 +190,12 @@ def test_outputs_that_no_state_has_are_refused(equations: Any, h: Any, z: Any) -
 
 
 def test_a_matrix_is_singular_at_a_state_in_any_units() -> None:
-    """E = diag(c1, c2 cos b): regular wherever b is no quarter of a turn."""
     a, b = sp.symbols("a b")
-    for c1, c2 in ((1, 1), (1e6, 1e-8)):
-        equations = Equations(x=(a, b), f=(0, 0), g=((c1, 0), (0, c2 * sp.cos(b))), h=(a, b))
-        chains = feedback_linearization(equations)
-        chains.require_regular(np.zeros(2), None)
-        with pytest.raises(PremiseError, match=r"is singular there \(eq\. \(21\)\)"):
-            chains.require_regular(np.array([0.0, math.pi / 2]), None)
+    equations = Equations(x=(a, b), f=(0, 0), g=((1e6, 0), (0, 1e-8 * sp.cos(b))), h=(a, b))
+    chains = feedback_linearization(equations)
+    chains.require_regular(np.zeros(2), None)
+    with pytest.raises(PremiseError, match=r"is singular there \(eq\. \(21\)\)"):
+        chains.require_regular(np.array([0.0, math.pi / 2]), None)
 
 
 # Error coordinates of such outputs

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,6 @@ from grosmc_mj.control.references import (
     reference,
     setpoint,
 )
-from grosmc_mj.control.surface import integral_surface
 from grosmc_mj.control.switching import SWITCHINGS, find_switching
 from grosmc_mj.control.task import FeedbackParameters, NoNumbers, Realization
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -93,32 +91,6 @@ def surface_rate(ctl: Controller, design: str, t: float, x: Array, u: Array) -> 
     return p.G @ error_rate(ctl, design, t, x, u) - p.S @ z, ROUNDING * max(1.0, terms)
 
 
-# The surface
-
-
-def test_surface_is_the_exact_integral_up_to_half_a_sample() -> None:
-    """A left Riemann sum is short of the integral by T/2 [f(t) - f(0)] + O(T^2).
-
-    With z = [sin t, cos 2t] every term of eq. (31) is known.
-    """
-    G, S, end, remainders = np.array([[0.7, -1.3]]), np.array([[2.0, 0.5]]), 2.0, []
-
-    def z(t: float) -> Array:
-        return np.array([math.sin(t), math.cos(2 * t)])
-
-    integral = np.array([1 - math.cos(end), math.sin(2 * end) / 2])
-    exact = (G @ (z(end) - z(0)) - S @ integral).item()
-    for N in (50, 100, 200):
-        memory, T = SurfaceMemory(), end / N
-        for k in range(N + 1):
-            integral_surface(k * T, z(k * T), memory, SimpleNamespace(G=G, S=S))
-        half_a_sample = T / 2 * (S @ (z(end) - z(0))).item()
-        remainders.append(abs(memory.s.item() - exact - half_a_sample))
-        assert remainders[-1] < 0.1 * abs(half_a_sample)
-    # O(T^2) with a next term in T^4: a quarter up to T^2 = 1.6e-3 times a number of order one.
-    np.testing.assert_allclose(np.divide(remainders[:-1], remainders[1:]), 4, rtol=0.01)
-
-
 def free_sliding(plant: Any, ctl: Controller, design: str, T: float) -> float:
     """Largest |s| of a nominal run when nothing switches: the surface's own error."""
     free = dict.fromkeys(("eta", "gamma0", "gamma1", "k", "epsilon"), 0.0)
@@ -141,9 +113,6 @@ def test_surface_stays_at_zero_without_switching_on_the_nominal_plant_as_O_of_T(
         for plant in (nominal(design), MujocoPlant.load(design, timestep=4e-3)):
             # A sum of some thousand terms of |S z| T <= 1e-3, each to 1e-16.
             assert free_sliding(plant, law, design, 4e-3) < 1e-13
-
-
-# The continuous and the switching part
 
 
 @each_design

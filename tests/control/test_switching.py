@@ -22,7 +22,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics import crossings
-from grosmc_mj.experiments.runs import Settings, Surface
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.studies import switching as chattering
 from grosmc_mj.studies.switching import (
     CASES,
@@ -32,7 +32,6 @@ from grosmc_mj.studies.switching import (
     PUSH,
     SLOPE,
     Benchmark,
-    CaseRow,
     SwitchingRun,
     benchmark,
     cases_of,
@@ -40,6 +39,7 @@ from grosmc_mj.studies.switching import (
     law_for,
     measure_case,
     orders,
+    sample_time_sweep,
     scalar_samples,
 )
 
@@ -240,16 +240,6 @@ def test_cases_are_the_chapter_s_or_the_user_s(tmp_path: Any) -> None:
             cases_of(target)
 
 
-# The chapter's cases in MuJoCo at 1 kHz
-
-
-@cache
-def at_1_khz(system: str, case: str, name: str, surface: Surface = "discrete") -> CaseRow:
-    row = measure_case(SwitchingRun(find_experiment(system, case), name, surface, H), timestep=H)
-    assert not row.ended
-    return row
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "case"), [(system, case) for system in CASES for case in CASES[system]]
@@ -257,48 +247,38 @@ def at_1_khz(system: str, case: str, name: str, surface: Surface = "discrete") -
 def test_other_laws_spare_the_input_and_the_estimate_is_as_accurate_as_sign(
     system: str, case: str
 ) -> None:
-    """Super-twisting and the adaptive gain are not as accurate as sign everywhere, by ``law_for``.
+    """And in the nominal case J of u_c is within 1 % of J* and u_d costs nothing; sign's costs J*.
 
-    z or the gain must first grow, so a step of W costs an |s| of the order of W^2/L, or of 4 W T
-    and more.
+    Super-twisting and the adaptive gain are not as accurate as sign everywhere, by ``law_for``: z
+    or the gain must first grow, so a step of W costs an |s| of the order of W^2/L, or of 4 W T.
     """
+    experiment = find_experiment(system, case)
     for surface in ("printed", "discrete"):
-        sign = at_1_khz(system, case, "sign", surface)
-        estimate = at_1_khz(system, case, "implicit-estimate", surface)
+        row = {
+            law: measure_case(SwitchingRun(experiment, law, surface, H), timestep=H)
+            for law in ("sign", "implicit-estimate", "super-twisting", "adaptive")
+        }
+        assert not any(one.ended for one in row.values())
+        sign, estimate = row.pop("sign"), row.pop("implicit-estimate")
         assert estimate.deviation <= sign.deviation
         assert estimate.total_variation < 0.01 * sign.total_variation
-    for name in ("super-twisting", "adaptive"):
-        row = at_1_khz(system, case, name)
-        assert row.total_variation < 0.1 * sign.total_variation
-        assert row.cost_rate < 0.5 * sign.cost_rate
-
-
-@pytest.mark.slow
-def test_implicit_laws_cost_the_optimum_and_find_the_discrete_surface() -> None:
-    """In the nominal case J of u_c is within 1 % of J*, and u_d costs nothing; sign's costs J*.
-
-    Off the discrete surface by rounding, sgn chatters as on the printed one.
-    """
-    sign = {s: at_1_khz("servo", "nominal", "sign", s) for s in ("printed", "discrete")}
-    assert sign["discrete"].max_sliding == pytest.approx(sign["printed"].max_sliding, rel=0.05)
-    for surface in sign:
-        rows = [at_1_khz("servo", "nominal", f"implicit{e}", surface) for e in ("", "-estimate")]
-        for row in (*rows, sign[surface]):
-            assert row.cost_continuous == pytest.approx(1, abs=0.01)
-        assert max(abs(row.cost_rate) for row in rows) < 1e-3
-        assert sign[surface].cost_rate > 1
-    assert at_1_khz("servo", "nominal", "implicit").max_sliding < 1e-15
-    assert at_1_khz("servo", "nominal", "implicit", "printed").max_sliding > 1e-8
+        if case == "nominal":
+            assert estimate.cost_continuous == pytest.approx(1, abs=0.01)
+            assert sign.cost_continuous == pytest.approx(1, abs=0.01)
+            assert abs(estimate.cost_rate) < 1e-3 < 1 < sign.cost_rate
+        if surface == "discrete":
+            for mild in row.values():
+                assert mild.total_variation < 0.1 * sign.total_variation
+                assert mild.cost_rate < 0.5 * sign.cost_rate
 
 
 @pytest.mark.slow
 def test_command_writes_what_it_measured(tmp_path: Any, capsys: Any, monkeypatch: Any) -> None:
     """Coarser: the finest sample time takes as long as all others, the ratios are 41."""
+    ratio_sweep, ratios = chattering.gain_ratio_sweep, chattering.GAIN_RATIOS[4::5]
     monkeypatch.setattr(chattering, "PERIODS", (1e-3, 4e-3))
-    ratios = chattering.GAIN_RATIOS[4::5]
-    coarse = {"sample_time_sweep": (TIMES[:4],), "gain_ratio_sweep": (H, ratios)}
-    for name, arguments in coarse.items():
-        monkeypatch.setattr(chattering, name, partial(getattr(chattering, name), *arguments))
+    monkeypatch.setattr(chattering, "sample_time_sweep", partial(sample_time_sweep, TIMES[:4]))
+    monkeypatch.setattr(chattering, "gain_ratio_sweep", partial(ratio_sweep, H, ratios))
     with pytest.raises(SystemExit) as left:
         main(["study", "switching", "arm", "--out", str(tmp_path)])
     assert left.value.code == 0
