@@ -23,25 +23,8 @@ from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.metrics import crossings
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.studies import switching as chattering
-from grosmc_mj.studies.switching import (
-    CASES,
-    GAIN,
-    LAWS,
-    OWN_VARIATION,
-    PUSH,
-    SLOPE,
-    Benchmark,
-    SwitchingRun,
-    benchmark,
-    cases_of,
-    experiments,
-    law_for,
-    measure_case,
-    orders,
-    sample_time_sweep,
-    scalar_samples,
-)
+from grosmc_mj.studies import switching as study
+from grosmc_mj.studies.switching import GAIN, LAWS, OWN_VARIATION, PUSH, SLOPE, SwitchingRun
 
 H = 1e-3
 TIMES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)
@@ -50,8 +33,8 @@ ROUNDING = 1e-14
 
 
 @cache
-def with_gain(name: str, gain_ratio: float = 1.0, h: float = H) -> Benchmark:
-    return benchmark(law_for(name), h, gain_ratio)
+def with_gain(name: str, gain_ratio: float = 1.0, h: float = H) -> study.Benchmark:
+    return study.benchmark(study.law_for(name), h, gain_ratio)
 
 
 def second_sample(name: str, s: Any, k: float, rho: float, h: float = H, **numbers: float) -> Array:
@@ -85,7 +68,7 @@ ACCURACY = {
 def test_s_stays_inside_the_bound_of_its_law_and_chatters_as_its_form_says(name: str) -> None:
     low, high, bound, reached = ACCURACY[name]
     rows = [with_gain(name, h=h) for h in TIMES]
-    assert low < orders(rows)[name] < high
+    assert low < study.orders(rows)[name] < high
     for row in rows:
         assert reached * bound(row.h) <= row.max_sliding <= bound(row.h) * (1 + 1e-9)
         if name == "sign":  # it jumps by 2 rho at every zero, and has some at every few samples
@@ -144,8 +127,10 @@ def test_law_treats_inputs_and_signs_alike_and_gives_nothing_at_zero(name: str) 
 @pytest.mark.parametrize("push", [0.5, 2.0])
 def test_adaptive_gain_finds_its_need_and_falls_to_its_least_without_one(push: float) -> None:
     """Against a constant w the gain hunts about |w|, where s is on the edge of the band."""
-    law, gains, s = law_for("adaptive"), [], []
-    for row in scalar_samples(law, H, push=lambda start, end: push * (end - start) * (end < 3)):
+    law, gains, s = study.law_for("adaptive"), [], []
+    for row in study.scalar_samples(
+        law, H, push=lambda start, end: push * (end - start) * (end < 3)
+    ):
         gains.append(float(row.memory.adapted[0]))
         s.append(row.s)
     # From `least` it must grow by far more than it hunts by, 20 %, and overshoots once.
@@ -188,9 +173,11 @@ def test_laws_stand_what_their_linear_zone_stands_and_chatter_beyond() -> None:
     assert with_gain("implicit-estimate", 2.1).max_sliding == math.inf
     assert with_gain("implicit-estimate", 0.3).max_sliding < 1.1 * H**2 * SLOPE / 0.3
     # L is the gain of super-twisting: with a third of |w'| it follows w by far more than h^2.
-    steep = benchmark(find_switching("super-twisting", slope=SLOPE / 3), H)
+    steep = study.benchmark(find_switching("super-twisting", slope=SLOPE / 3), H)
     assert steep.max_sliding > 1000 * with_gain("super-twisting").max_sliding
-    wide, thin = (benchmark(find_switching("boundary-layer", width=w), H) for w in (0.55, 0.45))
+    wide, thin = (
+        study.benchmark(find_switching("boundary-layer", width=w), H) for w in (0.55, 0.45)
+    )
     assert wide.total_variation < 1.01 * OWN_VARIATION
     assert thin.total_variation > 100 * OWN_VARIATION
 
@@ -205,8 +192,10 @@ def test_row_of_a_case_has_crossings_and_costs_per_second(monkeypatch: pytest.Mo
     result = run_case(case, "corrected", "grosmc", Settings(engine="python"))
     signs = np.where(np.arange(250) % 2, -0.1, 0.3)
     alternating = replace(result, trajectory=replace(result.trajectory, sliding=signs))
-    monkeypatch.setattr(chattering, "run_experiment", lambda *_: alternating)
-    row = measure_case(SwitchingRun(find_experiment("servo", "nominal"), "sign", "printed", H))
+    monkeypatch.setattr(study, "run_experiment", lambda *_: alternating)
+    row = study.measure_case(
+        SwitchingRun(find_experiment("servo", "nominal"), "sign", "printed", H)
+    )
     assert row.crossings == 249 / 0.25
     value = {name: metric.value or 0.0 for name, metric in result.metrics.items()}
     assert row.cost_continuous == value["cost_continuous"] / value["cost_optimal"]
@@ -215,15 +204,15 @@ def test_row_of_a_case_has_crossings_and_costs_per_second(monkeypatch: pytest.Mo
 
 
 def test_cases_are_the_chapter_s_or_the_user_s(tmp_path: Any) -> None:
-    assert {e.case.system for e in cases_of()} == set(CASES)
-    assert [e.case.name for e in cases_of("servo")] == ["nominal", "case1", "case2"]
-    assert {run.law for run in experiments(cases_of("arm"))} == set(LAWS)
-    assert [e.case.name for e in cases_of("arm/case2")] == ["case2"]
+    assert {e.case.system for e in study.cases_of()} == set(study.CASES)
+    assert [e.case.name for e in study.cases_of("servo")] == ["nominal", "case1", "case2"]
+    assert {run.law for run in study.experiments(study.cases_of("arm"))} == set(LAWS)
+    assert [e.case.name for e in study.cases_of("arm/case2")] == ["case2"]
     file = tmp_path / "mine.toml"
     file.write_text(resolved_text(shipped_files()["servo/case2"]))
-    (mine,) = cases_of(str(file))
+    (mine,) = study.cases_of(str(file))
     short = replace(mine, case=replace(mine.case, duration=0.5))
-    row = measure_case(SwitchingRun(short, "implicit", "discrete", 2e-3), timestep=2e-3)
+    row = study.measure_case(SwitchingRun(short, "implicit", "discrete", 2e-3), timestep=2e-3)
     assert row.max_sliding > 0
     file.write_text(
         'title = "x"\nplant.system = "servo"\nrun.duration = "1 s"\n'
@@ -237,12 +226,12 @@ def test_cases_are_the_chapter_s_or_the_user_s(tmp_path: Any) -> None:
     }
     for target, words in refused.items():
         with pytest.raises(GrosmcError, match=words):
-            cases_of(target)
+            study.cases_of(target)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("system", "case"), [(system, case) for system in CASES for case in CASES[system]]
+    ("system", "case"), [(system, case) for system in study.CASES for case in study.CASES[system]]
 )
 def test_other_laws_spare_the_input_and_the_estimate_is_as_accurate_as_sign(
     system: str, case: str
@@ -255,7 +244,7 @@ def test_other_laws_spare_the_input_and_the_estimate_is_as_accurate_as_sign(
     experiment = find_experiment(system, case)
     for surface in ("printed", "discrete"):
         row = {
-            law: measure_case(SwitchingRun(experiment, law, surface, H), timestep=H)
+            law: study.measure_case(SwitchingRun(experiment, law, surface, H), timestep=H)
             for law in ("sign", "implicit-estimate", "super-twisting", "adaptive")
         }
         assert not any(one.ended for one in row.values())
@@ -275,16 +264,16 @@ def test_other_laws_spare_the_input_and_the_estimate_is_as_accurate_as_sign(
 @pytest.mark.slow
 def test_command_writes_what_it_measured(tmp_path: Any, capsys: Any, monkeypatch: Any) -> None:
     """Coarser: the finest sample time takes as long as all others, the ratios are 41."""
-    ratio_sweep, ratios = chattering.gain_ratio_sweep, chattering.GAIN_RATIOS[4::5]
-    monkeypatch.setattr(chattering, "PERIODS", (1e-3, 4e-3))
-    monkeypatch.setattr(chattering, "sample_time_sweep", partial(sample_time_sweep, TIMES[:4]))
-    monkeypatch.setattr(chattering, "gain_ratio_sweep", partial(ratio_sweep, H, ratios))
+    ratio_sweep, ratios = study.gain_ratio_sweep, study.GAIN_RATIOS[4::5]
+    monkeypatch.setattr(study, "PERIODS", (1e-3, 4e-3))
+    monkeypatch.setattr(study, "sample_time_sweep", partial(study.sample_time_sweep, TIMES[:4]))
+    monkeypatch.setattr(study, "gain_ratio_sweep", partial(ratio_sweep, H, ratios))
     with pytest.raises(SystemExit) as left:
         main(["study", "switching", "arm", "--out", str(tmp_path)])
     assert left.value.code == 0
     content = json.loads((tmp_path / "switching.json").read_text())
     assert content["benchmark"]["orders"]["implicit-estimate"] == pytest.approx(2, abs=0.01)
-    assert len(content["cases"]) == len(experiments(cases_of("arm")))
+    assert len(content["cases"]) == len(study.experiments(study.cases_of("arm")))
     diverged = [row for row in content["benchmark"]["gain_ratios"] if row["max_sliding"] is None]
     assert {row["law"] for row in diverged} == {"implicit-estimate"}
     assert min(row["gain_ratio"] for row in diverged) >= 2

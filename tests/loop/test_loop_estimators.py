@@ -169,7 +169,9 @@ def test_a_filter_begins_at_the_true_state_or_at_zero_and_waits_for_news() -> No
     for settled, start in ((False, 0.0), (True, 2.0)):
         estimator = Estimator((SPEED,), "kalman", load=LOAD, settled=settled)
         loop = Loop(sensors=(Sensor(ANGLE, noise=NOISE),), estimators=(estimator,))
-        run = played([0.0] * 3, loop, x0=(0.0, 2.0), modelled=True)
+        run = played([0.0] * 50, loop, x0=(0.0, 2.0), modelled=True)
+        # Its error is of the order of what a load of 1 A does to the rate in a sample.
+        assert seen(run)[-1, 1] == pytest.approx(run.state[-2, 1], abs=0.05)
         # A first reading of pure noise, within five of its deviations.
         assert abs(seen(run)[0, 1] - start) < 5 * gain[1, 0] * NOISE
         # A state that the filter does not give stays as it was measured.

@@ -15,15 +15,8 @@ from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
 CASE = """
 title = "a loop"
-
-[plant]
-system = "servo"
-
-[task]
-reference = ["1"]
-sign = -1
-Q = [1, 1]
-R = 1
+plant.system = "servo"
+task = { reference = ["1"], sign = -1, Q = [1, 1], R = 1 }
 
 [run]
 duration = "0.1 s"

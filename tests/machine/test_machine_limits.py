@@ -45,27 +45,6 @@ def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
         assert same.analytic().parameters == nominal.analytic().parameters
 
 
-def test_batches_of_machines_are_their_single_runs() -> None:
-    law = find_experiment("servo", "nominal").law("physics", "grosmc")
-    lugre = LuGre("shaft", 0.05)
-    soft = (Transmission("shaft", 0.01, k, damping=1.0, backlash=1e-3) for k in (300.0, 500.0))
-    plants = [MujocoPlant.load("servo", edits=(part, lugre)) for part in soft]
-    options: dict[str, Any] = {"duration": 0.2, "control_period": 1e-3}
-    starts = [[0.0, 0.0], [0.1, -0.2]]
-    both, ended = (
-        simulate(plants, law, starts, record=record, **options).physics for record in (True, False)
-    )
-    assert both is not None
-    assert ended is not None
-    for i, (plant, x0) in enumerate(zip(plants, starts, strict=True)):
-        alone = simulate(plant, law, x0, **options).physics
-        assert alone is not None
-        assert np.array_equal(alone, both[i])
-        assert np.array_equal(alone[-1], ended[i, -1])
-        # The motor begins with its joint.
-        assert alone[0].tolist() == [0.0, x0[0], x0[0], x0[1], x0[1], 0.0]
-
-
 def test_hidden_states_are_named_with_their_unit() -> None:
     parts = (
         Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
@@ -83,6 +62,7 @@ def test_hidden_states_are_named_with_their_unit() -> None:
     assert twist[0] == 0
     assert 0 < np.abs(twist).max() < 1e-2
     assert run.state.shape[1] == 4
+    assert run.physics[0, 1:4].tolist() == [0.0, 0.1, 0.0]  # the motor begins with its joint
     # A plant with states of its own has no derivative, but its rigid one has.
     with pytest.raises(ModelError, match=r"states that x does not tell \(cart swing, slider twist"):
         plant.derivative([0.0] * 4)
