@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from looped import CURRENT, H, applied, nominal, played, seen, servo
 
-from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
@@ -67,36 +66,25 @@ def test_a_known_dead_time_costs_only_the_wait() -> None:
         assert (trajectory.sliding[0], trajectory.memory["first"][-1]) == (0.0, 5 * H)
 
 
-def test_the_age_of_a_measurement_is_predicted_too() -> None:
-    """The law gets the state when its output arrives, but for the midpoint rule's six steps."""
+@pytest.mark.parametrize(("delay", "age", "sent"), [(2, 3, 1), (0, 4, 0)])
+def test_the_age_of_a_measurement_is_predicted_too(delay: int, age: int, sent: int) -> None:
+    """The law gets the state when its output arrives, but for the midpoint rule's steps.
+
+    The start moves, and measurements are of the start until they are as old as their sensors say.
+    """
     loop = Loop(
-        Computing(delay=2 * H),
-        tuple(Sensor(state.name, delay=3 * H) for state in SERVO.states),
-        actuators=(Actuator(CURRENT, delay=H, limit=0.7),),
+        Computing(delay=delay * H),
+        tuple(Sensor(state.name, delay=age * H) for state in SERVO.states),
+        actuators=(Actuator(CURRENT, delay=sent * H, limit=0.7),),
     )
-    u = np.random.default_rng(5).normal(size=120)
-    run = played(u, loop, modelled=True, predict=True)
-    predicted, error = run.memory["x"], midpoint_error(run, 6)
+    u, ahead = np.random.default_rng(5).normal(size=120), delay + sent
+    run = played(u, loop, x0=(0.4, 3.0), modelled=True, predict=True)
+    predicted, error = run.memory["x"][: len(u) - ahead], midpoint_error(run, ahead + age)
     assert np.abs(run.command).max() > 0.7
     assert error < 1e-3 * np.abs(predicted).max()
-    np.testing.assert_allclose(predicted[:-3], run.state[3:-1], rtol=0, atol=error)
-    np.testing.assert_array_equal(seen(run)[3:], run.state[:-4])
-
-
-@pytest.mark.parametrize(("delay", "age"), [(0, 4), (2, 3)])
-def test_a_moving_start_is_predicted_while_measurements_are_those_of_the_start(
-    delay: int, age: int
-) -> None:
-    like = nominal().law("corrected", "lqr")
-    law = custom_controller("angle", lambda t, x, memory, p: x[0], like)
-    sensors = tuple(Sensor(state.name, delay=age * H) for state in SERVO.states)
-    looped = in_loop(law, Loop(Computing(delay=delay * H), sensors), SERVO, predict=True)
-    run = simulate(servo(), looped, (0.4, 3.0), duration=20 * H, engine="python")
-    predicted, arrives = run.command[: 20 - delay], run.state[delay:20, 0]
-    error = midpoint_error(run, delay + age)
-    assert error < 1e-3 * np.ptp(arrives)
-    np.testing.assert_allclose(predicted, arrives, rtol=0, atol=error)
-    np.testing.assert_array_equal(seen(run)[: age + 1, 0], 0.4)
+    np.testing.assert_allclose(predicted, run.state[ahead:-1], rtol=0, atol=error)
+    np.testing.assert_array_equal(seen(run)[age:], run.state[: -1 - age])
+    np.testing.assert_array_equal(seen(run)[:age, 0], 0.4)
 
 
 def test_a_load_that_the_model_lacks_is_learned() -> None:

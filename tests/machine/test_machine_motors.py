@@ -100,7 +100,7 @@ def test_a_current_loop_is_as_quick_as_its_supply_and_winding_allow() -> None:
     assert np.diff(free, prepend=0.0).max() / STEP > 2 * V / L
 
 
-def test_a_winding_has_its_time_constant_and_a_motor_its_no_load_speed() -> None:
+def test_a_winding_and_a_loop_have_their_lag_and_a_motor_its_no_load_speed() -> None:
     plant = servo(HEAVY, motor(inductance=L), timestep=STEP)
     assert [(state.name, state.unit) for state in plant.hidden_states] == [("current winding", "A")]
     reached = np.argmax(currents(plant, V / R, 2e-3) >= (1 - math.exp(-1)) * V / R) * STEP
@@ -108,16 +108,15 @@ def test_a_winding_has_its_time_constant_and_a_motor_its_no_load_speed() -> None
     quick = servo(BodyEdit("rotor", mass_scale=0.01), motor())
     speeds = stepped(quick, 5.0, lambda d: d.qvel[0], asked(V / R))
     assert speeds[-1] == pytest.approx(V / (N * K), rel=1e-3)
-
-
-def test_a_current_loop_follows_with_its_bandwidth_and_makes_up_for_the_back_emf() -> None:
+    # A current loop follows with its bandwidth, and makes up for the back-EMF.
     plant = fine(motor(bandwidth=5e3))
     rising = stepped(plant, 2e-3, torque, 1.0)
     reached = np.argmax(rising >= (1 - math.exp(-1)) * GEAR) * STEP
-    assert reached == pytest.approx(1 / 5e3, rel=0.06)
-    assert rising[-1] == pytest.approx(GEAR, rel=1e-4)
-    coasting = stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)
-    assert coasting[-1] == pytest.approx(3.0, rel=1e-6)
+    assert (reached, rising[-1]) == (
+        pytest.approx(1 / 5e3, rel=0.06),
+        pytest.approx(GEAR, rel=1e-4),
+    )
+    assert stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)[-1] == pytest.approx(3.0, rel=1e-6)
 
 
 def test_cogging_and_a_rotor_s_inertia_are_seen_through_the_gear() -> None:
@@ -164,11 +163,7 @@ def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
     assert winding.scale * amperes == pytest.approx(1.5, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    "part",
-    [motor(inductance=L, voltage=V), loop(inductance=L, bandwidth=500.0)],
-)
-def test_a_motor_the_other_way_round_is_mirrored(part: Motor) -> None:
+def test_a_motor_the_other_way_round_is_mirrored() -> None:
     """Its current, where it turns against its joint; its input, under a negative gear."""
 
     def wave(plant: MujocoPlant, sign: float) -> Array:
@@ -177,9 +172,10 @@ def test_a_motor_the_other_way_round_is_mirrored(part: Motor) -> None:
         rows = stepped(plant, 0.25, read, lambda t: sign * 3 * math.sin(100 * t))
         return rows * [1, 1, 1, plant.hidden_states[0].scale]
 
-    rows = wave(fine(part, timestep=1e-4), 1.0)
-    assert np.abs(rows[:, 0]).max() > 0.01
-    against = wave(fine(replace(part, ratio=-N), timestep=1e-4), 1.0)
-    np.testing.assert_array_equal(against * [1, 1, 1, -1], rows)
-    turned = fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4)
-    np.testing.assert_array_equal(wave(turned, 1.0), wave(fine(part, timestep=1e-4), -1.0))
+    for part in (motor(inductance=L, voltage=V), loop(inductance=L, bandwidth=500.0)):
+        rows = wave(fine(part, timestep=1e-4), 1.0)
+        assert np.abs(rows[:, 0]).max() > 0.01
+        against = wave(fine(replace(part, ratio=-N), timestep=1e-4), 1.0)
+        np.testing.assert_array_equal(against * [1, 1, 1, -1], rows)
+        turned = fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4)
+        np.testing.assert_array_equal(wave(turned, 1.0), wave(fine(part, timestep=1e-4), -1.0))
