@@ -28,7 +28,6 @@ from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import OperatingPoint
 from grosmc_mj.plants.equations import Equations
 
@@ -80,9 +79,7 @@ def without_joints() -> Task:
 REFUSED: list[tuple[Any, str]] = [
     # LQR: the value, and the values that it may have
     (lambda: design(B=[0.0, 1.0]), r"B has shape \(1, 2\), must be \(2, 2\)"),
-    (lambda: design(R=I2), r"R has shape \(2, 2\), must be \(1, 1\)"),
     (lambda: design(Q=np.diag([1, np.nan])), r"Q = .*nan.* must be a matrix"),
-    (lambda: design(Q="Q"), r"Q = 'Q' must be a matrix of finite numbers"),
     (lambda: design(Q=np.diag([1, -2.0])), r"Q must be positive semi.*-2\.0"),
     (lambda: design(R=0.0), r"R must be positive definite, is \[\[0\.0\]\]"),
     (lambda: design(Q=[[1.0, 100.0], [0.0, 1.0]]), "symmetric"),
@@ -94,20 +91,16 @@ REFUSED: list[tuple[Any, str]] = [
     (lambda: on_arm(tracking_grosmc, 18, 6, [[1.0, 0]]), r"G B = \[\[0\.0\]\] is singular"),
     (lambda: on_arm(tracking_grosmc, 18, 6, [[1.0, 2, 3]]), r"G = .* must be 1 x 2 finite numbers"),
     (lambda: find_switching("sign", gain=math.nan), "must be finite and"),
-    (lambda: find_switching("adaptive", least=0.0), "must be finite and"),
     (lambda: find_switching("signum"), "did you mean 'sign'"),
-    (lambda: Settings(switching="implict-estimate"), "mean 'implicit-estimate'"),
     (lambda: Realization(control_period=0.0), "finite and positive"),
     (at_another_period, r"for a control period of 0\.002 s, not 0\.001"),
     # Declared families
     (lambda: declared(scales={"J": (0.0, 2.0)}), r"unlike J = \(0\.0, 2\.0\)"),
     (lambda: declared(scales={"J": (2.0, 1.0)}), r"unlike J = \(2\.0, 1\.0\)"),
-    (lambda: declared(scales={"J": (1, math.inf)}), r"unlike J = \(1, inf\)"),
     (lambda: declared(scales={"m": (1, 2)}), "unknown parameter of servo 'm': valid: J"),
     (lambda: declared(region=(1.0, 0.0)), r"region = .* must be finite and posit"),
     (lambda: declared(region=(1.0,)), "1 bounds of the operating region, must have 2"),
     (lambda: declared(wrench=(1.0,)), "1 wrench components, must have 6"),
-    (lambda: held(mass=0.5), "mass = 0.5 must be finite and 1 or more"),
     (lambda: held(scales={"m": 2.0}), "unlike m = 2"),
     (lambda: held(mass=2.0), "scale a parameter instead"),
     (lambda: held(push=1.0), "no body '' that could be pushed: valid: none"),

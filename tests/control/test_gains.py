@@ -20,7 +20,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
-from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty, SwitchingGains, Uncertainty
@@ -153,20 +152,6 @@ def test_family_that_reverses_or_loses_the_input_is_refused() -> None:
 
 
 # Several inputs
-
-
-def test_gain_margin_is_the_least_that_points_back() -> None:
-    """Of one switch for each input by trying all sides, along s over a fine circle of s."""
-    random = np.random.default_rng(4)
-    for m in (1, 2, 3):
-        R = random.normal(size=(50, m, m)) + 2 * np.eye(m)
-        sides = np.array(list(itertools.product((-1.0, 1.0), repeat=m)))
-        worst = np.min(sides * np.einsum("tij,sj->tsi", R, sides), axis=(1, 2))
-        np.testing.assert_allclose(gain_margin(R), worst, rtol=1e-12, atol=1e-12)
-    angle, R = np.linspace(0, np.pi, 10_001), random.normal(size=(9, 2, 2))  # need not be symmetric
-    s = np.array([np.cos(angle), np.sin(angle)])
-    worst = np.einsum("it,kij,jt->kt", s, R, s).min(axis=1)
-    np.testing.assert_allclose(gain_margin(R, together=True), worst, atol=1e-6)
 
 
 def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> None:

@@ -13,10 +13,7 @@ import sympy as sp
 from shipped import (
     ARM_ERROR,
     ARM_REFERENCE,
-    PENDULUM_ERROR,
     REGULATION,
-    SERVO_ERROR,
-    SERVO_STEP,
     nominal_controller,
     of_design,
 )
@@ -33,7 +30,7 @@ from grosmc_mj.control.references import (
     setpoint,
 )
 from grosmc_mj.control.switching import SWITCHINGS, find_switching
-from grosmc_mj.control.task import FeedbackParameters, NoNumbers, Realization
+from grosmc_mj.control.task import NoNumbers, Realization
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -160,26 +157,21 @@ def test_feedback_linearization_leaves_a_chain_of_integrators(design: str) -> No
             np.testing.assert_allclose(chain, memory.v, rtol=0, atol=ROUNDING * terms)
 
 
-@pytest.mark.parametrize(
-    ("system", "law", "angle", "defined"),
-    [
+def test_law_says_where_it_is_undefined_and_stays_finite() -> None:
+    """E(x) is singular at |theta| = pi/2: eq. (23) divides by it."""
+    for system, law, angle, defined in (
         ("cart_pendulum", "fl-lqr", math.pi / 2, False),
         ("cart_pendulum", "grosmc", -1.57, True),
         ("cart_pendulum", "grosmc", -1.6, False),
         ("cart_pendulum", "lqr", 1.6, True),
         ("arm", "grosmc", -1.5 * math.pi, False),
         ("arm", "grosmc", -4.7, True),
-    ],
-)
-def test_law_says_where_it_is_undefined_and_stays_finite(
-    system: str, law: str, angle: float, *, defined: bool
-) -> None:
-    """E(x) is singular at |theta| = pi/2: eq. (23) divides by it."""
-    ctl, plant = controller(system, law), nominal(system)
-    x, memory = np.zeros(len(plant.system.states)), ctl.memory()
-    x[plant.system.output] = angle
-    assert np.all(np.isfinite(ctl.input_at(0.0, x, memory)))
-    assert memory.undefined == (0.0 if defined else 1.0)
+    ):
+        ctl, plant = controller(system, law), nominal(system)
+        x, memory = np.zeros(len(plant.system.states)), ctl.memory()
+        x[plant.system.output] = angle
+        assert np.all(np.isfinite(ctl.input_at(0.0, x, memory)))
+        assert memory.undefined == (0.0 if defined else 1.0)
 
 
 @pytest.mark.slow
@@ -233,18 +225,3 @@ def test_reference_is_its_formula_with_its_own_derivatives() -> None:
     same = FourierSeries.through(samples, 0.7, 4)
     for name in ("mean", "cosine", "sine"):
         np.testing.assert_allclose(getattr(same, name), getattr(series, name), atol=1e-14)
-
-
-def test_linear_model_of_the_error_is_that_by_hand() -> None:
-    """Eq. (18) of the servo; upright theta'' = (g theta + u/(M+m)) / (L (4/3 - m/(M+m)))."""
-    p: Any = nominal("servo").parameters
-    q: Any = nominal("cart_pendulum").parameters
-    length = q.L * (4 / 3 - q.m / (q.M + q.m))
-    for error, target, numbers, last_row, gain in (
-        (SERVO_ERROR, SERVO_STEP, p, (0, -p.B / p.J), -p.Kt / p.J),
-        (PENDULUM_ERROR, Setpoint(0.0), q, (q.g / length, 0), 1 / (q.M + q.m) / length),
-    ):
-        parameters = FeedbackParameters(numbers, target, np.zeros((1, 2)))
-        A, B = error.linear_model(nominal(error.system.name), parameters)
-        np.testing.assert_allclose(A, [[0, 1], last_row], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(B, [[0], [gain]], rtol=1e-9)

@@ -88,8 +88,7 @@ def test_gain_of_the_integrator_chain_is_the_closed_form() -> None:
     np.testing.assert_allclose(sorted(d.poles.real), [-1, -1], atol=1e-12)
 
 
-@pytest.mark.parametrize("B", [CHAIN_B, np.array([[0.0], [-11.56]]), np.eye(2)])
-def test_default_surface_matrix_is_the_pseudoinverse_so_that_GB_is_the_identity(B: Any) -> None:
-    G = surface_matrix(None, B)
-    np.testing.assert_allclose(G, np.linalg.solve(B.T @ B, B.T), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(G @ B, np.eye(B.shape[1]), rtol=0, atol=1e-12)
+def test_default_surface_matrix_is_the_pseudoinverse() -> None:
+    for B in (CHAIN_B, np.array([[0.0], [-11.56]]), np.array([[1.0], [2.0]])):
+        G = surface_matrix(None, B)
+        np.testing.assert_allclose(G, np.linalg.solve(B.T @ B, B.T), rtol=0, atol=1e-12)

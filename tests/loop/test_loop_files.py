@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,11 +115,12 @@ def test_mistakes_are_told_with_the_file(parts: str, words: str, tmp_path: Path)
 def test_measurements_and_commands_are_kept_in_files(tmp_path: Path) -> None:
     run = Experiment.load("servo/bench").varied(duration=0.05).run("physics", "implicit, predicted")
     found = gm.load_trajectory(run.save(tmp_path / "run.parquet"))
-    for kept, run_s, true in (
+    pairs: Any = (
         (found.seen, run.trajectory.seen, found.state[:-1]),
         (found.command, run.trajectory.command, found.input),
-    ):
-        np.testing.assert_array_equal(kept, run_s)
+    )
+    for kept, own, true in pairs:
+        np.testing.assert_array_equal(kept, own)
         assert not np.array_equal(kept, true)
     schema = run.trajectory.to_arrow().schema
     assert schema.field("rotor angle seen").metadata[b"unit"] == b"rad"

@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.machine import LuGre, MachinePart, Motor, Stop, SwingingLoad, Transmission, Wall
-from grosmc_mj.physics.edits import Edit, JointEdit
+from grosmc_mj.physics.edits import Edit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
@@ -24,16 +24,6 @@ def swung(*edits: Edit) -> Array:
     """The rotor's angle under a slow sine, at every timestep of 10 us."""
     plant = MujocoPlant.load("servo", edits=edits, timestep=1e-5)
     return stepped(plant, 0.25, lambda d: d.qpos[0], lambda t: math.sin(20 * t))
-
-
-def test_a_transmission_that_stiffens_is_the_rigid_joint_with_the_motors_armature() -> None:
-    rigid, errors = swung(JointEdit("shaft", armature=0.01)), []
-    for k in (1e3, 1e4, 1e5):
-        # Damped so that only its giving way is left, of the first order in 1/k.
-        damping = 2 * math.sqrt(0.0085 * k)
-        soft = swung(Transmission("shaft", inertia=0.01, stiffness=k, damping=damping))
-        errors.append(np.abs(soft - rigid).max())
-    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 10, rtol=0.05)
 
 
 def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:

@@ -19,28 +19,6 @@ from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 
-def test_two_masses_have_their_resonance_and_antiresonance_within_half_a_percent() -> None:
-    motor, k = 0.01, 500.0
-    plant = servo(Transmission("shaft", inertia=motor, stiffness=k, damping=0.02))
-    resonance, antiresonance = math.sqrt(k * (1 / J + 1 / motor)), math.sqrt(k / J)
-    twist = stepped(plant, 1.0, lambda d: d.qpos[1] - d.qpos[0], start=0.01)
-    ups = np.flatnonzero((twist[:-1] < 0) & (twist[1:] >= 0))
-    # Crossings to a fraction of a step, by a line between their neighbours.
-    at = [i + twist[i] / (twist[i] - twist[i + 1]) for i in ups]
-    period = (at[-1] - at[0]) / (len(at) - 1) * 1e-4
-    assert 2 * math.pi / period == pytest.approx(resonance, rel=5e-3)
-
-    def moved(omega: float) -> float:
-        """The part of the motor's angle that is in phase with the input."""
-        angle = stepped(plant, 3.0, lambda d: d.qpos[1], lambda t: math.sin(omega * t))[15_000:]
-        t = 1e-4 * np.arange(15_001, 30_001)
-        basis = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones_like(t), t])
-        return np.linalg.lstsq(basis, angle, rcond=None)[0][0]
-
-    # The motor stands still there, and is pushed the other way from one side to the other.
-    assert moved(antiresonance * 0.995) * moved(antiresonance * 1.005) < 0
-
-
 def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash_and_damps_the_twist() -> None:
     """twist'' = -(k twist + d twist')(1/J + 1/J_m); within the backlash there is no k."""
     motor, k, d, t = 0.01, 500.0, 0.2, 0.05
