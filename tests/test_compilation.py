@@ -83,6 +83,8 @@ def law_of(k, name):
 for k in sys.argv[1:]:
     print(returned(law_of(float(k), "long")), returned(law_of(float(k), "recursive")))
 """.replace("SINES", "; ".join(200 * ["x = math.sin(x) * x"]))
+
+
 PRINTS = """
 from grosmc_mj.compilation import fingerprint
 from grosmc_mj.experiments.catalogue import chapter_controller
@@ -142,15 +144,6 @@ def test_laws_of_one_name_that_two_processes_compiled_stay_apart(tmp_path: Path)
         assert printed(start(tmp_path, RETURNED + NAMESAKES, *numbers)) == expected
 
 
-def test_fingerprint_is_the_same_in_another_process(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    there = printed(start(tmp_path, PRINTS))
-    exec(PRINTS, {})
-    assert capsys.readouterr().out.split() == there
-    assert len(set(there)) == 2
-
-
 def laws_of(k: float) -> list[Callable[..., float]]:
     """Laws that return k by whatever numba freezes: helpers, arrays, defaults, modules, members."""
     helper, compiled, gains = jitable(lambda x: k * x), numba.njit(lambda x: k * x), np.array([k])
@@ -176,13 +169,19 @@ class Level(enum.Enum):
     HIGH = 7.0
 
 
-def test_fingerprint_follows_operations_constants_and_every_number_that_numba_freezes() -> None:
+def test_fingerprint_follows_operations_constants_and_every_number_that_numba_freezes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Otherwise a changed law runs the old machine code from the disk, without a word."""
     same, again, others = ([fingerprint(law) for law in laws_of(k)] for k in (3.0, 3.0, 7.0))
     assert same == again
     assert all(one != other for one, other in zip(same, others, strict=True))
     laws = [lambda x: x + 2.0, lambda x: x * 2.0, lambda x: x + 3.0]
     assert len({fingerprint(law) for law in laws}) == 3
+    # Another process has the same ones.
+    there = printed(start(tmp_path, PRINTS))
+    exec(PRINTS, {})
+    assert capsys.readouterr().out.split() == there
 
 
 def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(

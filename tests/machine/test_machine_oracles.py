@@ -39,6 +39,18 @@ def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash_and_damps_the
         assert data.qfrc_passive[:2] == pytest.approx([-torque, torque], abs=1e-9)
 
 
+def test_rigid_teeth_give_back_a_tenth_beyond_their_play() -> None:
+    plant = servo(Transmission("shaft", inertia=0.01, backlash=0.2))
+    twist = stepped(plant, 0.2, lambda d: d.qpos[1] - d.qpos[0], start=0.05)
+    assert np.ptp(twist) == 0  # within the play nothing pulls
+    data = mujoco.MjData(plant.model)
+    data.qvel[1] = 1.0
+    mujoco.mj_step(plant.model, data, nstep=1100)
+    # A bounce of 4 ms is one of 40 timesteps.
+    assert data.qvel[1] - data.qvel[0] == pytest.approx(-0.1, rel=0.05)
+    assert 0.09 < data.qpos[1] - data.qpos[0] < 0.1
+
+
 def test_the_longest_stable_timesteps_are_the_textbooks() -> None:
     """Of semi-implicit Euler and of RK4, at the ends of their regions of stability."""
     euler, rk4 = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4

@@ -205,15 +205,6 @@ def test_limits_steps_names_and_changes() -> None:
     assert equations.changed() is equations
 
 
-def test_a_robot_is_a_plant_without_equations() -> None:
-    robot, x = Robot.from_mjcf(model_path("two_link_arm")).plant, [0.1] * 4
-    assert (robot.parameters, robot.system.symbolic) == (None, False)
-    assert robot.system.equations.linearizable(np.zeros(4))
-    np.testing.assert_array_equal(robot.derivative(x), physics("two_link_arm").derivative(x))
-    with pytest.raises(ModelError, match=r"has no equations in symbols \(f\): MuJoCo computes"):
-        _ = robot.system.equations.drift
-
-
 # What is refused
 
 
@@ -275,6 +266,8 @@ SHAPES = r"must be \(4,\), \(1,\) and \(12,\)"
         (lambda: analytic("servo").model, "no model in MuJoCo"),
         (lambda: physics("servo").analytic("printed"), "no variant 'printed': valid: corrected"),
         (lambda: AnalyticPlant.from_model(SERVO, load_model("arm")), "not a model of servo"),
+        (lambda: Robot.from_mjcf(model_path("two_link_arm")).plant.system.equations.drift,
+         r"has no equations in symbols \(f\): MuJoCo computes"),
         (lambda: plants.find_system("crane"), "valid: servo, cart_pendulum, arm"),
         (lambda: physics("arm", BodyEdit("hub", length_scale=2.0)).analytic(), "same radius"),
     ],
