@@ -63,7 +63,7 @@ def test_the_longest_stable_timesteps_are_the_textbooks() -> None:
 
 
 def test_lugre_has_its_force_at_a_held_speed() -> None:
-    """z = g/s0 (1 - e), F = s0 z + s1 z' with z' = v e and e = exp(-s0 |v| t/g)."""
+    """z = g/s0 (1 - e), F = s0 z + s1 v e with e = exp(-s0 |v| t/g); of a step (0.01)^3 is lost."""
     part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=0.5, stribeck=0.01)
     for v in (0.01, -0.05):
         rows = stepped(
@@ -73,7 +73,7 @@ def test_lugre_has_its_force_at_a_held_speed() -> None:
         g = 0.1 + 0.05 * math.exp(-((v / 0.01) ** 2))
         e = np.exp(-200.0 * abs(v) * t / g)
         expected = -math.copysign(g, v) * (1 - e) - 0.5 * v * e
-        np.testing.assert_allclose(force, expected, rtol=0, atol=1e-9)  # RK4
+        np.testing.assert_allclose(force, expected, rtol=0, atol=1e-7)
 
 
 def test_a_stop_gives_back_its_restitution() -> None:
