@@ -204,10 +204,7 @@ def test_it_stays_where_it_rests_and_its_optimum_starts_where_the_run_does(make:
 
 def test_gains_on_all_states_are_those_of_the_worst_member() -> None:
     """By hand: B = [0, 1/m], so G = [0, m], r = 1/1.5 and |G dA| = |c - c'| of the rate."""
-    task, linear = (
-        hung_at(0.0),
-        lambda plant, **scales: plant.changed(scales=scales).linearization(),
-    )
+    task = hung_at(0.0)
     declared = StateUncertainty(scales={"m": (1.0, 1.5)}, force=0.3, reaching_rate=0.2)
     p = state_grosmc(task, declared).parameters
     np.testing.assert_allclose(p.G, [[0.0, 2.0]], atol=1e-12)
