@@ -271,3 +271,23 @@ def test_the_command_writes_figure_and_grids(
     monkeypatch.setattr(region, "outcomes", interrupted)
     assert run("study", "region", "arm", *options) == cli.INTERRUPTED
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("finished", [0, 1])
+def test_an_interrupt_keeps_the_finished_maps(
+    finished: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maps = Region.maps
+
+    def interrupted(study: Region, *arguments: Any) -> Any:
+        yield from itertools.islice(maps(study, *arguments), finished)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Region, "maps", interrupted)
+    options = ("--points", "2", "--duration", "0.1", "--out", tmp_path)
+    assert run("study", "region", "servo", *options) == cli.INTERRUPTED
+    assert len(list(tmp_path.iterdir())) == 3 * finished
+    if finished:
+        document = json.loads((tmp_path / "region_servo.json").read_text(encoding="utf-8"))
+        assert (document["complete"], len(document["maps"])) == (False, 1)
+        assert document["answers"][0]["verdict"] == "not decided"
