@@ -51,10 +51,8 @@ law = "lqr"
 name = "stiff"
 Q = [4, 1]
 """
-LAWS = f"""{LQR}
-[[controller]]
-law = "grosmc"
-"""
+GROSMC = '[[controller]]\nlaw = "grosmc"\n'
+LAWS = LQR + GROSMC
 # Of the first eight runs of seed 5, two keep the first under LQR and all under GROSMC.
 LIMITS = """
 [[requirement]]
@@ -86,6 +84,11 @@ value = ["-10 rad/s", "10 rad/s"]
 """
 # The two numbers of which most tests are.
 BOTH = INERTIA + AMPLITUDE
+CORRELATED = """
+[[correlation]]
+between = ["rotor mass scale", "load amplitude"]
+coefficient = 0.5
+"""
 
 PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
 # A servo as it is built: what moves it, what stops it, what hangs on it.
