@@ -176,6 +176,11 @@ def uncertain(*lines: str) -> str:
     return "\n".join(["[[uncertain]]", *lines, ""])
 
 
+def of(kind: str, name: str, *numbers: str) -> str:
+    """One [[uncertain]] of a part by its name."""
+    return uncertain(f'{kind} = "{name}"', *numbers)
+
+
 def plain(tables: str = BOTH) -> str:
     """The text of a servo's case file with LQR alone and no requirement."""
     return servo(tables, laws=LQR, limits="")
