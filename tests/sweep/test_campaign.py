@@ -7,7 +7,7 @@ from typing import Any
 
 import campaign_cases as small
 import pytest
-from campaign_cases import BOTH, INERTIA, LOOP, LQR, MACHINE, campaign, of, plain, standing
+from campaign_cases import BOTH, INERTIA, LOOP, MACHINE, campaign, of, plain, standing, uncertain
 
 from grosmc_mj.errors import NEXT, ArgumentError
 from grosmc_mj.sweep.campaign import Campaign
@@ -43,7 +43,7 @@ NUMBERS = [
     (of("disturbance", "hum", 'frequency = ["1 s", "2 Hz"]'), '"1 s" cannot be converted to rad/s'),
     (scale("[1, 2]", "length_scale = [1, 2]"), "one [[uncertain]] is one number"),
     (of("body", "rotor"), "give one of mass_scale, length_scale, added_mass, not none"),
-    (small.uncertain("mass_scale = [1, 2]"), "name one of body, joint, disturbance, start, parameter"),
+    (uncertain("mass_scale = [1, 2]"), "name one of body, joint, disturbance, start, parameter"),
     (scale("[1, 2]", 'at = ["0 m", "0 m", "1 m"]'), "at is where an added_mass is"),
     (BOTH + INERTIA, "two are uncertain 'rotor mass_scale'"),
     (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"', "two are called 'a'"),
@@ -97,16 +97,16 @@ TEXTS = [
     (standing(SWING, MACHINE + SECOND), "the file has 2 [[swinging_load]] of 'rotor'"),
     (standing(LATE, PREDICTS), "let that of computing = true vary instead"),
     (
-        standing(small.uncertain("computing = true", f"delay = {{ {OFTEN} }}"), PREDICTS),
+        standing(uncertain("computing = true", f"delay = {{ {OFTEN} }}"), PREDICTS),
         "at most 100000",
     ),
     (standing(NOISE.replace("angle", "speed").replace("mrad", "rad/s"), LOOP), "unknown sensor"),
     (
-        standing(small.uncertain("computing = true", "missed = [0.5, 1.0]"), LOOP),
+        standing(uncertain("computing = true", "missed = [0.5, 1.0]"), LOOP),
         "missed = 1 can occur",
     ),
     (
-        standing(of("actuator", "current", 'lag = ["0 ms", "1 ms"]'), LQR),
+        standing(of("actuator", "current", 'lag = ["0 ms", "1 ms"]'), small.LQR),
         "the case file has no actuator, of which this is a number: write one",
     ),
     (plain() + small.PUSH, "two disturbances have the label 'load': give each its own"),
