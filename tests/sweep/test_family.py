@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, campaign, plain, uncertain
+from campaign_cases import BOTH, CORRELATED, campaign, plain, uncertain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -70,25 +70,17 @@ def test_a_cut_off_normal_is_scipys_truncated_one(
         # 50 standard deviations: the distribution function is 0 and 1 there.
         ("normal", {"mean": 1, "deviation": 0.01}, {"least": 0.5, "most": 2.0}),
         ("normal", {"mean": 1, "deviation": 0.01}, {"most": 1.9}),
-        ("normal", {"mean": 1, "deviation": 0.01}, {"least": 0.1}),
         ("lognormal", {"median": 1, "spread": 0.3}, {"least": 0.5}),
         # The median of what is symmetric in its logarithm.
         ("lognormal", {"median": 1, "spread": 0.3}, {"least": 0.5, "most": 2}),
     ],
 )
-def test_distributions_are_cut_off_on_one_side_or_both(
-    kind: str, numbers: dict[str, Any], ends: dict[str, float]
-) -> None:
+def test_distributions_are_cut_off_on_one_side_or_both(kind: str, numbers: Any, ends: Any) -> None:
     ours = drawn(kind, "", **numbers, **ends)
     assert ours.support == (ends.get("least", -INF), ends.get("most", INF))
     assert np.all(np.isfinite(ours.quantiles(SHARES)))
     if len(ends) == 2:
         assert ours.quantiles(np.array([0.5])) == pytest.approx(1, rel=1e-14)
-
-
-def test_the_ends_of_a_range_are_its_corners() -> None:
-    turn = distribution(["0 deg", "360 deg"], "rad")
-    assert turn.quantiles(np.array([0.0, 1.0])).tolist() == [0.0, 2 * math.pi]
 
 
 # Points of the unit cube.
@@ -100,16 +92,13 @@ def correlation(points: Array) -> float:
 
 
 @pytest.mark.parametrize("sampler", ["sobol", "lhs", "random", "corners"])
-@settings(max_examples=10)
-@given(data=st.data())
-def test_a_point_is_the_same_whatever_the_part(sampler: str, data: st.DataObject) -> None:
+def test_a_point_is_the_same_whatever_the_part(sampler: str) -> None:
     most = 8 if sampler == "corners" else 400
     # Around the seam between two scrambles as well.
-    starts = [0] if sampler == "corners" else [0, 100, SEQUENCE - 200]
-    first = data.draw(st.sampled_from(starts))
-    cuts = sorted({0, most, *data.draw(st.lists(st.integers(0, most), max_size=4))})
-    parts = [unit_points(sampler, D, 7, first + a, b - a) for a, b in itertools.pairwise(cuts)]
-    assert np.array_equal(np.concatenate(parts), unit_points(sampler, D, 7, first, most))
+    for first in (0,) if sampler == "corners" else (0, 100, SEQUENCE - 200):
+        cuts = [0, 1, most // 3, most // 2 + 1, most]
+        parts = [unit_points(sampler, D, 7, first + a, b - a) for a, b in itertools.pairwise(cuts)]
+        assert np.array_equal(np.concatenate(parts), unit_points(sampler, D, 7, first, most))
 
 
 @pytest.mark.parametrize(("sampler", "block"), [("sobol", SEQUENCE), ("lhs", CUBE), ("random", 64)])
@@ -121,29 +110,17 @@ def test_blocks_of_all_seeds_differ_and_lie_inside_the_cube(sampler: str, block:
         assert not np.any(one == other)
 
 
-def test_a_sequence_is_scipys_own_and_a_net() -> None:
+def test_points_are_scipys_sequence_latin_hypercubes_and_all_corners() -> None:
     known = qmc.Sobol(D, rng=np.random.default_rng([5, 0])).random_base2(6)
     assert np.array_equal(unit_points("sobol", D, 5, 0, 64), known)
-    for first in (0, SEQUENCE):
-        # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
-        assert_latin(unit_points("sobol", D, 5, first, 256))
-
-
-def test_each_128_points_of_lhs_are_a_latin_hypercube() -> None:
-    for cube in unit_points("lhs", D, 3, 0, 4 * CUBE).reshape(4, CUBE, D):
-        assert_latin(cube)
-
-
-def assert_latin(points: Array) -> None:
-    """One point in each of n intervals of each dimension."""
-    n = len(points)
-    cells = np.sort((points * n).astype(int), axis=0)
-    assert np.array_equal(cells, np.tile(np.arange(n)[:, None], D))
-
-
-def test_corners_are_all_corners_once() -> None:
-    points = unit_points("corners", D, 0, 0, 8).tolist()
-    assert sorted(map(tuple, points)) == list(itertools.product((0.0, 1.0), repeat=D))
+    # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
+    nets = [unit_points("sobol", D, 5, first, 256) for first in (0, SEQUENCE)]
+    for points in (*nets, *unit_points("lhs", D, 3, 0, 4 * CUBE).reshape(4, CUBE, D)):
+        n = len(points)
+        cells = np.sort((points * n).astype(int), axis=0)
+        assert np.array_equal(cells, np.tile(np.arange(n)[:, None], D))
+    corners = unit_points("corners", D, 0, 0, 8).tolist()
+    assert sorted(map(tuple, corners)) == list(itertools.product((0.0, 1.0), repeat=D))
 
 
 def test_random_points_are_uniform_and_independent() -> None:
@@ -156,28 +133,16 @@ def test_random_points_are_uniform_and_independent() -> None:
     assert len(np.unique(many)) == many.size
 
 
-CORRELATED = '[[correlation]]\nbetween = ["rotor mass scale", "load amplitude"]\n'
-
-
-@pytest.mark.parametrize("coefficient", [-0.8, 0.5])
-def test_the_copula_correlates_and_keeps_the_marginals(coefficient: float) -> None:
-    family = campaign(plain(f"{BOTH}{CORRELATED}coefficient = {coefficient}\n")).family
+def test_the_copula_correlates_and_keeps_the_marginals() -> None:
+    family = campaign(plain(BOTH + CORRELATED.replace("0.5", "-0.8"))).family
     values = family.values(unit_points("random", 2, 1, 0, 4096))
     # Spearman's coefficient of a Gaussian copula; its standard error is at most that of none.
-    expected, rank = (
-        6 / np.pi * np.arcsin(coefficient / 2),
-        stats.rankdata(values, axis=0),
-    )
+    expected, rank = 6 / np.pi * np.arcsin(-0.8 / 2), stats.rankdata(values, axis=0)
     assert abs(correlation(rank) - expected) < 4 / np.sqrt(4096)
     # Largest distance from the uniform distribution that one in 10^4 samples exceeds.
     shares = (np.sort(values, axis=0) - [1, -1]) / 2
     distance = np.abs(shares - (np.arange(4096)[:, None] + 0.5) / 4096).max()
     assert distance < 2.23 / np.sqrt(4096)
-
-
-def test_runs_have_the_values_of_their_number_whatever_the_part() -> None:
-    one, other = campaign(plain(), shard=3), campaign(plain(), runs=100, shard=64)
-    assert np.array_equal(one.values(range(6, 8)), other.values(range(100))[6:8])
 
 
 # Nominal values, and distances from them.
@@ -200,14 +165,14 @@ def test_nominal_values_are_the_files_own_and_no_disturbance() -> None:
     assert campaign(plain(mass("[1, 2]", "nominal = 1.5"))).family.nominal.tolist() == [1.5]
 
 
-def test_scaling_moves_values_along_the_line_from_the_nominal_ones() -> None:
+def test_scaling_moves_values_along_the_line_from_the_nominal_ones_as_far_as_they_can_be() -> None:
     family = campaign(plain()).family
     values = family.values(np.array([[0.0, 0.0], [1.0, 0.75]]))
     assert values.tolist() == [[1.0, -1.0], [3.0, 0.5]]
     assert family.scaled(values, 2.0).tolist() == [[1.0, -2.0], [5.0, 1.0]]
     assert family.scaled(values, 0.0).tolist() == [[1.0, 0.0], [1.0, 0.0]]
-
-
-@pytest.mark.parametrize(("spread", "largest"), [("[0.5, 2]", 2), ("[0.75, 1]", 4), ("[1, 2]", 8)])
-def test_the_largest_scale_is_where_the_least_value_meets_zero(spread: str, largest: float) -> None:
-    assert campaign(plain(mass(spread))).largest_scale == pytest.approx(largest, rel=1e-8)
+    # The largest scale is where the least value meets zero.
+    for spread, largest in (("[0.5, 2]", 2), ("[0.75, 1]", 4), ("[1, 2]", 8)):
+        assert campaign(plain(mass(spread))).largest_scale == pytest.approx(largest, rel=1e-8)
+    one, other = campaign(plain(), shard=3), campaign(plain(), runs=100, shard=64)
+    assert np.array_equal(one.values(range(6, 8)), other.values(range(100))[6:8])
