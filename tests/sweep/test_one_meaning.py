@@ -1,7 +1,5 @@
 """A requirement means the same in a run, in a campaign and in a study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -88,13 +88,10 @@ def asked(file: Path) -> Specification:
     return specification(file.read_text(), folder=str(file.parent), runs=2, shard=1)
 
 
-def test_all_that_would_be_imported_is_recorded(folder: Folder) -> None:
-    assert list(read_manifest(folder.path)["sources"]) == list(FILES)
-
-
 def test_a_replay_imports_nothing_but_what_lies_beside_a_named_file(
     folder: Folder, file: Path, trace: Path
 ) -> None:
+    assert list(read_manifest(folder.path)["sources"]) == list(FILES)
     line = refusal(read_campaign, folder.path)
     assert "its case file names Python, canary_law:bump" in line
     assert "--case-file" in line
@@ -104,43 +101,33 @@ def test_a_replay_imports_nothing_but_what_lies_beside_a_named_file(
     assert trace.exists()
 
 
-@pytest.mark.parametrize("name", ["canary_law.py", "canary_package/deep.py"])
-def test_python_that_is_not_the_recorded_one_is_not_imported(
-    folder: Folder, file: Path, trace: Path, name: str, capsys: pytest.CaptureFixture[str]
+def test_python_or_a_case_file_that_is_not_the_recorded_one_is_not_imported(
+    folder: Folder, file: Path, trace: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = file.parent / name
-    path.write_text(f"{path.read_text()}# changed\n")
-    words = f"was begun with other Python: sources.{name}: "
-    again = ("campaign", file, "--runs", "2", "--shard", "1", "--out", folder.path, "--resume")
-    assert run(*again, "--no-figures") == cli.WRONG
-    assert words in capsys.readouterr().err
-    assert words in refusal(read_campaign, folder.path, file)
     bound_to = read_manifest(folder.path)["hash"]
-    assert "other Python" in refusal(run_shard, str(folder.path), asked(file), bound_to, 1)
-    assert not trace.exists()
-    assert not folder.part(1).exists()
-
-
-def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
+    for name in ("canary_law.py", "canary_package/deep.py"):
+        path = file.parent / name
+        content = path.read_text()
+        path.write_text(f"{content}# changed\n")
+        words = f"was begun with other Python: sources.{name}: "
+        again = ("campaign", file, "--runs", "2", "--shard", "1", "--out", folder.path, "--resume")
+        assert run(*again, "--no-figures") == cli.WRONG
+        assert words in capsys.readouterr().err
+        assert words in refusal(read_campaign, folder.path, file)
+        assert "other Python" in refusal(run_shard, str(folder.path), asked(file), bound_to, 1)
+        path.write_text(content)
     file.write_text(TEXT.replace('duration = "', 'duration = "1'))
     line = refusal(read_campaign, folder.path, file)
-    assert "is not the case file of" in line
+    assert f"{file} is not the case file of" in line
     assert "its text is another" in line
-    assert not trace.exists()
-
-
-def test_a_worker_builds_its_own_campaign_and_not_the_folders(
-    file: Path, trace: Path, tmp_path: Path
-) -> None:
+    # A worker builds its own campaign: all of a folder may be another's, but where it is built.
     declared = Campaign.of(specification(servo(INERTIA, laws=LQR, limits=DEVIATION), runs=2))
-    folder = begun(declared, tmp_path / "out")
-    manifest = read_manifest(folder.path)
-    # All of it is the campaign's own, but not where it would be built from.
+    other = begun(declared, folder.path / "other")
+    manifest = read_manifest(other.path)
     manifest["question"] |= {"text": TEXT, "folder": str(file.parent)}
-    (folder.path / "manifest.json").write_text(json.dumps(manifest))
-    run_shard(str(folder.path), declared.specification, manifest["hash"], 0)
-    assert not trace.exists()
-    assert folder.part(0).exists()
+    (other.path / "manifest.json").write_text(json.dumps(manifest))
+    run_shard(str(other.path), declared.specification, manifest["hash"], 0)
+    assert (trace.exists(), folder.part(1).exists(), other.part(0).exists()) == (False, False, True)
 
 
 MODEL = """<mujoco model="link"><worldbody><body name="link"><joint name="pivot" axis="0 1 0"/>
