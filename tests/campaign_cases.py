@@ -1,7 +1,5 @@
 """Small campaigns that the tests of campaigns share: their laws are compiled once."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path
@@ -10,8 +8,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from commands import run as run
 
-from grosmc_mj import cli
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, checksum, shards_of
@@ -262,14 +260,6 @@ def forged(file: Path, table: pa.Table, **noted: Any) -> None:
     del said["sha256"]
     said["sha256"] = checksum(table, said)
     pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), file)
-
-
-def run(*arguments: object) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(word) for word in arguments])
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
 
 
 def refusal(of: Any, *arguments: Any, **more: Any) -> str:
