@@ -1,7 +1,5 @@
 """A folder is data: Python is imported from beside a case file that the user names."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys
