@@ -66,11 +66,7 @@ def test_the_documents_have_the_numbers_of_the_runs(
     relative = pq.read_table(folder / PART)["relative"].to_numpy()
     rates = {rate["requirement"]: rate for rate in results["pass_rates"]}
     assert rates["all requirements"]["kept"] == (relative >= 0).sum()
-    worst = document(folder, "worst")["controllers"]["lqr"]
-    assert worst["fails"]
-    assert worst["relative"] <= relative.min()
-    radius = document(folder, "radius")["controllers"]["lqr"]
-    assert radius["found"] < radius["outside_scale"] <= 1
+    assert document(folder, "worst")["controllers"]["lqr"]["relative"] <= relative.min()
     again = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
     capsys.readouterr()
     assert run(*again) == cli.DONE
@@ -79,10 +75,18 @@ def test_the_documents_have_the_numbers_of_the_runs(
         assert phrase in shown
 
 
-def test_a_campaign_that_requires_nothing_says_who_completed(
+def test_five_runs_without_failure_show_50_percent_and_nothing_may_be_required(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "free.toml"
+    """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
+    path = tmp_path / "easy.toml"
+    path.write_text(TEXT.replace("3 mrad", "100 mrad"))
+    for runs, code in ((4, cli.DIFFERS), (5, cli.DONE)):
+        claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / str(runs))
+        assert run("campaign", path, "--runs", runs, *claim) == code
+        shown = words(capsys)
+        assert "of the declared design keep everything" in shown
+        assert "50 % are asked for" in shown
     path.write_text(servo(laws=LQR, limits=""))
     assert run("campaign", path, "--runs", "16", "--out", tmp_path / "out", "--verbose") == cli.DONE
     shown = words(capsys)
@@ -91,40 +95,23 @@ def test_a_campaign_that_requires_nothing_says_who_completed(
     assert not list((tmp_path / "out").glob("map.*"))
 
 
-def test_five_runs_without_failure_show_50_percent(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
-    easy = tmp_path / "easy.toml"
-    easy.write_text(TEXT.replace("3 mrad", "100 mrad"))
-    for runs, code in ((4, cli.DIFFERS), (5, cli.DONE)):
-        claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / str(runs))
-        assert run("campaign", easy, "--runs", runs, *claim) == code
-        shown = words(capsys)
-        assert "of the declared design keep everything" in shown
-        assert "50 % are asked for" in shown
-
-
 def test_who_judged_is_shown_and_why_equations_did_not(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     screened = ("campaign", file, "--no-figures", "--runs", "64", "--screen", "equations", "--out")
     out = tmp_path / "equations"
     assert run(*screened, out) == cli.DONE
-    shown, judged = capsys.readouterr(), document(out, "results")["judged"]["lqr"]
-    assert 0 < judged["by_equations"] < judged["runs"] == 64
-    assert f"{judged['by_equations']} of 64 runs judged by the equations, " in shown.out
+    shown, judged = capsys.readouterr(), document(out, "results")["judged"]["lqr"]["by_equations"]
+    assert f"{judged} of 64 runs judged by the equations, " in shown.out
     judges = pq.read_table(out / PART)["judged_by"].to_pylist()
-    assert judges.count("equations") == judged["by_equations"]
-    number = judges.index("equations")
-    assert run("campaign", out, "--replay", number, "--no-figures") == cli.DONE
+    assert judges.count("equations") == judged > 0
+    assert run("campaign", out, "--replay", judges.index("equations"), "--no-figures") == cli.DONE
     assert "campaign stored by the equations, bit for bit" in words(capsys)
     assert run(*screened, tmp_path / "other", "--integrator", "implicitfast") == cli.DONE
     why = "equations are stepped by RK4, the model by implicitfast"
     other = capsys.readouterr()
     assert f"No run is screened by equations: {why}." in other.err
     assert ["instead of the model's own" in of.err for of in (shown, other)] == [False, True]
-    assert "by the equations" not in other.out
 
 
 @pytest.mark.parametrize(
@@ -141,11 +128,7 @@ def test_who_judged_is_shown_and_why_equations_did_not(
     ],
 )
 def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
-    arguments: tuple[str, ...],
-    line: str,
-    file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    arguments: Any, line: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert line in wrong(capsys, "campaign", file, "--out", tmp_path / "out", *arguments)
     assert not (tmp_path / "out").exists()
@@ -165,10 +148,7 @@ def test_a_wrong_file_or_folder_gets_one_line(
 
 
 def test_a_second_campaign_in_the_folder_waits_for_the_first_which_may_be_interrupted(
-    file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    file: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     eight = ("campaign", file, "--runs", "8", "--out", tmp_path, "--no-figures")
     with Folder(tmp_path).held():
@@ -190,25 +170,24 @@ def test_a_second_campaign_in_the_folder_waits_for_the_first_which_may_be_interr
 def test_results_are_written_before_they_are_shown(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written: dict[str, set[str]] = {}
+    written: list[tuple[str, set[str]]] = []
 
-    def noted(name: str, shows: Any) -> Any:
-        def show(*arguments: Any, **options: Any) -> Any:
-            written[name] = {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
-            assert not list(tmp_path.glob("*.png"))
-            return shows(*arguments, **options)
+    def noted(owner: Any, name: str) -> None:
+        def show(*_: Any, **__: Any) -> Any:
+            written.append((name, {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}))
+            return [] if owner is maps else cli.DONE
 
-        return show
+        monkeypatch.setattr(owner, name, show)
 
     for name in ("say_verdict", "say_worst", "say_radius"):
-        monkeypatch.setattr(answer, name, noted(name, getattr(answer, name)))
-    monkeypatch.setattr(maps, "write_figures", noted("figures", lambda *_: []))
+        noted(answer, name)
+    noted(maps, "write_figures")
     assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
     # The verdict comes before searches and figures.
     all_three = {"results", "worst", "radius"}
-    assert list(written.items()) == [
+    assert written == [
         ("say_verdict", {"results"}), ("say_worst", {"results", "worst"}),
-        ("say_radius", all_three), ("figures", all_three),
+        ("say_radius", all_three), ("write_figures", all_three),
     ]  # fmt: skip
 
 
@@ -230,13 +209,13 @@ def test_replays(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert margin / 3e-3 == relative
 
 
-@pytest.mark.parametrize(("in_the_way", "code"), [("a file", cli.DIFFERS), ("a link", cli.DONE)])
+@pytest.mark.parametrize("code", [cli.DIFFERS, cli.DONE], ids=["a file", "a link"])
 def test_a_replay_that_cannot_be_written_is_judged(
-    folder: Path, tmp_path: Path, in_the_way: str, code: int, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A file, where root cannot write either; a folder of somebody else's may lead anywhere."""
     copy = Path(shutil.copytree(folder, tmp_path / "copy", ignore=lambda *_: ["replays"]))
-    if in_the_way == "a file":
+    if code == cli.DIFFERS:
         (copy / "replays").touch()
         forged(copy / PART, replaced(pq.read_table(copy / PART), "ended", 3, 0.049))
     else:
