@@ -1,7 +1,5 @@
 """Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

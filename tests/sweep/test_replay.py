@@ -1,7 +1,5 @@
 """Repeating one run of a campaign to the last bit."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,6 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import (
     LOOP,
-    MACHINE,
     begun,
     campaign,
     falling,
@@ -31,7 +28,6 @@ from grosmc_mj.sweep.replay import replay, replay_document, searched_values
 from grosmc_mj.sweep.store import Folder
 
 ENGINES: list[Any] = ["native", "python"]
-BACKLASH = uncertain('transmission = "shaft"', 'backlash = ["0 deg", "0.2 deg"]')
 DRAWN = uncertain("computing = true", 'delay = ["0 ms", "4 ms"]') + uncertain(
     'sensor = "rotor angle"', 'noise = ["0 mrad", "0.3 mrad"]'
 )
@@ -67,22 +63,18 @@ def test_a_run_is_repeated_bit_for_bit_in_both_engines(servos: Folder, tmp_path:
     assert replay_document(servos_of(), run, "native")["as_stored"] is None
 
 
-@pytest.mark.slow
-def test_runs_of_a_machine_of_a_loop_with_chance_and_that_ended_early_are_repeated(
-    tmp_path: Path,
-) -> None:
-    for name, text in (("a", standing(BACKLASH, MACHINE)), ("b", standing(DRAWN, LOOP))):
-        declared = campaign(text, runs=4)
-        folder = kept(declared, tmp_path / name)
-        for law in declared.laws:
-            assert_repeated(declared, folder, "3", law)
-    folder = kept(falling(), tmp_path / "c")
+def test_a_run_that_ended_early_is_repeated(tmp_path: Path) -> None:
+    folder = kept(falling(), tmp_path)
     status = folder.columns(falling(), ["status"], [0])["fl-lqr"]["status"]
     early = str(np.flatnonzero(status == "undefined_law")[0])
     assert_repeated(falling(), folder, early, "fl-lqr")
-    run = replay(falling(), folder, early, None, "native")
-    assert run.result.ended
-    assert run.outcome["status"].tolist() == ["undefined_law"]
+    assert replay(falling(), folder, early, None, "native").result.ended
+
+
+@pytest.mark.slow
+def test_a_run_of_a_loop_with_chance_is_repeated(tmp_path: Path) -> None:
+    declared = campaign(standing(DRAWN, LOOP), runs=4)
+    assert_repeated(declared, kept(declared, tmp_path), "3", "told")
 
 
 def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:

@@ -1,16 +1,11 @@
 """The statistics of campaigns against enumeration, closed forms and SciPy's own."""
 
-from __future__ import annotations
-
-import itertools
 import math
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy import stats
 
 from grosmc_mj.sweep.statistics import (
@@ -23,9 +18,6 @@ from grosmc_mj.sweep.statistics import (
 )
 
 INF = math.inf
-MARGINS = st.lists(
-    st.just(-INF) | st.floats(-1e6, 1e6) | st.integers(-2, 2).map(float), min_size=1, max_size=150
-)
 
 
 def clopper_pearson(kept: int, runs: int, doubt: float) -> tuple[float, float]:
@@ -59,8 +51,12 @@ def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
     assert runs == 1 or share ** (runs - 1) > doubt
 
 
-@given(MARGINS)
-def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(margins: list[float]) -> None:
+@pytest.mark.parametrize("runs", [1, 19, 20, 21, 150])
+@pytest.mark.parametrize("diverged", [0, 1, 9])
+def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(runs: int, diverged: int) -> None:
+    margins = np.random.default_rng(runs).integers(-9, 9, runs) * 1e5 / 3
+    margins[:diverged] = -INF
+    margins = margins.tolist()
     summary, runs = margin_summary(np.array(margins)), len(margins)
     for percent, value in zip((0, 1, 5, 50, 95), summary[:5], strict=True):
         at_least = math.ceil(Fraction(percent * runs, 100))
@@ -103,19 +99,16 @@ def test_the_median_is_covered_whatever_the_distribution(runs: int) -> None:
 
 
 def test_runs_that_did_not_complete_are_compared_and_exchanging_laws_turns_it_round() -> None:
-    for first, second, median in (
+    for a, b, median in (
         ([-INF], [-INF], 0), ([-INF], [1.0], INF), ([1.0, -INF], [-INF, 1.0], 0),
         ([-INF, -INF, 1.0], [-INF, -3.0, 2.0], 1.0), ([0.0] * 7, [-INF, *[1.5] * 6], 1.5),
     ):  # fmt: skip
-        one, other = (
-            paired(np.array(a), np.array(b)) for a, b in ((first, second), (second, first))
-        )
+        one, other = paired(np.array(a), np.array(b)), paired(np.array(b), np.array(a))
         assert (one.median, other.median) == (median, -median)
         assert (one.low, one.high) == (-other.high, -other.low)
         assert (one.both, one.neither, one.p_value) == (other.both, other.neither, other.p_value)
         assert (one.only_first, one.only_second) == (other.only_second, other.only_first)
-        assert one.both + one.neither + one.only_first + one.only_second == one.runs == len(first)
-        assert (one.median_low, one.median_high) == (-other.median_high, -other.median_low)
+        assert one.both + one.neither + one.only_first + one.only_second == one.runs == len(a)
 
 
 # What drives a margin.
@@ -157,20 +150,7 @@ def test_a_share_sees_what_is_not_monotone_and_two_independent_parameters() -> N
     assert [driver.share for driver in drivers] == pytest.approx(shares, rel=1e-12)
 
 
-def test_chance_gives_the_bias_that_is_taken_off() -> None:
-    # The mean of the share between two bins over all orders of five runs is (B - 1) / (n - 1).
-    between = []
-    for margins in itertools.permutations(range(5)):
-        (driver,) = sensitivities({"x": np.arange(5.0)}, np.array(margins, float))
-        raw = stats.chi2.isf(driver.p_value, 1) / 4
-        between.append(raw)
-        assert driver.share == pytest.approx(max(0, (raw - 0.25) / 0.75), abs=1e-9)
-    # Rounding of the tail of chi-squared, there and back.
-    assert np.mean(between) == pytest.approx(1 / 4, abs=1e-9)
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_correlation_and_p_value_are_scipys(seed: int) -> None:
     rng = np.random.default_rng(seed)
     levels = rng.integers(0, 2, 40).astype(float) if seed % 2 else rng.normal(size=40)

@@ -132,6 +132,12 @@ def test_another_campaign_in_the_folder_is_refused_with_the_difference(
             line = refusal(copy.begin, other, resume=resume)
             assert difference in line
             assert line.endswith("take another --out")
+    path, bound_to = str(copy.path), read_manifest(copy.path)["hash"]
+    other = campaign(pair(), seed=1).specification
+    line = refusal(store.open_campaign, path, other, bound_to)
+    assert "was begun with something else: seed: 0 there, 1 now" in line
+    line = refusal(store.open_campaign, path, declared.specification, f"{bound_to}0")
+    assert "has another campaign than the one" in line
     assert "--resume runs what is missing" in refusal(copy.begin, declared, resume=False)
     (copy.path / "manifest.json").unlink()
     assert "parts without a manifest.json" in refusal(copy.begin, declared, resume=False)
@@ -141,20 +147,6 @@ def test_another_campaign_in_the_folder_is_refused_with_the_difference(
     file.touch()
     for path in (file, file / "below"):
         assert refusal(begun, declared, path).startswith(f"cannot write {path}")
-
-
-def test_another_campaign_under_the_same_name_is_not_taken_for_the_old_one(tmp_path: Path) -> None:
-    before, declared = campaign(pair(), runs=2), campaign(pair(), runs=2, seed=1)
-    shutil.rmtree(kept(before, tmp_path / "campaign").path)
-    folder = kept(declared, tmp_path / "campaign")
-    path, bound_to = str(folder.path), read_manifest(folder.path)["hash"]
-    assert store.open_campaign(path, declared.specification, bound_to).specification.seed == 1
-    line = refusal(store.open_campaign, path, before.specification, bound_to)
-    assert "was begun with something else: seed: 1 there, 0 now" in line
-    line = refusal(store.open_campaign, path, before.specification, manifest_of(before)["hash"])
-    assert "has another campaign than the one" in line
-    stored = folder.columns(declared, ["rotor mass scale"], [0])["lqr"]["rotor mass scale"]
-    assert np.array_equal(stored, declared.values(range(2))[:, 0])
 
 
 @pytest.mark.parametrize(
@@ -242,16 +234,8 @@ def test_a_part_that_is_not_the_one_that_was_written(
         )
 
 
-def test_a_part_in_another_compression_is_the_same(copy: Folder, pairs: Folder) -> None:
-    for index, compression in enumerate(["none", "gzip"]):
-        table, file = pq.read_table(copy.part(index)), copy.part(index)
-        pq.write_table(table, file, compression=compression, row_group_size=3, use_dictionary=False)
-    both = zip(*(of.tables(campaign(pair()), range(2)) for of in (pairs, copy)), strict=True)
-    for before, after in both:
-        for name in before.column_names:
-            np.testing.assert_array_equal(after[name].to_numpy(), before[name].to_numpy())
-    # Whatever the numbers are.
+def test_a_checksum_survives_another_compression_whatever_the_numbers(copy: Folder) -> None:
     table = pa.table({"x": [0.0, -0.0, float("nan"), float("inf"), 5e-324], "y": list("aßb\n ")})
-    pq.write_table(table, copy.part(0), row_group_size=2)
+    pq.write_table(table, copy.part(0), compression="gzip", row_group_size=2)
     assert store.checksum(pq.read_table(copy.part(0)), {}) == store.checksum(table, {})
     assert store.checksum(table.take([1, 1, 2, 3, 4]), {}) != store.checksum(table, {})
