@@ -15,31 +15,13 @@ from rich.console import Console
 from grosmc_mj.cli.commands.campaign.answer import say_findings
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.tables import WIDTH
+from grosmc_mj.sweep import findings as module
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import (
-    ALL,
-    DESIGN,
-    NO_PROOF,
-    Basis,
-    Findings,
-    findings,
-    findings_tables,
-    margins_table,
-    paired_table,
-    pass_rates_table,
-    results_document,
-    sensitivity_table,
-)
+from grosmc_mj.sweep.findings import ALL, DESIGN, NO_PROOF, Findings, findings, results_document
 from grosmc_mj.sweep.map import PassMap, write_pass_map
 from grosmc_mj.sweep.promise import Promise
 from grosmc_mj.sweep.radius import Look, Radius, chart
-from grosmc_mj.sweep.statistics import (
-    Sensitivity,
-    margin_summary,
-    paired,
-    pass_rate,
-    sensitivities,
-)
+from grosmc_mj.sweep.statistics import Sensitivity, margin_summary, paired, pass_rate, sensitivities
 from grosmc_mj.sweep.store import Folder
 
 INF = math.inf
@@ -128,7 +110,7 @@ def test_points_that_are_no_independent_runs_give_no_interval(sampler: str, tmp_
     assert (rate.runs, rate.low, rate.high) == (4, None, None)
     assert (difference.low, difference.p_value, difference.median_low) == (None, None, None)
     assert {summary.mean_low for summary in no_chance.summaries.values()} == {None}
-    for table in findings_tables(regular, no_chance):
+    for table in module.findings_tables(regular, no_chance):
         assert f"No interval: --sampler {sampler}" in printed(table)
         assert not any(" .. " in cell or "< 1e-4" in cell for row in table.rows for cell in row)
 
@@ -168,7 +150,7 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
                (LONG, LAW): (99999, 100000), (LONG, "lqr"): (0, 512)}  # fmt: skip
     drivers = {"start [angle]": X, LONG: np.ones(400), "mass": np.abs(X)}
     wide = Findings(
-        sampled=Basis(512, 4096, "random", 7),
+        sampled=module.Basis(512, 4096, "random", 7),
         rates={key: pass_rate(*counts) for key, counts in kept_by.items()},
         cut_short={"lqr": 25},
         margins={},
@@ -185,8 +167,8 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
         units={SETTLES: "s", LONG: "deg"},
         judges={},
     )
-    tables = [pass_rates_table(wide), margins_table(wide), paired_table(wide),
-              sensitivity_table(wide, LAW)]  # fmt: skip
+    tables = [module.pass_rates_table(wide), module.margins_table(wide), module.paired_table(wide),
+              module.sensitivity_table(wide, LAW)]  # fmt: skip
     for table in tables:
         assert f"512 of 4096 runs, random, seed 7. {NO_PROOF} {DESIGN}" in printed(table)
     rates, of_margins, of_pairs, of_drivers = (table.rows for table in tables)
