@@ -60,7 +60,6 @@ input_below = "10 A"
 of = ["grosmc"]
 sliding_below = "0.02 A s"
 """
-# The first alone, for files without GROSMC.
 DEVIATION = '[[requirement]]\ndeviation_below = "3 mrad"\n'
 INERTIA = """
 [[uncertain]]
@@ -162,11 +161,25 @@ def standing(tables: str, parts: str, system: str = "servo") -> str:
     return PLANT.format(system=system, duration=0.05, start="{}") + parts + tables
 
 
-def servo(
-    uncertain: str = BOTH, *, duration: float = 0.05, laws: str = LAWS, limits: str = LIMITS
-) -> str:
+def case(
+    system: str, uncertain: str, *, duration: float = 0.05, start: str = "{}", laws: str = LAWS,
+    disturbances: str = "", limits: str = "",
+) -> str:  # fmt: skip
+    head = PLANT.format(system=system, duration=duration, start=start)
+    return head + disturbances + uncertain + laws + limits
+
+
+def servo(uncertain: str = BOTH, *, laws: str = LAWS, limits: str = LIMITS) -> str:
     """The text of a servo's case file: a pulse from 20 ms to 30 ms, and some hum besides."""
-    return case("servo", uncertain, duration=duration, laws=laws, disturbances=LOAD, limits=limits)
+    return case("servo", uncertain, laws=laws, disturbances=LOAD, limits=limits)
+
+
+def plain(tables: str = BOTH) -> str:
+    return servo(tables, laws=LQR, limits="")
+
+
+def pair(uncertain: str = BOTH) -> str:
+    return servo(uncertain, laws=PAIR, limits=DEVIATION)
 
 
 def uncertain(*lines: str) -> str:
@@ -179,36 +192,10 @@ def of(kind: str, name: str, *numbers: str) -> str:
     return uncertain(f'{kind} = "{name}"', *numbers)
 
 
-def plain(tables: str = BOTH) -> str:
-    """The text of a servo's case file with LQR alone and no requirement."""
-    return servo(tables, laws=LQR, limits="")
-
-
-def pair(uncertain: str = BOTH) -> str:
-    """The text of a servo's case file with two laws that are designed in no time."""
-    return servo(uncertain, laws=PAIR, limits=DEVIATION)
-
-
-def case(
-    system: str,
-    uncertain: str,
-    *,
-    duration: float = 0.05,
-    start: str = "{}",
-    laws: str = LAWS,
-    disturbances: str = "",
-    limits: str = "",
-) -> str:
-    """The text of a case file."""
-    head = PLANT.format(system=system, duration=duration, start=start)
-    return head + disturbances + uncertain + laws + limits
-
-
 def specification(text: str, **asked: Any) -> Specification:
     """A question about a case file that lies nowhere: 8 runs in parts of 4 unless told."""
-    return Specification(
-        **{"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4, **asked}
-    )
+    own = {"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4}
+    return Specification(**own | asked)
 
 
 @cache

@@ -4,8 +4,6 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -17,7 +15,7 @@ import pytest
 
 pytest.importorskip("distributed")
 
-from distributed import Client, Security
+from distributed import Client, LocalCluster, Security
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import dask_cluster, make_executor
@@ -26,43 +24,12 @@ from grosmc_mj.executors.dask_cluster import cluster_client
 # Each starts a cluster or waits for one that does not answer.
 pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
-# A scheduler that has not started by then never will [s].
-SOON = 60.0
-
-
-class Cluster:
-    """A scheduler and two workers in a folder, as a user starts them by hand."""
-
-    def __init__(self, folder: Path) -> None:
-        self.file, self._folder = folder / "scheduler.json", folder
-        options = ["--no-dashboard", "--scheduler-file", str(self.file)]
-        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", *options)
-        one_thread = ["--nthreads", "1", "--no-nanny"]
-        self.workers = [self._start("worker", *one_thread, *options) for _ in range(2)]
-        end = time.monotonic() + SOON
-        # It is there before it is written.
-        while not (self.file.exists() and self.file.read_text().strip()):
-            assert time.monotonic() < end, "no scheduler"
-            time.sleep(0.05)
-        self.address = json.loads(self.file.read_text())["address"]
-
-    def _start(self, program: str, *options: str) -> subprocess.Popen:
-        """One of Dask's programs; workers find the module of the tests' work."""
-        paths = [str(Path(__file__).parents[1]), *filter(None, sys.path)]
-        return subprocess.Popen(
-            [sys.executable, "-m", f"distributed.cli.dask_{program}", *options],
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)}, cwd=self._folder,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    cluster = Cluster(tmp_path)
-    yield cluster
-    for process in (cluster.scheduler, *cluster.workers):
-        process.kill()
-        process.wait()
+def cluster() -> Iterator[LocalCluster]:
+    """A scheduler and two workers, which anybody may use."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster
 
 
 def ran(scheduler: object, work: Callable[[int], Any], shards: Any = range(4)) -> list[Any]:
@@ -73,39 +40,38 @@ def ran(scheduler: object, work: Callable[[int], Any], shards: Any = range(4)) -
 
 
 def test_a_running_cluster_gives_each_report_once_and_errors_their_type_and_message(
-    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+    cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for scheduler in (cluster.file, cluster.address):
+    file = tmp_path / "scheduler.json"
+    file.write_text(json.dumps({"address": cluster.scheduler_address}))
+    for scheduler in (file, cluster.scheduler_address):
         # More than are ever under way at once.
         squares = [(i, i * i) for i in range(100)]
         assert ran(scheduler, executor_work.square, range(100)) == squares
     for work, index, error, words in executor_work.REFUSALS:
         with pytest.raises(error, match=words):
-            ran(cluster.address, work, [index])
+            ran(cluster.scheduler_address, work, [index])
     # A worker of another version is refused.
     here = dask_cluster.decisive_versions()
     monkeypatch.setattr(dask_cluster, "decisive_versions", lambda: {**here, "mujoco": "3.99.0"})
     with pytest.raises(SetupError, match=socket.gethostname()) as refusal:
-        ran(cluster.address, executor_work.square)
+        ran(cluster.scheduler_address, executor_work.square)
     assert f"has mujoco {here['mujoco']} instead of 3.99.0" in str(refusal.value)
 
 
 def test_shards_of_a_killed_worker_are_run_elsewhere_and_a_scheduler_that_goes_is_one_line(
-    cluster: Cluster, tmp_path: Path
+    cluster: LocalCluster, tmp_path: Path
 ) -> None:
-    folder, victim, done = tmp_path / "begun", cluster.workers[1], []
-    folder.mkdir()
-    work = partial(executor_work.leave_pid, folder, 0.2)
-    executor = make_executor("dask", scheduler=cluster.address)
+    work, done = partial(executor_work.leave_pid, tmp_path, 0.2), []
+    executor = make_executor("dask", scheduler=cluster.scheduler_address)
     for one in executor.run(work, range(24), print):
+        if not done:
+            os.kill(int(next(tmp_path.iterdir()).suffix[1:]), signal.SIGKILL)
         done.append((one.index, one.report))
-        if victim.poll() is None and list(folder.glob(f"*.{victim.pid}")):
-            victim.send_signal(signal.SIGKILL)
-            victim.wait()
     assert sorted(done) == [(i, i * i) for i in range(24)]
     left = executor.run(work, range(100), print)
     next(left)
-    cluster.scheduler.kill()
+    cluster.close()
     with pytest.raises(SetupError, match=r"^the Dask scheduler at tcp://127\.0\.0\.1.* has gone: "):
         list(left)
 
