@@ -208,8 +208,7 @@ def test_every_run_is_marked_by_its_outcome_and_the_premise_where_it_begins_to_f
     for premise in premises:
         shown = PassMap(titles, laws, {"grosmc": (*grid, premise)})
         write_pass_map(Path("map.png"), shown, TITLE, NO_PROOF)
-    figure, everywhere, endless = figures
-    first, second = figure.axes
+    (first, second), everywhere, endless = (figure.axes for figure in figures)
     masks = {"passed": MARGINS >= 0, "failed": MARGINS == -0.5, "did not complete": MARGINS == -INF}
     for mark, (outcome, mask) in zip(first.collections, masks.items(), strict=False):
         assert mark.get_label() == outcome
@@ -219,14 +218,13 @@ def test_every_run_is_marked_by_its_outcome_and_the_premise_where_it_begins_to_f
     assert kept_by == ("GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed")
     assert (first.get_xlabel(), first.get_ylabel()) == titles
     # Between the columns of the grid the margin is linear, as the contour is.
-    hatched, line = first.collections[3:]
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
-    assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
-    assert len(everywhere.axes[0].collections) == 3
-    legend = everywhere.legends[0].get_texts()[-1].get_text()
+    assert first.collections[3].get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
+    for axes, at in ((first, 2.1), (endless[0], 2.5)):
+        line = axes.collections[-1].get_paths()[0].vertices
+        np.testing.assert_allclose(line[:, 0], at, rtol=1e-12)
+    assert len(everywhere[0].collections) == 3
+    legend = figures[1].legends[0].get_texts()[-1].get_text()
     assert legend == "the premises hold\nall over the map"
-    line = endless.axes[0].collections[-1]
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
 
 
 def test_a_radius_is_drawn_beside_the_promise() -> None:

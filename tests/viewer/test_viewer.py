@@ -20,9 +20,8 @@ from shipped import find_case, nominal_controller
 
 from grosmc_mj import cli, viewer
 from grosmc_mj.cli.commands.film import FilmCommand
-from grosmc_mj.cli.commands.view import ViewCommand
 from grosmc_mj.cli.program import parse
-from grosmc_mj.machine import LuGre, SlidingLoad, Stop, SwingingLoad, Transmission
+from grosmc_mj.machine import LuGre, Stop, SwingingLoad, Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
@@ -91,21 +90,18 @@ def shown(motion: Any, *codes: int, at: Any = None, count: int = 3, speed: float
 
 
 BUILT = (
-    Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3), Stop("slider", -0.5, 0.5),
-    SwingingLoad("cart", 0.1, 0.3), SlidingLoad("pole", 0.1, 50.0), LuGre("slider", 0.5),
+    Transmission("shoulder", 0.1, stiffness=1e4, backlash=1e-3), Stop("shoulder", -0.5, 0.5),
+    SwingingLoad("lower", 0.1, 0.3), LuGre("elbow", 0.5),
 )  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        # Two inputs, a disturbance under a slower law, and a machine.
-        lambda: of(MujocoPlant.load("two_link_arm"), held((1.0, -0.5)), [0.1, 0.2, 0.0, 0.0]),
+        # A disturbance under a slower law, and a machine of two inputs.
         lambda: experiment("cart_pendulum", "case1", control_period=5e-3),
         lambda: of(
-            MujocoPlant.load("cart_pendulum", edits=BUILT),
-            nominal_controller("cart_pendulum", "lqr", "corrected"),
-            [0.3, -0.1, 0.2, 0.0],
+            MujocoPlant.load("two_link_arm", edits=BUILT), held((1.0, -0.5)), [0.1, 0.2, 0.0, 0.0]
         ),
     ],
 )
@@ -230,14 +226,11 @@ def test_keys_do_what_they_say_and_sizes_stay_within_their_bounds() -> None:
         assert (fake.texts[-1]["speed"], live.size) == (f"{speed:g}x paused", size)
 
 
-def test_the_codes_of_keys_are_glfw_s_and_stand_in_the_help() -> None:
+def test_the_codes_of_keys_are_glfw_s() -> None:
     glfw = pytest.importorskip("glfw", exc_type=ImportError)
     names = ("SPACE", "EQUAL", "MINUS", "BACKSPACE", "RIGHT", "LEFT", "DOWN", "UP")
     codes = [getattr(glfw, f"KEY_{name}") for name in names]
     assert codes == [SPACE, PLUS, MINUS, BACKSPACE, RIGHT, LEFT, DOWN, UP]
-    text = (ViewCommand.__doc__ or "").split("Keys:")[1].split("Attributes:")[0].lower()
-    for word in ("space", "+", "-", "backspace", "left", "right", "up", "down"):
-        assert word in text
 
 
 # The command
