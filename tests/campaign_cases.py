@@ -22,14 +22,12 @@ duration = "{duration} s"
 control_period = "1 ms"
 start = {start}
 """
-LOAD = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
+PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
+LOAD = f"""
+{PUSH}
 profile = "pulse"
 start = "0.02 s"
 stop = "0.03 s"
-label = "load"
 [[disturbance]]
 body = "rotor"
 torque = ["0 N m", "0.1 N m", "0 N m"]
@@ -87,7 +85,6 @@ between = ["rotor mass scale", "load amplitude"]
 coefficient = 0.5
 """
 
-PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
 # A servo as it is built: what moves it, what stops it, what hangs on it.
 MACHINE = """timestep = "0.25 ms"
 [[transmission]]
@@ -123,10 +120,6 @@ radius = "1 cm"
 point = ["0 m", "0 m", "-1 m"]
 [[controller]]
 law = "lqr"
-[[controller]]
-name = "stiff"
-law = "lqr"
-Q = [4, 1]
 [[requirement]]
 deviation_below = "10 mrad"
 """

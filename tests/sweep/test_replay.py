@@ -4,22 +4,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import campaign_cases as small
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import (
-    LOOP,
-    begun,
-    campaign,
-    falling,
-    forged,
-    kept,
-    refusal,
-    replaced,
-    servo,
-    standing,
-    uncertain,
-)
+from campaign_cases import begun, campaign, falling, forged, kept, refusal, servo
 
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.results.document import json_text
@@ -28,9 +17,6 @@ from grosmc_mj.sweep.replay import replay, replay_document, searched_values
 from grosmc_mj.sweep.store import Folder
 
 ENGINES: list[Any] = ["native", "python"]
-DRAWN = uncertain("computing = true", 'delay = ["0 ms", "4 ms"]') + uncertain(
-    'sensor = "rotor angle"', 'noise = ["0 mrad", "0.3 mrad"]'
-)
 
 
 def servos_of() -> Campaign:
@@ -73,7 +59,8 @@ def test_a_run_that_ended_early_is_repeated(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_run_of_a_loop_with_chance_is_repeated(tmp_path: Path) -> None:
-    declared = campaign(standing(DRAWN, LOOP), runs=4)
+    tables = small.of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
+    declared = campaign(small.standing(tables, small.LOOP), runs=4)
     assert_repeated(declared, kept(declared, tmp_path), "3", "told")
 
 
@@ -83,7 +70,7 @@ def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:
     row = table["controller"].to_pylist().index("grosmc") + 2
     for column, value in (("max_input", 0.0), ("margin deviation_below", 1.0),
                           ("status", "diverged")):  # fmt: skip
-        forged(copy.part(0), replaced(table, column, row, value))
+        forged(copy.part(0), small.replaced(table, column, row, value))
         lines = replay(servos_of(), copy, "2", "grosmc", "native").differences or []
         assert [line.split(",")[0] for line in lines] == [f"{column}: {value} was stored"]
     assert replay(servos_of(), copy, "2", "lqr", "native").differences == []

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from grosmc_mj.sweep.statistics import (
-    margin_summary,
-    paired,
-    pass_rate,
-    rate_shown,
-    runs_needed,
-    sensitivities,
-)
+from grosmc_mj.sweep import statistics
+from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, rate_shown, sensitivities
 
 INF = math.inf
 
@@ -46,7 +40,7 @@ def test_intervals_and_shares_of_a_pass_rate_are_exact(kept: int, runs: int) -> 
 def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
     # Exact arithmetic is the oracle.
     share, doubt = Fraction(rate, 1000), 1 - Fraction(confidence, 1000)
-    runs = runs_needed(rate / 1000, confidence / 1000)
+    runs = statistics.runs_needed(rate / 1000, confidence / 1000)
     assert share**runs <= doubt
     assert runs == 1 or share ** (runs - 1) > doubt
 

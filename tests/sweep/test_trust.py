@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaign_cases import DEVIATION, INERTIA, LQR, begun, refusal, run, servo, specification
+from campaign_cases import DEVIATION, INERTIA, LQR, PUSH, begun, refusal, run, servo, specification
 from case_texts import LEG_MODEL
 
 from grosmc_mj import cli
@@ -15,13 +15,7 @@ from grosmc_mj.experiments.file.user_code import sources
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_shard
 
-BUMP = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-profile = "canary_law:bump"
-label = "bump"
-"""
+BUMP = PUSH.replace("load", "bump") + 'profile = "canary_law:bump"\n'
 # Modules beside the case file, of which the last leaves a trace when it is imported.
 FILES = {
     "canary_helper.py": "HEIGHT = {height}\n",
