@@ -7,6 +7,7 @@ from itertools import repeat
 import mujoco
 import numpy as np
 import pytest
+from commands import Patch
 
 import grosmc_mj as gm
 from benchmarks import timing
@@ -19,9 +20,7 @@ from grosmc_mj.plants import SYSTEMS
 
 
 @pytest.mark.slow
-def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_every_loop_is_measured_against_its_baseline_in_the_same_round(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.loops._MANY", 4)
     monkeypatch.setattr("benchmarks.loops._STEPS", {1: 500, 4: 2})
     rows = {row.loop: row for row in benchmark("implicitfast", rounds=1)}
@@ -34,9 +33,7 @@ def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
     assert rows["Batch.step(nstep), open loop"].ratio == 1
 
 
-def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Patch) -> None:
     """By a clock of our own: the law takes 2, 3, 4, 5 and 40 s where its baseline takes 1 s."""
     clock, taken = [0.0], iter([2.0, 3.0, 4.0, 5.0, 40.0])
     monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
@@ -60,7 +57,7 @@ def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
 
 
 @pytest.mark.slow
-def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.machines._SIMULATIONS", 3)
     monkeypatch.setattr("benchmarks.machines._STEPS", 4)
     measured = benchmark_machines(rounds=1)

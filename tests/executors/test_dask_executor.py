@@ -12,6 +12,7 @@ from typing import Any
 
 import executor_work
 import pytest
+from commands import Patch
 
 pytest.importorskip("distributed")
 
@@ -39,8 +40,8 @@ def ran(scheduler: object, work: Callable[[int], Any], shards: Any = range(4)) -
     return sorted((one.index, one.report) for one in executor.run(work, shards, print))
 
 
-def test_a_running_cluster_gives_each_report_once_and_errors_their_type_and_message(
-    cluster: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_running_cluster_reports_each_shard_once(
+    cluster: LocalCluster, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     file = tmp_path / "scheduler.json"
     file.write_text(json.dumps({"address": cluster.scheduler_address}))
@@ -59,7 +60,7 @@ def test_a_running_cluster_gives_each_report_once_and_errors_their_type_and_mess
     assert f"has mujoco {here['mujoco']} instead of 3.99.0" in str(refusal.value)
 
 
-def test_shards_of_a_killed_worker_are_run_elsewhere_and_a_scheduler_that_goes_is_one_line(
+def test_a_killed_worker_is_replaced_and_a_killed_scheduler_is_not(
     cluster: LocalCluster, tmp_path: Path
 ) -> None:
     work, done = partial(executor_work.leave_pid, tmp_path, 0.2), []
@@ -76,8 +77,8 @@ def test_shards_of_a_killed_worker_are_run_elsewhere_and_a_scheduler_that_goes_i
         list(left)
 
 
-def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_scheduler_out_of_reach_is_one_line_in_seconds(
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     assert dask_cluster._PATIENCE <= 10.0
     monkeypatch.setattr(dask_cluster, "_PATIENCE", 1.0)
@@ -101,9 +102,7 @@ def test_a_scheduler_that_cannot_be_reached_is_one_line_within_seconds(
 # ---- workers of this machine
 
 
-def test_a_local_worker_that_dies_is_replaced_and_one_shard_too_deadly_ends_the_run(
-    tmp_path: Path,
-) -> None:
+def test_a_local_worker_is_replaced_and_a_deadly_shard_ends_the_run(tmp_path: Path) -> None:
     executor = make_executor("dask", workers=2)
     done = executor.run(partial(executor_work.die_once, tmp_path), range(8), print)
     assert sorted((one.index, one.report) for one in done) == [(i, i * i) for i in range(8)]

@@ -14,6 +14,7 @@ from typing import Any
 
 import executor_work
 import pytest
+from commands import Patch
 from conftest import hear_interrupts
 from loky import cpu_count
 
@@ -53,9 +54,7 @@ def test_every_shard_is_run_once_and_errors_keep_type_and_message(name: str, wor
 # ---- worker processes
 
 
-def test_a_broken_pool_is_rebuilt_and_its_unfinished_parts_are_submitted_again(
-    tmp_path: Path,
-) -> None:
+def test_a_broken_pool_is_rebuilt_and_its_unfinished_parts_are_run_again(tmp_path: Path) -> None:
     told: list[str] = []
     work = partial(executor_work.die_once, tmp_path)
     done = list(make_executor("processes", workers=2).run(work, range(8), told.append))
@@ -161,7 +160,7 @@ def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> N
 # ---- wrong use
 
 
-def test_wrong_arguments_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_arguments_are_one_line(monkeypatch: Patch) -> None:
     for arguments, message in (
         ({"name": "process"}, "executor 'process': did you mean 'processes'\\? valid: batch"),
         ({"name": "processes", "workers": 0}, "workers = 0 must be a whole number from 1 to 1024"),

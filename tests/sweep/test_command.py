@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, servo
-from commands import run
+from commands import Patch, Screen, run
 
 from grosmc_mj import cli
 from grosmc_mj.cli.commands.campaign import answer
@@ -42,12 +42,12 @@ def document(folder: Path, name: str) -> dict[str, Any]:
     return json.loads((folder / f"{name}.json").read_text())
 
 
-def words(capsys: pytest.CaptureFixture[str]) -> str:
+def words(capsys: Screen) -> str:
     """The answer without its line breaks."""
     return " ".join(capsys.readouterr().out.split())
 
 
-def wrong(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def wrong(capsys: Screen, *arguments: object) -> str:
     """The one line about wrong use."""
     capsys.readouterr()
     assert run(*arguments) == cli.WRONG
@@ -56,9 +56,7 @@ def wrong(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return line
 
 
-def test_the_documents_have_the_numbers_of_the_runs(
-    file: Path, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_documents_have_the_numbers_of_the_runs(file: Path, folder: Path, capsys: Screen) -> None:
     documents = {"manifest.json", "results.json", "worst.json", "radius.json"}
     assert {path.name for path in folder.iterdir()} == {".lock", "parts", *documents}
     results = document(folder, "results")
@@ -75,9 +73,7 @@ def test_the_documents_have_the_numbers_of_the_runs(
         assert phrase in shown
 
 
-def test_five_runs_without_failure_show_50_percent_and_nothing_may_be_required(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_five_runs_without_failure_show_50_percent(tmp_path: Path, capsys: Screen) -> None:
     """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
     path = tmp_path / "easy.toml"
     path.write_text(TEXT.replace("3 mrad", "100 mrad"))
@@ -95,9 +91,7 @@ def test_five_runs_without_failure_show_50_percent_and_nothing_may_be_required(
     assert not list((tmp_path / "out").glob("map.*"))
 
 
-def test_who_judged_is_shown_and_why_equations_did_not(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_who_judged_is_shown_and_why(file: Path, tmp_path: Path, capsys: Screen) -> None:
     screened = ("campaign", file, "--no-figures", "--runs", "64", "--screen", "equations", "--out")
     out = tmp_path / "equations"
     assert run(*screened, out) == cli.DONE
@@ -127,16 +121,14 @@ def test_who_judged_is_shown_and_why_equations_did_not(
         (("--laws", "mpc"), "unknown law 'mpc'"),
     ],
 )
-def test_wrong_use_gets_one_line_and_leaves_nothing_behind(
-    arguments: Any, line: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_wrong_use_gets_one_line(
+    arguments: Any, line: str, file: Path, tmp_path: Path, capsys: Screen
 ) -> None:
     assert line in wrong(capsys, "campaign", file, "--out", tmp_path / "out", *arguments)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_wrong_file_or_folder_gets_one_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_file_or_folder_is_one_line(folder: Path, tmp_path: Path, capsys: Screen) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(servo(2 * AMPLITUDE, laws=LQR, limits=DEVIATION))
     for command in ("run", "campaign"):
@@ -147,8 +139,8 @@ def test_a_wrong_file_or_folder_gets_one_line(
     assert "is a campaign's folder: --replay RUN repeats one of its runs" in line
 
 
-def test_a_second_campaign_in_the_folder_waits_for_the_first_which_may_be_interrupted(
-    file: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+def test_a_second_campaign_waits_for_the_first(
+    file: Path, tmp_path: Path, capsys: Any, monkeypatch: Patch
 ) -> None:
     eight = ("campaign", file, "--runs", "8", "--out", tmp_path, "--no-figures")
     with Folder(tmp_path).held():
@@ -167,9 +159,7 @@ def test_a_second_campaign_in_the_folder_waits_for_the_first_which_may_be_interr
     )
 
 
-def test_results_are_written_before_they_are_shown(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatch: Patch) -> None:
     written: dict[str, set[str]] = {}
 
     def shows(name: str, returned: Any) -> Any:
@@ -188,7 +178,7 @@ def test_results_are_written_before_they_are_shown(
     assert [*written] == ["say_verdict", "say_worst", "say_radius", "figures"]
 
 
-def test_replays(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replays(folder: Path, capsys: Screen) -> None:
     worst, radius = (document(folder, name)["controllers"]["lqr"] for name in ("worst", "radius"))
     least = {look["scale"]: look["least"] for look in radius["looks"]}
     for which, relative in (
@@ -204,8 +194,8 @@ def test_replays(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("code", [cli.DIFFERS, cli.DONE], ids=["a file", "a link"])
-def test_a_replay_that_cannot_be_written_is_judged(
-    folder: Path, tmp_path: Path, code: int, capsys: pytest.CaptureFixture[str]
+def test_a_replay_without_a_file_is_judged(
+    folder: Path, tmp_path: Path, code: int, capsys: Screen
 ) -> None:
     """A file, where root cannot write either; a folder of somebody else's may lead anywhere."""
     copy = Path(shutil.copytree(folder, tmp_path / "copy", ignore=lambda *_: ["replays"]))

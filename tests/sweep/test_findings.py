@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from campaign_cases import DEVIATION, LQR, PAIR, campaign, falling, kept, pair, servo
+from commands import Patch
 from matplotlib.colors import to_hex
 from rich.console import Console
 
@@ -192,9 +193,7 @@ TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 
-def test_every_run_is_marked_by_its_outcome_and_the_premise_where_it_begins_to_fail(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_map_marks_outcomes_and_where_a_premise_begins_to_fail(monkeypatch: Patch) -> None:
     figures: list[Any] = []
     monkeypatch.setattr(
         "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)

@@ -20,9 +20,7 @@ AT_REST = case(
 )  # fmt: skip
 
 
-def test_a_settling_time_without_initial_error_is_one_in_run_campaign_and_tolerance(
-    tmp_path: Path,
-) -> None:
+def test_a_settling_time_is_one_in_run_campaign_and_tolerance(tmp_path: Path) -> None:
     file = tmp_path / "at_rest.toml"
     file.write_text(AT_REST, encoding="utf-8")
     for load in (Experiment.load, Campaign.load, setting):

@@ -76,9 +76,7 @@ def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:
     assert replay(servos_of(), copy, "2", "lqr", "native").differences == []
 
 
-def test_a_run_that_there_is_not_and_a_plant_that_cannot_be_read_are_refused(
-    servos: Folder, tmp_path: Path
-) -> None:
+def test_a_run_or_plant_that_is_not_there_is_refused(servos: Folder, tmp_path: Path) -> None:
     for which, controller, words in (
         ("8", None, "run '8': there are 0 to 7, worst, shrunk, outside"),
         ("-1", None, "run '-1': there are 0 to 7"),

@@ -71,9 +71,7 @@ LATER = '[computing]\ndelay = "1 ms"\n'
         ),
     ],
 )  # fmt: skip
-def test_margins_of_a_batch_are_those_of_the_recorded_run(
-    text: str, law: str, tmp_path: Path
-) -> None:
+def test_margins_of_a_batch_are_a_recorded_runs(text: str, law: str, tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(text)
     result = Experiment.load(tmp_path / "case.toml").run("physics", law)
     declared = Campaign.load(str(tmp_path / "case.toml"), runs=2)

@@ -7,6 +7,7 @@ import campaign_cases as small
 import numpy as np
 import pytest
 from campaign_cases import DEVIATION, FALL, GROSMC, LQR, bits, campaign, case, pair, servo
+from commands import Patch
 from scipy import stats
 
 from grosmc_mj.sweep import runs as runs_module
@@ -34,7 +35,7 @@ def _measured_anew() -> None:
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+def made(monkeypatch: Patch) -> dict[str, int]:
     """Runs that were made, by the kind of their plants."""
     count = {"physics": 0, "corrected": 0}
     simulate = runs_module.simulate
@@ -47,7 +48,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     return count
 
 
-def heavier(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+def heavier(monkeypatch: Patch, factor: float) -> None:
     def equations(batch: Batch) -> list[Any]:
         exact = [plant.analytic() for plant in batch.physics]
         return [plant.with_parameters(J=factor * plant.parameters.J) for plant in exact]
@@ -86,9 +87,7 @@ def test_runs_near_a_limit_that_ended_early_or_worse_than_the_sample_are_confirm
     assert abs(several.sum() - 400) < 4 * np.sqrt(400 * 0.98)
 
 
-def test_the_band_is_ten_times_the_largest_difference_of_a_sample_of_its_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_band_is_ten_times_the_largest_difference_of_a_sample(monkeypatch: Patch) -> None:
     """Equations with a hair more inertia: the difference is measured here once more."""
     heavier(monkeypatch, 1.0005)
     declared = campaign(pair(), runs=2048, seed=11)
@@ -119,7 +118,7 @@ RUBS = small.of("joint", "hinge", "friction = [0, 0.01]")
         (FALL, {"integrator": "implicitfast"}, "stepped by RK4, the model by implicitfast"),
     ],
 )
-def test_runs_whose_equations_lack_something_are_not_screened(
+def test_equations_that_lack_something_do_not_screen(
     tables: str, changed: dict[str, Any], why: str
 ) -> None:
     text = case("cart_pendulum", tables, laws=LQR, limits=LIMIT.format("0.2 rad"))
@@ -135,9 +134,7 @@ def screened(shard: int = RUNS) -> Any:
     return campaign(pair(), runs=RUNS, shard=shard, screen="equations")
 
 
-def test_a_screened_campaign_makes_few_runs_in_mujoco_and_says_who_judged(
-    made: dict[str, int], tmp_path: Path
-) -> None:
+def test_a_screened_campaign_makes_few_runs_in_mujoco(made: dict[str, int], tmp_path: Path) -> None:
     """Every run on the equations, and in MuJoCo as many as the rows say, and the sample's."""
     folder, parts = Folder(tmp_path / "whole"), Folder(tmp_path / "parts")
     run_campaign(screened(), folder.path)
@@ -204,9 +201,7 @@ def test_of_overturned_runs_the_first_sixteen_are_named_and_their_share_is_bound
     assert Judges(1000, 500, 0, [], 0.1, 0.0, 0, 0).wrong_at_most == 1.0
 
 
-def test_a_search_widens_its_band_by_the_differences_that_it_confirms(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_search_widens_its_band_by_the_differences_that_it_confirms(monkeypatch: Patch) -> None:
     """Equations with more inertia: no margin is left to them within 10 differences."""
     heavier(monkeypatch, 1.02)
     declared = campaign(pair(), runs=512)

@@ -7,6 +7,7 @@ import campaign_cases as small
 import numpy as np
 import pytest
 from campaign_cases import AMPLITUDE, BOTH, GROSMC, INERTIA, LAWS, LQR, campaign, servo, uncertain
+from commands import Patch
 
 from grosmc_mj.sweep import worst as worst_module
 from grosmc_mj.sweep.campaign import Campaign
@@ -63,9 +64,7 @@ def test_the_search_finds_the_known_worst_plant_and_shrinks_it(known: Worst) -> 
     assert 0 < load <= 1.0
 
 
-def test_samples_and_random_plants_compete_with_the_search(
-    known: Worst, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_and_random_plants_compete_with_it(known: Worst, monkeypatch: Patch) -> None:
     declared = loads(1.0, BOTH)
     plants = declared.family.values(unit_points("random", 2, 1, 0, 256)), declared.values(range(8))
     random, samples = (evaluate(declared, "lqr", own)["relative"].min() for own in plants)
@@ -108,9 +107,7 @@ def test_of_runs_that_end_early_the_earlier_is_worse_and_a_margin_of_zero_is_kep
 STAYS = small.PUSH + 'profile = "constant"\n'
 
 
-def test_of_plants_that_never_settle_the_one_with_the_largest_error_left_is_the_worst(
-    tmp_path: Path,
-) -> None:
+def test_of_plants_that_never_settle_the_largest_error_left_is_the_worst(tmp_path: Path) -> None:
     settles = '[[requirement]]\nsettles_within = "2 s"\n'
     text = small.case("servo", AMPLITUDE, duration=4.0, laws=LQR, disturbances=STAYS + settles)
     text = text.replace('"1 ms"', '"10 ms"\ntimestep = "10 ms"')
@@ -247,9 +244,7 @@ def test_the_grid_of_a_premise_is_at_the_largest_wrench_and_the_worst_of_other_n
         assert np.asarray(grid)[:, column].tolist() == [min(margins)] * 2
 
 
-def test_a_promise_ends_where_starts_leave_the_operating_region(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_promise_ends_where_starts_leave_the_operating_region(monkeypatch: Patch) -> None:
     start = uncertain('start = "rotor angle"', 'value = ["0 rad", "2 rad"]')
     # The reference is 1 rad: z1 = q - 1 reaches the region's 1.2 rad at 1.1 of the uncertainty.
     partial: Any = promise(campaign(servo(start)), "grosmc")

@@ -64,9 +64,7 @@ def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(runs: int, div
 
 @pytest.mark.parametrize("confidence", [0.6, 0.95])
 @pytest.mark.parametrize(("b", "c", "runs"), [(3, 7, 40), (0, 5, 9), (9, 0, 9), (0, 0, 1)])
-def test_the_difference_of_two_rates_has_the_ends_of_the_formula(
-    b: int, c: int, runs: int, confidence: float
-) -> None:
+def test_the_difference_of_two_rates_is_exact(b: int, c: int, runs: int, confidence: float) -> None:
     """The first law alone keeps b, the second alone c, both the rest."""
     first = np.array([1.0] * b + [-1.0] * c + [1.0] * (runs - b - c))
     second = np.array([-1.0] * b + [1.0] * c + [1.0] * (runs - b - c))

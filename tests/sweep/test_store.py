@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaign_cases import begun, bits, campaign, forged, kept, pair, refusal, replaced
+from commands import Patch
 
 from grosmc_mj.executors import make_executor
 from grosmc_mj.sweep import store
@@ -54,9 +55,7 @@ def test_a_part_has_a_row_for_each_run_and_controller(pairs: Folder) -> None:
 
 
 @pytest.mark.parametrize("name", ["batch", pytest.param("processes", marks=pytest.mark.slow)])
-def test_bits_are_the_same_by_every_executor_in_any_order_and_with_any_threads(
-    name: str, pairs: Folder, tmp_path: Path
-) -> None:
+def test_bits_are_the_same_whoever_runs_them(name: str, pairs: Folder, tmp_path: Path) -> None:
     declared, advances = campaign(pair()), []
     folder, again = (begun(declared, tmp_path / name) for name in ("folder", "again"))
     executor = make_executor(name, workers=None if name == "batch" else 2)
@@ -72,9 +71,7 @@ def test_bits_are_the_same_by_every_executor_in_any_order_and_with_any_threads(
     assert not list((again.path / "parts").glob(".*"))
 
 
-def test_only_missing_parts_are_run(
-    copy: Folder, pairs: Folder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_missing_parts_are_run(copy: Folder, pairs: Folder, monkeypatch: Patch) -> None:
     copy.part(0).unlink()
     (copy.path / "parts" / ".part-0000000.0123456789abcdef.part.parquet").write_bytes(b"half")
     (copy.path / "parts" / ".other.parquet").touch()
@@ -96,9 +93,7 @@ def test_only_missing_parts_are_run(
     assert bits(copy) == bits(pairs)[:1]
 
 
-def test_other_versions_read_a_complete_campaign_and_add_nothing_to_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_versions_read_but_add_nothing(tmp_path: Path, monkeypatch: Patch) -> None:
     declared = campaign(pair(), runs=5)
     folder = kept(declared, tmp_path / "campaign")
     now = store.versions
@@ -118,9 +113,7 @@ def test_other_versions_read_a_complete_campaign_and_add_nothing_to_another(
     assert "was begun with other versions: versions.scipy: " in adds
 
 
-def test_another_campaign_in_the_folder_is_refused_with_the_difference(
-    copy: Folder, tmp_path: Path
-) -> None:
+def test_another_campaign_in_the_folder_is_refused(copy: Folder, tmp_path: Path) -> None:
     declared = campaign(pair())
     for changed, difference in (
         ({"runs": 9}, "runs: 8 there, 9 now"),
@@ -163,9 +156,7 @@ def test_another_campaign_in_the_folder_is_refused_with_the_difference(
         ({"colour": "red"}, "there is no argument colour"),
     ],
 )
-def test_a_manifest_that_is_not_ours(
-    copy: Folder, content: bytes | dict[str, Any], words: str
-) -> None:
+def test_a_manifest_of_others(copy: Folder, content: bytes | dict[str, Any], words: str) -> None:
     path, manifest = copy.path / "manifest.json", read_manifest(copy.path)
     if isinstance(content, dict):
         question = {**manifest["question"], **content}
@@ -207,9 +198,7 @@ DEGREES = pa.field("deviation", pa.float64(), metadata={"unit": "deg"})
         lambda copy: copy.part(1).write_bytes(copy.part(0).read_bytes()[:-20]),
     ],
 )  # fmt: skip
-def test_a_part_that_is_not_the_one_that_was_written(
-    copy: Folder, damage: Callable[[Folder], object]
-) -> None:
+def test_a_part_that_was_not_written_so(copy: Folder, damage: Callable[[Folder], object]) -> None:
     declared = campaign(pair())
     damage(copy)
     for use in (lambda: copy.begin(declared, resume=True), lambda: findings(declared, copy)):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from campaign_cases import DEVIATION, INERTIA, LQR, PUSH, begun, refusal, run, servo, specification
 from case_texts import LEG_MODEL
+from commands import Screen
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.user_code import sources
@@ -70,9 +71,7 @@ def folder(file: Path, tmp_path: Path) -> Folder:
     return out
 
 
-def test_a_replay_imports_nothing_but_what_lies_beside_a_named_file(
-    folder: Folder, file: Path
-) -> None:
+def test_a_replay_imports_only_what_lies_beside_a_named_file(folder: Folder, file: Path) -> None:
     assert list(read_manifest(folder.path)["sources"]) == list(FILES)
     line = refusal(read_campaign, folder.path)
     assert "its case file names Python, canary_law:bump" in line
@@ -83,8 +82,8 @@ def test_a_replay_imports_nothing_but_what_lies_beside_a_named_file(
     assert file.with_name("trace").exists()
 
 
-def test_python_or_a_case_file_that_is_not_the_recorded_one_is_not_imported(
-    folder: Folder, file: Path, capsys: pytest.CaptureFixture[str]
+def test_python_that_is_not_the_recorded_one_is_refused(
+    folder: Folder, file: Path, capsys: Screen
 ) -> None:
     bound_to, path = read_manifest(folder.path)["hash"], file.with_name("canary_helper.py")
     path.write_text("HEIGHT = 1.0  # changed\n")

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from commands import assert_one_line, run
+from commands import Patch, Screen, assert_one_line, run
 from conftest import held
 from shipped import find_case, nominal_controller
 
@@ -129,9 +129,7 @@ def test_live_and_replay_are_the_recorded_run_bit_by_bit(make: Callable[[], Run]
 
 
 @pytest.mark.parametrize(("system", "force"), [("cart_pendulum", 2.0), ("servo", -2.0)])
-def test_a_push_is_a_disturbance_of_its_length_beside_the_case_s_own(
-    system: str, force: float
-) -> None:
+def test_a_push_is_a_disturbance_beside_the_case_s_own(system: str, force: float) -> None:
     body = MujocoPlant.load(system).system.uncertain_body or ""
     load = Disturbance(body, (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
     case = experiment(system, disturbances=(load,))
@@ -180,7 +178,7 @@ def test_a_replay_goes_back_and_on_and_says_why_its_run_ended() -> None:
         assert replay.note == note
         shown(replay, SPACE, UP, LEFT, LEFT, RIGHT)
         assert replay.time == JUMP
-        replay.sideways(-1)
+        replay.restart()
         assert (replay.note, replay.time) == ("", 0.0)
 
 
@@ -236,9 +234,7 @@ def test_the_codes_of_keys_are_glfw_s() -> None:
 # The command
 
 
-def test_without_a_display_the_command_offers_the_film(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
