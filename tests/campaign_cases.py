@@ -36,17 +36,9 @@ frequency = "1 Hz"
 onset = "0.02 s"
 label = "hum"
 """
-LQR = """
-[[controller]]
-law = "lqr"
-"""
+LQR = '[[controller]]\nlaw = "lqr"\n'
 # Two laws that are designed in no time.
-PAIR = f"""{LQR}
-[[controller]]
-law = "lqr"
-name = "stiff"
-Q = [4, 1]
-"""
+PAIR = f'{LQR}{LQR}name = "stiff"\nQ = [4, 1]\n'
 GROSMC = '[[controller]]\nlaw = "grosmc"\n'
 LAWS = LQR + GROSMC
 # Of the first eight runs of seed 5, two keep the first under LQR and all under GROSMC.
@@ -59,16 +51,8 @@ of = ["grosmc"]
 sliding_below = "0.02 A s"
 """
 DEVIATION = '[[requirement]]\ndeviation_below = "3 mrad"\n'
-INERTIA = """
-[[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
-"""
-AMPLITUDE = """
-[[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
-"""
+INERTIA = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'
+AMPLITUDE = '[[uncertain]]\ndisturbance = "load"\namplitude = [-1, 1]\n'
 FALL = """
 [[uncertain]]
 start = "pole angle"

@@ -99,9 +99,6 @@ def test_a_scheduler_out_of_reach_is_one_line_in_seconds(
         ran(tmp_path / "none.json", executor_work.square)
 
 
-# ---- workers of this machine
-
-
 def test_a_local_worker_is_replaced_and_a_deadly_shard_ends_the_run(tmp_path: Path) -> None:
     executor = make_executor("dask", workers=2)
     done = executor.run(partial(executor_work.die_once, tmp_path), range(8), print)

@@ -51,9 +51,6 @@ def test_every_shard_is_run_once_and_errors_keep_type_and_message(name: str, wor
         assert type(caught.value) is error
 
 
-# ---- worker processes
-
-
 def test_a_broken_pool_is_rebuilt_and_its_unfinished_parts_are_run_again(tmp_path: Path) -> None:
     told: list[str] = []
     work = partial(executor_work.die_once, tmp_path)
@@ -155,9 +152,6 @@ def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> N
     # No traceback, neither of the parent nor of a worker.
     expected = (1, "interrupted\n") if how is signal.SIGINT else (-signal.SIGKILL, "")
     assert (program.returncode, said) == expected
-
-
-# ---- wrong use
 
 
 def test_wrong_arguments_are_one_line(monkeypatch: Patch) -> None:

@@ -41,7 +41,7 @@ NUMBERS = [
     (uncertain("mass_scale = [1, 2]"), "name one of body, joint, disturbance, start, parameter"),
     (scale("[1, 2]", 'at = ["0 m", "0 m", "1 m"]'), "at is where an added_mass is"),
     (BOTH + INERTIA, "two are uncertain 'rotor mass_scale'"),
-    (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"', "two are called 'a'"),
+    (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"\n', "two are called 'a'"),
     (scale("[1, 2]", 'name = "deviation"'), "'deviation' is a column of the results"),
     ("", "nothing is uncertain: give it an [[uncertain]]"),
     (BOTH + correlated(SCALE, LOAD, "1.5"), "coefficient = 1.5 must be less than 1"),

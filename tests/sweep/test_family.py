@@ -63,9 +63,6 @@ def test_distributions_are_cut_off_where_the_distribution_function_is_0_and_1() 
     assert drawn("lognormal", median=1, spread=0.3, least=0.5).support == (0.5, INF)
 
 
-# Points of the unit cube.
-
-
 @pytest.mark.parametrize("sampler", ["sobol", "lhs", "random", "corners"])
 def test_a_point_is_the_same_whatever_the_part(sampler: str) -> None:
     most = 8 if sampler == "corners" else 400
@@ -109,9 +106,6 @@ def test_the_copula_correlates_and_keeps_the_marginals() -> None:
     shares = (np.sort(values, axis=0) - [1, -1]) / 2
     distance = np.abs(shares - (np.arange(4096)[:, None] + 0.5) / 4096).max()
     assert distance < 2.23 / np.sqrt(4096)
-
-
-# Nominal values, and distances from them.
 
 
 def test_nominal_values_are_the_files_own_and_no_disturbance() -> None:

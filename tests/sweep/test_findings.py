@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import DEVIATION, LQR, PAIR, campaign, falling, kept, pair, servo
+from campaign_cases import DEVIATION, PAIR, campaign, falling, kept, pair, servo
 from commands import Patch
 from matplotlib.colors import to_hex
 from rich.console import Console
@@ -22,6 +22,7 @@ from grosmc_mj.sweep.findings import ALL, DESIGN, NO_PROOF, Findings, findings, 
 from grosmc_mj.sweep.map import PassMap, write_pass_map
 from grosmc_mj.sweep.promise import Promise
 from grosmc_mj.sweep.radius import Look, Radius, chart
+from grosmc_mj.sweep.runs import COMPLETED
 from grosmc_mj.sweep.statistics import Sensitivity, margin_summary, paired, pass_rate, sensitivities
 from grosmc_mj.sweep.store import Folder
 
@@ -83,24 +84,19 @@ def test_the_same_requirement_may_stand_in_a_table_of_each_law(tmp_path: Path) -
     for law in ("lqr", "stiff"):
         assert separate.rates[WORDS, law].kept == (separate.margins[WORDS, law] >= 0).sum()
     assert (WORDS, "lqr", "stiff") in separate.differences
-    # Of runs that are as bad the first comes first.
-    free = campaign(servo(laws=LQR, limits=""), runs=32, shard=32)
-    assert findings(free, kept(free, tmp_path / "free")).worst["lqr"] == list(range(16))
 
 
 def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
     folder, law = kept(falling(), tmp_path), "fl-lqr"
     fallen = findings(falling(), folder)
-    status = folder.columns(falling(), ["status"], [0])[law]["status"]
-    early = int((status == "undefined_law").sum())
-    assert 0 < early < 16
-    assert fallen.cut_short[law] == np.isneginf(fallen.margins[ALL, law]).sum() == early
+    early = int((folder.columns(falling(), ["status"], [0])[law]["status"] != COMPLETED).sum())
+    assert fallen.cut_short[law] == np.isneginf(fallen.margins[ALL, law]).sum() == early > 0
     assert fallen.rates[COMPLETES, law].kept == 16 - early >= fallen.rates[ALL, law].kept
-    assert status[fallen.worst[law][:early]].tolist() == ["undefined_law"] * early
+    assert np.all(np.isneginf(fallen.margins[ALL, law][fallen.worst[law][:early]]))
     # JSON has no infinities: null stands for them, and beside it how many runs ended early.
     written = json.loads(json_text(results_document(falling(), fallen)))["margins"]
-    (least,) = (row for row in written if (row["requirement"], row["controller"]) == (ALL, law))
-    assert (least["least"], least["diverged"]) == (None, early)
+    nothing = [row["diverged"] for row in written if row["least"] is None]
+    assert set(nothing) == {early}
 
 
 @pytest.mark.parametrize("sampler", ["lhs", "corners"])
@@ -127,14 +123,9 @@ def test_a_number_with_0_percent_is_not_named_as_a_driver(shown: Findings) -> No
         assert ("rotor mass scale drives its margin most (1 % of" in said) == named
 
 
-# Tables.
-
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
-LAW, SETTLES, X = (
-    "a_law_of_my_own_with_a_very_long_name",
-    "settles within 4 s",
-    np.arange(400) - 199.5,
-)
+LAW, SETTLES = "a_law_of_my_own_with_a_very_long_name", "settles within 4 s"
+X = np.arange(400) - 199.5
 
 
 def printed(table: Any) -> str:
@@ -186,8 +177,6 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
     assert of_drivers[0][3].startswith("-1.00 (-1.00 .. -")
     assert of_drivers[2] == [LONG, "-", "", "-", "the parameter does not vary"]
 
-
-# Figures.
 
 TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])

@@ -42,6 +42,7 @@ ACTUATOR = '[[requirement]]\ninput_below = "4.5 A"\n[[actuator]]\nof = "current"
 SETTLES = '[[requirement]]\nsettles_within = "4.1 s"\n'
 # In a timestep it travels less than the tolerance, so that the state at the end does not count.
 TRAVEL = '[[requirement]]\ncart_travel_below = "0.1 m"\n'
+LOWER = INERTIA.replace("rotor", "lower")
 BELOW = '[[requirement]]\ninput_below = "9 A"\n'
 FOUR = PLANT.format(system="servo", duration=0.2, start='{}\ntimestep = "1 ms"').replace(
     'period = "1 ms"', 'period = "4 ms"'
@@ -65,10 +66,7 @@ LATER = '[computing]\ndelay = "1 ms"\n'
         # The optimum moves on by a timestep between two samples of the law.
         (FOUR + small.PAIR + BELOW + INERTIA, "stiff"),
         (FOUR + small.PAIR + BELOW + INERTIA + LATER, "stiff"),
-        (
-            case("two_link_arm", INERTIA.replace("rotor", "lower"), start=ARM, limits=RATIO),
-            "lqr",
-        ),
+        (case("two_link_arm", LOWER, start=ARM, limits=RATIO), "lqr"),
     ],
 )  # fmt: skip
 def test_margins_of_a_batch_are_a_recorded_runs(text: str, law: str, tmp_path: Path) -> None:
@@ -158,9 +156,6 @@ def test_requirements_have_columns_of_their_own_and_a_run_without_cost_fails() -
     assert rows["status"].tolist() == ["completed"] * 2
     assert np.all(np.isneginf(rows["margin cost_ratio_below"]))
     assert np.all(rows["relative"] < 0)
-
-
-# Rows of a design, with values by their paths.
 
 
 def row_of(table: Outcomes, index: int) -> dict[str, str]:

@@ -6,7 +6,7 @@ from typing import Any
 import campaign_cases as small
 import numpy as np
 import pytest
-from campaign_cases import DEVIATION, FALL, GROSMC, LQR, bits, campaign, case, pair, servo
+from campaign_cases import DEVIATION, FALL, LQR, bits, campaign, case, pair
 from commands import Patch
 from scipy import stats
 
@@ -15,11 +15,9 @@ from grosmc_mj.sweep import screening as screening_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.family import unit_points
 from grosmc_mj.sweep.findings import Judges, findings, judged_words, results_document, run_campaign
-from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.replay import replay
 from grosmc_mj.sweep.screening import PHYSICS, SAMPLE, Batch, drawn_by_chance, screening_of
 from grosmc_mj.sweep.store import Folder
-from grosmc_mj.sweep.worst import worst
 
 LIMIT = DEVIATION.replace("3 mrad", "{}")
 # Pendulums, of which some leave the region where their law is defined.
@@ -219,20 +217,3 @@ def test_a_search_widens_its_band_by_the_differences_that_it_confirms(monkeypatc
     assert not confirmed.all()
     assert np.all(np.abs(rows["relative"][~confirmed]) > FACTOR * difference / 2)
     np.testing.assert_array_equal(rows["relative"] >= 0, exact["relative"] >= 0)
-
-
-def test_searches_are_screened_and_answer_in_mujoco(made: dict[str, int]) -> None:
-    """The worst plant, the radius and where |s| leaves its bound are those of MuJoCo alone."""
-    searches: list[Any] = []
-    for screen in ("equations", "none"):
-        declared = campaign(servo(laws=GROSMC), runs=24, screen=screen)
-        reached, plant = radius(declared, "grosmc"), worst(declared, "grosmc", [0, 1, 2], 128)
-        searches.append((reached, plant, dict(made)))
-        made.update(physics=0, corrected=0)
-    (ours, our_worst, few), (theirs, their_worst, all_runs) = searches
-    assert (ours.found, ours.stayed) == (theirs.found, theirs.stayed)
-    assert [look.failures for look in ours.looks] == [look.failures for look in theirs.looks]
-    assert ours.outside.least == theirs.outside.least
-    assert our_worst.relative == pytest.approx(their_worst.relative, rel=1e-6)
-    assert all_runs["corrected"] == 0
-    assert 0 < few["physics"] < all_runs["physics"] / 2

@@ -30,9 +30,6 @@ def relative(declared: Campaign, *values: float) -> float:
     return float(evaluate(declared, "lqr", np.array([values]))["relative"][0])
 
 
-# The worst plant.
-
-
 @pytest.fixture(scope="module")
 def known() -> Worst:
     """The worst plant of a family in which the load fails at a fraction of its range."""
@@ -128,9 +125,6 @@ def test_of_plants_that_never_settle_the_largest_error_left_is_the_worst(tmp_pat
         assert abs(look.values[0]) == pytest.approx(look.scale, rel=1e-12), "its end is a corner"
 
 
-# The radius, and where |s| leaves its bound: the failure that the premises' promise is of.
-
-
 def test_the_radius_lies_between_a_passing_and_a_failing_scale() -> None:
     declared = loads(1.0)
     reached: Any = radius(declared, "lqr")
@@ -195,9 +189,6 @@ def test_failures_of_requirements_and_of_the_surface_are_kept_apart() -> None:
     # A law whose surface is not zero at the start may keep that; a run may end early.
     runs: Any = {"max_sliding": np.array([1.5, np.nan]), "sliding_start": np.array([1.0, 1.0])}
     assert _away(runs, 0.25).tolist() == [2.0, np.inf]
-
-
-# The promise.
 
 
 def test_premises_say_why_they_promise_nothing() -> None:

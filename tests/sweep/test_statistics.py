@@ -103,9 +103,6 @@ def test_runs_that_did_not_complete_are_compared_and_exchanging_laws_turns_it_ro
         assert one.both + one.neither + one.only_first + one.only_second == one.runs == len(a)
 
 
-# What drives a margin.
-
-
 @pytest.mark.parametrize(("runs", "bins", "sign"), [(64, 8, 1), (400, 20, -1), (4096, 32, 1)])
 def test_share_of_the_only_parameter(runs: int, bins: int, sign: int) -> None:
     # Within a bin of m = n / B the ranks vary by m² - 1, in all by n² - 1 (both over 12).

@@ -58,10 +58,8 @@ def test_a_part_has_a_row_for_each_run_and_controller(pairs: Folder) -> None:
 def test_bits_are_the_same_whoever_runs_them(name: str, pairs: Folder, tmp_path: Path) -> None:
     declared, advances = campaign(pair()), []
     folder, again = (begun(declared, tmp_path / name) for name in ("folder", "again"))
-    executor = make_executor(name, workers=None if name == "batch" else 2)
-    assert (
-        store.run_missing(declared, folder, executor, print, lambda *now: advances.append(now)) == 0
-    )
+    executor, advance = make_executor(name), lambda *now: advances.append(now)
+    assert store.run_missing(declared, folder, executor, print, advance) == 0
     assert sum(runs for runs, _ in advances) == 16
     columns = pairs.columns(declared, ["relative"], range(2))
     assert advances[-1][1] == {law: (own["relative"] >= 0).mean() for law, own in columns.items()}

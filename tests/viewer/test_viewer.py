@@ -182,9 +182,6 @@ def test_a_replay_goes_back_and_on_and_says_why_its_run_ended() -> None:
         assert (replay.note, replay.time) == ("", 0.0)
 
 
-# The window
-
-
 def test_the_motion_keeps_step_with_the_clock_and_is_drawn() -> None:
     live, other, paused, late = (live_of(experiment("servo")) for _ in range(4))
     fake = shown(live, count=30, speed=4.0)
@@ -229,9 +226,6 @@ def test_the_codes_of_keys_are_glfw_s() -> None:
     names = ("SPACE", "EQUAL", "MINUS", "BACKSPACE", "RIGHT", "LEFT", "DOWN", "UP")
     codes = [getattr(glfw, f"KEY_{name}") for name in names]
     assert codes == [SPACE, PLUS, MINUS, BACKSPACE, RIGHT, LEFT, DOWN, UP]
-
-
-# The command
 
 
 def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
