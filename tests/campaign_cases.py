@@ -127,7 +127,7 @@ lag = "1 ms"
 [[controller]]
 law = "lqr"
 [[controller]]
-name = "told"
+name = "predicting"
 law = "lqr"
 predict = true
 """
@@ -169,16 +169,16 @@ def of(kind: str, name: str, *numbers: str) -> str:
     return uncertain(f'{kind} = "{name}"', *numbers)
 
 
-def specification(text: str, **asked: Any) -> Specification:
-    """A question about a case file that lies nowhere: 8 runs in parts of 4 unless told."""
+def specification(text: str, **options: Any) -> Specification:
+    """A question about a case file that lies nowhere: 8 runs in parts of 4 by default."""
     own = {"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4}
-    return Specification(**own | asked)
+    return Specification(**own | options)
 
 
 @cache
-def campaign(text: str, **asked: Any) -> Campaign:
+def campaign(text: str, **options: Any) -> Campaign:
     """A campaign, designed once for all tests."""
-    return Campaign.of(specification(text, **asked))
+    return Campaign.of(specification(text, **options))
 
 
 def falling() -> Campaign:
@@ -189,11 +189,11 @@ def falling() -> Campaign:
     return campaign(text, runs=16, shard=16)
 
 
-def kept(asked: Campaign, path: Path) -> Folder:
+def kept(declared: Campaign, path: Path) -> Folder:
     """A campaign run to its end, part by part in this process, and its folder."""
-    folder = begun(asked, path)
-    run = shards_of(asked, folder, 0)
-    for index in range(asked.specification.shards):
+    folder = begun(declared, path)
+    run = shards_of(declared, folder, 0)
+    for index in range(declared.specification.shards):
         run(index)
     return folder
 
@@ -203,10 +203,10 @@ def bits(folder: Folder) -> list[bytes]:
     return [folder.part(index).read_bytes() for index in range(2) if folder.part(index).exists()]
 
 
-def begun(asked: Campaign, path: Path) -> Folder:
+def begun(declared: Campaign, path: Path) -> Folder:
     """A folder with a manifest, and no parts yet."""
     folder = Folder(path)
-    folder.begin(asked, resume=False)
+    folder.begin(declared, resume=False)
     return folder
 
 
@@ -218,12 +218,12 @@ def replaced(table: pa.Table, column: str, row: int, value: Any) -> pa.Table:
     return table.set_column(place, table.field(column), pa.array(values, kind))
 
 
-def forged(file: Path, table: pa.Table, **noted: Any) -> None:
+def forged(file: Path, table: pa.Table, **changed: Any) -> None:
     """Write other rows as a part, with a checksum that is theirs."""
-    said = {**json.loads(pq.read_schema(file).metadata[b"grosmc_mj"]), **noted}
-    del said["sha256"]
-    said["sha256"] = checksum(table, said)
-    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), file)
+    notes = {**json.loads(pq.read_schema(file).metadata[b"grosmc_mj"]), **changed}
+    del notes["sha256"]
+    notes["sha256"] = checksum(table, notes)
+    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(notes)}), file)
 
 
 def refusal(of: Any, *arguments: Any, **more: Any) -> str:

@@ -30,11 +30,11 @@ ORPHANED = 5.0
 
 @pytest.mark.parametrize(("name", "workers"), [("batch", None), ("processes", 2)])
 def test_every_shard_is_run_once_and_errors_keep_type_and_message(name: str, workers: Any) -> None:
-    told: list[str] = []
+    notices: list[str] = []
     executor = make_executor(name, workers=workers)
-    done = list(executor.run(executor_work.pid_and_threads, range(12), told.append))
+    done = list(executor.run(executor_work.pid_and_threads, range(12), notices.append))
     assert sorted(one.index for one in done) == list(range(12))
-    assert ({one.attempts for one in done}, told) == ({1}, [])
+    assert ({one.attempts for one in done}, notices) == ({1}, [])
     pids, threads = map(set, zip(*(one.report for one in done), strict=True))
     if name == "batch":
         assert pids == {os.getpid()}
@@ -52,25 +52,25 @@ def test_every_shard_is_run_once_and_errors_keep_type_and_message(name: str, wor
 
 
 def test_a_broken_pool_is_rebuilt_and_its_unfinished_parts_are_run_again(tmp_path: Path) -> None:
-    told: list[str] = []
+    notices: list[str] = []
     work = partial(executor_work.die_once, tmp_path)
-    done = list(make_executor("processes", workers=2).run(work, range(8), told.append))
+    done = list(make_executor("processes", workers=2).run(work, range(8), notices.append))
     assert sorted((one.index, one.report) for one in done) == [(i, i * i) for i in range(8)]
     attempts = {part.index: part.attempts for part in done}
     # The part that the other worker had is run again too, and no third one.
     assert attempts[3] == 2
     assert sum(attempts.values()) in (9, 10)
-    (line,) = told
+    (line,) = notices
     assert line.startswith("a worker ended by SIGKILL(-9) while shard")
     assert re.search(r"\b3\b.* is run again$", line)
 
 
 def test_a_shard_that_always_kills_or_has_no_report_is_one_line() -> None:
-    told: list[str] = []
+    notices: list[str] = []
     executor = make_executor("processes", workers=1)
     with pytest.raises(SetupError, match=r"a worker ended by EXIT\(7\), the 3. time while shard 5"):
-        list(executor.run(executor_work.exit_always, [5], told.append))
-    assert len(told) == 2
+        list(executor.run(executor_work.exit_always, [5], notices.append))
+    assert len(notices) == 2
     with pytest.raises(SetupError, match=r"^shard 1 failed: TypeError: cannot pickle .*lock"):
         list(executor.run(executor_work.unpicklable, [1], print))
 
@@ -145,13 +145,13 @@ def test_no_worker_outlives_its_parent(how: signal.Signals, tmp_path: Path) -> N
             wait_for(lambda: len(begun(folder)) == 2, SOON)
             # A terminal sends Ctrl-C to the whole group; a kill hits one.
             (os.killpg if how is signal.SIGINT else os.kill)(program.pid, how)
-            said, _ = program.communicate(timeout=SOON)
+            output, _ = program.communicate(timeout=SOON)
             wait_for(lambda: not any(map(alive, begun(folder))), ORPHANED)
         finally:
             program.kill()
     # No traceback, neither of the parent nor of a worker.
     expected = (1, "interrupted\n") if how is signal.SIGINT else (-signal.SIGKILL, "")
-    assert (program.returncode, said) == expected
+    assert (program.returncode, output) == expected
 
 
 def test_wrong_arguments_are_one_line(monkeypatch: Patch) -> None:

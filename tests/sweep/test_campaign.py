@@ -110,9 +110,9 @@ TEXTS = [
 ]
 
 
-def refused(text: str, words: str, **asked: Any) -> None:
+def refused(text: str, words: str, **options: Any) -> None:
     with pytest.raises(ArgumentError) as refusal:
-        Campaign.of(small.specification(text, **asked))
+        Campaign.of(small.specification(text, **options))
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value).replace(NEXT, "")
 

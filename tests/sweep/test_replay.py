@@ -61,7 +61,7 @@ def test_a_run_that_ended_early_is_repeated(tmp_path: Path) -> None:
 def test_a_run_of_a_loop_with_chance_is_repeated(tmp_path: Path) -> None:
     tables = small.of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
     declared = campaign(small.standing(tables, small.LOOP), runs=4)
-    assert_repeated(declared, kept(declared, tmp_path), "3", "told")
+    assert_repeated(declared, kept(declared, tmp_path), "3", "predicting")
 
 
 def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def _measured_anew() -> None:
 
 
 @pytest.fixture
-def made(monkeypatch: Patch) -> dict[str, int]:
+def counts(monkeypatch: Patch) -> dict[str, int]:
     """Runs that were made, by the kind of their plants."""
     count = {"physics": 0, "corrected": 0}
     simulate = runs_module.simulate
@@ -132,11 +132,13 @@ def screened(shard: int = RUNS) -> Any:
     return campaign(pair(), runs=RUNS, shard=shard, screen="equations")
 
 
-def test_a_screened_campaign_makes_few_runs_in_mujoco(made: dict[str, int], tmp_path: Path) -> None:
+def test_a_screened_campaign_makes_few_runs_in_mujoco(
+    counts: dict[str, int], tmp_path: Path
+) -> None:
     """Every run on the equations, and in MuJoCo as many as the rows say, and the sample's."""
-    folder, parts = Folder(tmp_path / "whole"), Folder(tmp_path / "parts")
+    folder, parts = Folder(tmp_path / "one"), Folder(tmp_path / "parts")
     run_campaign(screened(), folder.path)
-    counted, shown = dict(made), findings(screened(), folder)
+    counted, shown = dict(counts), findings(screened(), folder)
     names = ["judged_by", "screened", "overturned", "drawn", "band", "relative", "order"]
     columns = folder.columns(screened(), names, [0])
     confirmed = sum(int((own["judged_by"] == PHYSICS).sum()) for own in columns.values())
@@ -170,11 +172,11 @@ def test_a_screened_campaign_makes_few_runs_in_mujoco(made: dict[str, int], tmp_
         assert (run.differences, list(run.outcome["judged_by"])) == ([], [judge])
         assert run.result.plant == "physics"
     # Few runs are screened only if that is wanted.
-    for asked, bands in (
+    for options, bands in (
         ({"runs": 16}, {}), ({"runs": 2048, "screen": "none"}, {}),
         ({"runs": 16, "screen": "equations"}, {"lqr": LEAST_BAND, "stiff": LEAST_BAND}),
     ):  # fmt: skip
-        assert screening_of(campaign(pair(), **asked)).bands == bands
+        assert screening_of(campaign(pair(), **options)).bands == bands
 
 
 def test_of_overturned_runs_the_first_sixteen_are_named_and_their_share_is_bounded() -> None:

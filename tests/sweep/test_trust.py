@@ -43,7 +43,7 @@ def _forgotten() -> Iterator[None]:
     forget()
 
 
-def asked(file: Path) -> Specification:
+def question(file: Path) -> Specification:
     return specification(file.read_text(), folder=str(file.parent), runs=2, shard=1)
 
 
@@ -65,7 +65,7 @@ def file(tmp_path: Path) -> Path:
 @pytest.fixture
 def folder(file: Path, tmp_path: Path) -> Folder:
     """The manifest of its campaign, of two runs in two parts; nothing is imported yet."""
-    out = begun(Campaign.of(asked(file)), tmp_path / "out")
+    out = begun(Campaign.of(question(file)), tmp_path / "out")
     file.with_name("trace").unlink()
     forget()
     return out
@@ -92,7 +92,7 @@ def test_python_that_is_not_the_recorded_one_is_refused(
     assert run(*again, "--no-figures") == cli.WRONG
     assert words in capsys.readouterr().err
     assert words in refusal(read_campaign, folder.path, file)
-    assert "other Python" in refusal(run_shard, str(folder.path), asked(file), bound_to, 1)
+    assert "other Python" in refusal(run_shard, str(folder.path), question(file), bound_to, 1)
     path.write_text("HEIGHT = 1.0\n")
     file.write_text(TEXT.replace('duration = "', 'duration = "1'))
     line = refusal(read_campaign, folder.path, file)
@@ -141,8 +141,8 @@ def test_modules_of_two_folders_do_not_mix_in_one_worker(tmp_path: Path) -> None
     """A worker of a cluster outlives campaigns; another has helpers of the same names."""
     for height in (1.0, 3.0):
         file = case_beside_python(tmp_path / str(height), height)
-        out = begun(Campaign.of(asked(file)), tmp_path / f"out {height}").path
-        opened = open_campaign(str(out), asked(file), read_manifest(out)["hash"])
+        out = begun(Campaign.of(question(file)), tmp_path / f"out {height}").path
+        opened = open_campaign(str(out), question(file), read_manifest(out)["hash"])
         (bump,) = (of for of in opened.experiment.case.disturbances if of.label == "bump")
         assert bump.profile(0.1) == height
 
