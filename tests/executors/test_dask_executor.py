@@ -27,9 +27,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 
 @pytest.fixture
-def cluster() -> Iterator[LocalCluster]:
+def cluster() -> Iterator[Any]:
     """A scheduler and two workers, which anybody may use."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    options: Any = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with LocalCluster(**options) as cluster:
         yield cluster
 
 

@@ -142,9 +142,8 @@ def test_the_radius_lies_between_a_passing_and_a_failing_scale() -> None:
 
 
 def test_a_radius_is_of_the_corners_and_the_first_runs() -> None:
-    for plants, options in (
-        (4 + 8, {"runs": 8}), (128, {"runs": 1000}), (4, {"runs": 4, "sampler": "corners"}),
-    ):  # fmt: skip
+    corners: dict[str, Any] = {"runs": 4, "sampler": "corners"}
+    for plants, options in ((4 + 8, {"runs": 8}), (128, {"runs": 1000}), (4, corners)):
         assert radius(loads(1e-9, BOTH, **options), "lqr").plants == plants
     # Correlated numbers have no corners.
     declared = loads(1.0, BOTH + small.CORRELATED)

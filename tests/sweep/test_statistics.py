@@ -95,7 +95,8 @@ def test_runs_that_did_not_complete_are_compared_and_exchanging_laws_turns_it_ro
         ([-INF], [-INF], 0), ([-INF], [1.0], INF), ([1.0, -INF], [-INF, 1.0], 0),
         ([-INF, -INF, 1.0], [-INF, -3.0, 2.0], 1.0), ([0.0] * 7, [-INF, *[1.5] * 6], 1.5),
     ):  # fmt: skip
-        one, other = paired(np.array(a), np.array(b)), paired(np.array(b), np.array(a))
+        one: Any = paired(np.array(a), np.array(b))
+        other: Any = paired(np.array(b), np.array(a))
         assert (one.median, other.median) == (median, -median)
         assert (one.low, one.high) == (-other.high, -other.low)
         assert (one.both, one.neither, one.p_value) == (other.both, other.neither, other.p_value)
