@@ -166,8 +166,6 @@ def test_s_leaves_its_bound_beyond_the_promise_and_between_two_scales() -> None:
     # switching in a sample.
     rho = p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * np.hypot(1.2, 1.2)) * p.size_of_GB)
     assert band == pytest.approx(2 * 1e-3 * rho, rel=1e-12)
-    implicit = loads(3, laws=GROSMC + 'switching = "implicit"\n')
-    assert promise(implicit, "grosmc").band == pytest.approx(2e-3 * rho / p.switching.gain)
     assert reached.promised.scale <= stayed
     assert 0 < left.scale - stayed <= max(0.01, 0.01 * stayed)
     # The load's ends are the worst of the family.
