@@ -8,8 +8,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import executor_work
@@ -20,7 +23,7 @@ from loky import cpu_count
 
 from grosmc_mj.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.executors import make_executor
-from grosmc_mj.executors.pools import attempt
+from grosmc_mj.executors.pools import Outcome, _run_until_broken, attempt
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -44,6 +47,7 @@ def test_every_shard_is_run_once_and_errors_keep_type_and_message(name: str, wor
         # Kept from shard to shard. (One may have been quick enough to leave none for the other.)
         assert len(pids - {os.getpid()}) == len(pids) <= 2
         assert threads == {str(executor.threads_per_worker)} == {str(max(1, cpu_count() // 2))}
+        assert make_executor("processes").threads_per_worker == 1
     assert list(executor.run(executor_work.square, range(0), print)) == []
     for work, index, error, words in executor_work.REFUSALS:
         with pytest.raises(error, match=words) as caught:
@@ -73,6 +77,22 @@ def test_a_shard_that_always_kills_or_has_no_report_is_one_line() -> None:
     assert len(notices) == 2
     with pytest.raises(SetupError, match=r"^shard 1 failed: TypeError: cannot pickle .*lock"):
         list(executor.run(executor_work.unpicklable, [1], print))
+
+
+def test_no_more_parts_are_under_way_than_a_pool_has_room_for() -> None:
+    submitted: list[int] = []
+
+    def submit(index: int) -> Future:
+        submitted.append(index)
+        future = Future()
+        if index != 1:
+            future.set_result(Outcome(index))
+        return future
+
+    pool: Any = SimpleNamespace(ahead=2, submit=submit, require=lambda: None)
+    parts = _run_until_broken(pool, iter(range(9)), {}, Counter())
+    assert [next(parts).index for _ in range(2)] == [0, 2]
+    assert submitted == [0, 1, 2]
 
 
 def test_an_error_that_takes_more_than_a_message_travels_too() -> None:
