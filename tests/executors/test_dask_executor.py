@@ -61,7 +61,7 @@ def test_a_running_cluster_reports_each_shard_once(
     assert f"has mujoco {here['mujoco']} instead of 3.99.0" in str(refusal.value)
 
 
-def test_a_killed_worker_is_replaced_and_a_killed_scheduler_is_not(
+def test_a_killed_worker_is_replaced_and_a_closed_scheduler_is_not(
     cluster: LocalCluster, tmp_path: Path
 ) -> None:
     work, done = partial(executor_work.leave_pid, tmp_path, 0.2), []
