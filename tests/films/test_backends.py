@@ -35,11 +35,11 @@ def _bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def pretend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Pretend:
     """Let a shell script answer in place of the trial; the function returned counts the trials."""
     program, trials = tmp_path / "interpreter", tmp_path / "trials"
-    trials.write_text("")
     monkeypatch.setattr(sys, "executable", str(program))
 
     def answer(script: str) -> Callable[[], int]:
         probe.cache_clear()
+        trials.write_text("")
         program.write_text(f"#!/bin/sh\necho x >>'{trials}'\n{script}\n")
         program.chmod(0o755)
         return lambda: trials.read_text().count("x")

