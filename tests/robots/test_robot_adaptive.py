@@ -111,23 +111,6 @@ def test_regressor_times_what_a_load_adds_is_the_difference_of_mujocos_inverse_d
             np.testing.assert_allclose(torques, nominal, **close)
 
 
-def test_inertia_s_rate_less_twice_coriolis_is_skew_symmetric() -> None:
-    """s'(M' - 2 C)s = 0 for every s, on which V' = -s'K_D s rests; M' by central differences."""
-    theta, step, zero = np.append(added("tool"), np.zeros(N)), 1e-5, np.zeros(N)
-    for torques in (
-        lambda x, r, a: regressor("tool", x, r, a) @ theta,
-        lambda x, r, a: written(reference_torques, N, x, r, a),
-    ):
-        for x, s, _ in samples():
-            coriolis = torques(x, s, zero) - torques(x, zero, zero)
-            ends = [np.append(x[:N] + sign * step * x[N:], zero) for sign in (1, -1)]
-            moved = [torques(end, zero, s) - torques(end, zero, zero) for end in ends]
-            assert abs(s @ coriolis) > 1e-3
-            # The third derivative along the motion times step^2, and rounding of 1e-16 over step.
-            rate = s @ (moved[0] - moved[1]) / (2 * step)
-            assert rate == pytest.approx(2 * s @ coriolis, abs=1e-7)
-
-
 def test_lyapunov_function_falls_as_s_K_D_s() -> None:
     """V' = -s'K_D s, to the first order in the period, with V of the loaded robot.
 

@@ -7,12 +7,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
 from hand_written import elbow_up, tip, two_link_inertia
-from scipy.integrate import trapezoid
 from shipped import (
     TWO_LINK_CIRCLE,
     TWO_LINK_G,
@@ -51,13 +49,6 @@ def law(name: str, case: str = "regulation") -> Controller:
     return chapter_controller(name, nominal(), case=case)
 
 
-def test_relative_degree_is_two_and_two_and_the_chains_are_brunovskys() -> None:
-    chains = TWO_LINK_TIP.linearization
-    assert (chains.relative_degree, chains.complete, chains.zero_dynamics()) == ((2, 2), True, None)
-    np.testing.assert_array_equal(chains.A, np.kron(np.eye(2), [[0, 1], [0, 0]]))
-    np.testing.assert_array_equal(chains.B, np.kron(np.eye(2), [[0], [1]]))
-
-
 def tip_jacobian(x: Array) -> Array:
     """dy/dq by extrapolated central differences, (2, 2), which lose h^4/480 = 2e-11."""
 
@@ -71,7 +62,7 @@ def tip_jacobian(x: Array) -> Array:
 
 def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> None:
     random, p = np.random.default_rng(2), nominal().parameters
-    for _ in range(20):
+    for _ in range(5):
         x = np.concatenate([random.uniform(-math.pi, math.pi, 2), random.normal(0, 3, 2)])
         E = np.reshape(TWO_LINK_TIP.linearization.decoupling_matrix(x, p), (2, 2))
         expected = tip_jacobian(x) @ np.linalg.inv(two_link_inertia(x, p))
@@ -127,8 +118,6 @@ def test_limited_actuators_report_what_they_applied_within_their_own_ranges() ->
     np.testing.assert_array_equal(moved.input, np.clip(moved.command, low, high))
     # Not vacuous: more is asked for than each has, on either side.
     assert np.all((moved.command.min(axis=0) < low) & (moved.command.max(axis=0) > high))
-    slow = simulate(plant, law("grosmc"), start, duration=0.2, engine="python")
-    np.testing.assert_allclose(slow.input, moved.input, rtol=1e-9)
 
 
 def rates_beside_the_surface(
@@ -205,22 +194,12 @@ def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
 
 
 def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output() -> None:
-    optimum = computed_torque_pd(task_of(REGULATION, nominal()), 4.0, 0.6).designed.lqr
-    assert optimum is not None
+    task, pd = task_of(REGULATION, nominal()), None
+    pd = computed_torque_pd(task, 4.0, 0.6).designed.lqr
+    assert pd is not None
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
-    np.testing.assert_allclose(np.sort_complex(optimum.poles), np.sort_complex(expected), rtol=1e-6)
-
-
-def test_price_of_a_law_is_what_its_nominal_loop_costs() -> None:
-    """z0' P z0 / 2, from Lyapunov's equation, against the index along physics.
-
-    The held input errs by O(h): extrapolated from 1 ms and 0.5 ms. 5 s leave exp(-10) of it.
-    """
-    costs, price = [], math.nan
-    for h in (1e-3, 5e-4):
-        moved, control = run("pd", "regulation", h, 5.0)
-        z, v, design = compare_with_optimum(moved, control).z, moved.weighed, control.designed.lqr
-        of_state: Any = trapezoid(np.einsum("ti,ij,tj->t", z, design.Q, z), moved.time)
-        costs.append(0.5 * (of_state + np.einsum("ti,ij,tj->", v, design.R, v) * h))
-        price = design.optimal_cost(z[0])
-    assert 2 * costs[1] - costs[0] == pytest.approx(price, rel=2e-5)
+    np.testing.assert_allclose(np.sort_complex(pd.poles), np.sort_complex(expected), rtol=1e-6)
+    # Its price by Lyapunov's equation.
+    closed = task.error.linearization.A - task.error.linearization.B @ pd.K
+    rest = closed.T @ pd.P + pd.P @ closed + pd.Q + pd.K.T @ pd.R @ pd.K
+    np.testing.assert_allclose(rest, 0, atol=1e-9 * np.abs(pd.Q).max())
