@@ -35,9 +35,7 @@ class Spring:
     [
         ({"joint": ""}, "spring of '': joint = '' must be a name"),
         ({"stiffness": 0}, "stiffness = 0 must be finite and positive"),
-        ({"stiffness": "1"}, "stiffness = '1' must be"),
         ({"stiffness": True}, "stiffness = True must be"),
-        ({"stiffness": math.nan}, "stiffness = nan must be"),
         ({"stiffness": math.inf}, "stiffness = inf must be finite"),
         ({"play": 1.0}, "play = 1 must be from 0 to below 1 rad"),
         ({"limit": -math.inf}, "limit = -inf must be positive"),
@@ -67,17 +65,12 @@ def test_a_function_checks_its_arguments() -> None:
         return gain * matrix
 
     assert weigh(2, [[1, 2]]).tolist() == [[2.0, 4.0]]
-    with pytest.raises(
-        ArgumentError, match=r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
-    ):
+    words = r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
+    with pytest.raises(ArgumentError, match=words):
         weigh(-1, [[1, 2, 3]])
 
 
-@pytest.mark.parametrize("value", [True, 1.0, 1.5, "1", None, np.array([1])], ids=repr)
-def test_a_value_that_only_looks_like_a_whole_number_is_none(value: Any) -> None:
-    assert whole(value) is None
-
-
-@pytest.mark.parametrize("value", [1, np.int32(1), np.uint8(1), np.array(1)], ids=repr)
-def test_numpys_whole_numbers_are_whole_numbers(value: Any) -> None:
-    assert (whole(value), type(whole(value))) == (1, int)
+def test_a_value_that_only_looks_like_a_whole_number_is_none() -> None:
+    assert [whole(value) for value in (True, 1.0, "1", None, np.array([1]))] == [None] * 5
+    numbers = [whole(value) for value in (1, np.int32(1), np.array(1))]
+    assert (numbers, {*map(type, numbers)}) == ([1] * 3, {int})

@@ -9,11 +9,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-import colours
 import pytest
 import repository
-
-from grosmc_mj.results import palette
 
 ROOT = Path(__file__).parents[1]
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")}
@@ -62,10 +59,7 @@ def test_every_link_leads_to_a_file_and_a_place_in_it(site: dict[Path, Links]) -
             if not file.exists() or (anchor and anchor not in site[file].anchors):
                 broken.append((page.name, target))
     assert not broken
-
-
-@pytest.mark.slow
-def test_nothing_is_loaded_from_elsewhere(site: dict[Path, Links]) -> None:
+    # Nothing is loaded from elsewhere.
     assert not [each for links in site.values() for each in links.loaded if "//" in each]
 
 
@@ -73,9 +67,9 @@ def test_nothing_is_loaded_from_elsewhere(site: dict[Path, Links]) -> None:
 def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
     (page,) = (links for page, links in site.items() if page.name == "map.html")
     lines = [target for target in page.targets if "codelineno" in target]
-    law = "def grosmc"
-    number = repository.line_of((ROOT / "grosmc_mj/control/laws.py").read_text(), "grosmc")
-    assert (ROOT / "grosmc_mj/control/laws.py").read_text().splitlines()[number - 1].startswith(law)
+    text = (ROOT / "grosmc_mj/control/laws.py").read_text()
+    number = repository.line_of(text, "grosmc")
+    assert text.splitlines()[number - 1].startswith("def grosmc")
     assert f"repository/grosmc_mj/control/laws.py.html#__codelineno-0-{number}" in lines
     assert len(lines) > 50
 
@@ -124,17 +118,3 @@ def rows(text: str) -> list[list[str]]:
     """The cells of the tables of a text in Markdown."""
     lines = (line for line in text.splitlines() if line.startswith("|"))
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-
-
-def test_a_line_is_that_of_the_definition() -> None:
-    text = "call(law)\n\nclass laws: ...\ndef law(): ...\nLAW = 1\n"
-    assert [repository.line_of(text, name) for name in ("law", "LAW", "laws", "")] == [4, 5, 3, 1]
-
-
-def test_a_link_has_a_path_and_perhaps_an_anchor() -> None:
-    (first, second) = repository.links("[a](../x.md#b), [c](d.md) and [e](https://f.g/h.md)")
-    assert (first["path"], first["anchor"], second["path"]) == ("../x.md", "#b", "d.md")
-
-
-def test_the_site_has_the_colours_of_the_figures() -> None:
-    assert f"--md-primary-fg-color: {palette.BLUE};" in colours.style()
