@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 from hand_written import tip
+from mjcf import TREE
 from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case
 
 from grosmc_mj.arrays import Array
@@ -31,8 +32,9 @@ from grosmc_mj.films.scene import (
 from grosmc_mj.films.storyboard import draw_chart, film_model, inputs, outputs, storyboard, surfaces
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, SYSTEMS
-from grosmc_mj.plants.system import NoEquations, Signal, System
+from grosmc_mj.plants.system import System
 from grosmc_mj.results import palette
+from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -367,22 +369,13 @@ def test_curves_are_the_recorded_signals_with_their_units() -> None:
 
 
 def test_of_many_joints_one_curve_shows_the_size_of_those_with_one_unit() -> None:
-    """Two hinges and a slide."""
-    links = '<body><joint name="j{}"/><geom size="0.1"/>' * 3
-    xml = f"<mujoco><worldbody>{links}{'</body>' * 3}</worldbody></mujoco>".format(0, 1, 2)
-    model, units = mujoco.MjModel.from_xml_string(xml), ("rad", "rad", "m")
-    joints = [Signal(f"j{i}", f"q{i}", unit) for i, unit in enumerate(units)]
-    rates = [Signal(f"j{i} rate", f"w{i}", f"{unit}/s") for i, unit in enumerate(units)]
-    motors = [Signal(f"m{i}", f"u{i}", unit) for i, unit in enumerate(("N m", "N m", "N"))]
-    system = System(
-        "chain", "chain", (*joints, *rates), tuple(motors), NoEquations("chain"),
-        controlled=(0, 1, 2), joints=("j0", "j1", "j2"), bodies=("tip",),
-    )  # fmt: skip
-    run, ghost = invented(model, system), np.full((1001, 3), [0.5, -0.2, 3.0])
+    """Two hinges and a slide, of which the hinges have a unit in common."""
+    robot = Robot.from_mjcf(TREE).plant
+    run, ghost = invented(robot.model, robot.system), np.full((1001, 3), [0.5, -0.2, 3.0])
     # The first law has no s.
     runs = {"A": replace(run, sliding=None), "B": run}
     takes = [Take(label, "#D55E00", one, ghost, "A s") for label, one in runs.items()]
-    shown = Film("chain", model, tuple(takes), SMALL)
+    shown = Film("tree", robot.model, tuple(takes), SMALL)
     off, u, s = (
         np.asarray(one) for one in (run.state[:, :2] - ghost[:, :2], run.input, run.sliding)
     )

@@ -28,26 +28,20 @@ _LONGEST_TIME, _LONGEST_LINE = 20.0, 1100
 _PROGRESS = re.compile(r"^\d+ of \d+ in [^\n]*\n", re.M)
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
-# Mutations, as an enemy, a bad disk or a tired user would make them.
-
 # In place of a number, or no number that anything should be.
 NUMBERS = (
-    "0", "-0.0", "-1", "nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "1e400", "9" * 19,
-    "9" * 400, "9" * 5000, "0x10", "1_0", "true", '""', "[]", "{}", "[1, [2]]", "1979-05-27",
-    "12:00:00", '"1"', '"nan"', "[" * 3000 + "]" * 3000,
+    "0", "-0.0", "-1", "nan", "-inf", "1e308", "1e-320", "1e400", "9" * 19, "9" * 5000, "0x10",
+    "true", '""', "[]", "{}", "[1, [2]]", "1979-05-27", '"nan"', "[" * 3000 + "]" * 3000,
 )  # fmt: skip
 # In place of a text. CANARY becomes code that would leave a file behind.
 TEXTS = (
-    "", " ", ".", "..", "../../up", "/etc/passwd", "/dev/zero", "a/" * 999, "\\u0000",
-    "\\u001b[31mred", "\\n\\ngrosmc-mj: all is well", "\\u202egnp", "\\uD7FF", "x" * 100_000,
-    "é" * 3000, "[bold]x[/]", "[/]", "{}", "%s%n", "nan", "inf s", "-1 s", "0 s", "1e-300 s",
-    "1e300 s", "nan s", "1e400 rad", "1 parsec", "1 m**9**9", "1 s s s", "1 %", "10 ** 10",
-    "module:name", "os:system", "json:dumps", "canary:law", "canary:", ":law", "a:b:c",
-    "..canary:x",
-    "sin(t", "9**9**9", "sin(10**10**10)", "((9!)!)!", "(" * 900 + "t" + ")" * 900, "t" * 900,
-    "1/(t-t)", "0/0", "sqrt(-1)", "t**1e9", "lambda: t", "t.__class__", "CANARY",
-    'sin(\\"CANARY\\")',
-    "sin('CANARY')", "__import__('os')", "servo", "physics", "lqr", "grosmc", "sine", "pulse",
+    "", ".", "../../up", "/etc/passwd", "/dev/zero", "a/" * 999, "\\u0000", "\\u001b[31mred",
+    "\\n\\ngrosmc-mj: all is well", "\\u202egnp", "\\uD7FF", "x" * 100_000, "[bold]x[/]", "[/]",
+    "{}", "%s%n", "nan", "-1 s", "0 s", "1e-300 s", "1e300 s", "nan s", "1e400 rad", "1 parsec",
+    "1 m**9**9", "1 s s s", "10 ** 10", "os:system", "json:dumps", "canary:law", ":law", "a:b:c",
+    "..canary:x", "sin(t", "9**9**9", "((9!)!)!", "(" * 900 + "t" + ")" * 900, "1/(t-t)",
+    "sqrt(-1)", "lambda: t", "t.__class__", "CANARY", 'sin(\\"CANARY\\")', "sin('CANARY')",
+    "__import__('os')", "servo", "physics", "lqr", "grosmc", "pulse",
 )  # fmt: skip
 _LETTERS = "\0\x1b\r\n\t\"'[]{}=.,#\\é\u202e\U0001f600"
 _NAMES = ("law", "name", "model", "plant", "x" * 5000, '"\\u001b"', "k", "Q", "reference", '"a.b"')
@@ -102,10 +96,10 @@ MUTATIONS: dict[str, Callable[[str, random.Random], str]] = {
     "noise": _noise,
     **{how: partial(_of_lines, how=how) for how in ("cut", "double", "swap")},
     **{
-        kind: lambda text, rng, pattern=pattern, new=new: replaced(
+        kind: lambda text, rng, pattern=place, new=new: replaced(
             pattern, text, rng, rng.choice(new)
         )
-        for kind, (pattern, new) in _PLACES.items()
+        for kind, (place, new) in _PLACES.items()
     },
 }
 
@@ -117,12 +111,9 @@ def mutant(text: str, rng: random.Random, canary: str) -> tuple[str, str]:
 
 
 class Trial:
-    """Runs commands in a hostile folder and counts how they end.
+    """Runs commands in a hostile folder, counts their ends and notes those not allowed.
 
-    Attributes:
-        canary: Exists once something was executed.
-        ends: How many commands came to which end.
-        wrong: Commands that came to none of the allowed ends, in words.
+    ``canary`` exists once something was executed.
     """
 
     def __init__(self, capture: pytest.CaptureFixture[str], folder: Path) -> None:
