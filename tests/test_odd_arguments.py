@@ -18,7 +18,7 @@ import sympy as sp
 from mjcf import DELAY, ONE
 
 import grosmc_mj as gm
-from grosmc_mj import control, films, loop, machine, physics, plants
+from grosmc_mj import control, films, plants
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.plants import SERVO
 
@@ -126,41 +126,13 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     ),
     "load_trajectory": (gm.load_trajectory, {"path": saved}),
     "state_task": (then(control.state_task, control.linear_lqr), {"plant": servo, **WEIGHTS}),
-    "StateUncertainty": (
-        then(
-            control.StateUncertainty,
-            lambda declared: control.state_grosmc(
-                control.state_task(servo(), np.eye(2), 1.0), declared
-            ),
-        ),
-        {"body": "rotor", "mass": 2.0, "force": 0.1, "reaching_rate": 0.2, "push": 1.0},
-    ),
     "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **WEIGHTS}),
-    "linearize": (physics.linearize, {"plant": servo}),
-    "in_loop": (
-        loop.in_loop,
-        {"controller": lqr_law, "loop": loop.Loop(), "system": SERVO, "control_period": 1e-3,
-         "timestep": 1e-3},
-    ),
-    "find_switching": (control.find_switching, {"name": "sign"}),
-    "reference": (control.reference, {"outputs": [sp.sin(control.TIME)], "degrees": (2,)}),
     "affine_plant": (gm.affine_plant, {"name": "chain", **CHAIN, "parameters": {"b": 1.0}}),
-    "feedback_linearization": (gm.feedback_linearization, {"equations": SERVO.equations}),
-    "computed_torque_pd": (
-        control.computed_torque_pd, {"task": task, "frequency": 1.0, "damping": 1.0},
-    ),
     "regulating_grosmc": (
         gm.regulating_grosmc, {"task": task, "uncertainty": gm.Uncertainty(**UNCERTAINTY)},
     ),
-    "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
     "MujocoPlant": (gm.MujocoPlant, {"system": SERVO, "spec": load_spec("servo")}),
     "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ONE.format("", DELAY)}),
-    "Disturbance": (gm.Disturbance, {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0)}),
-    "Wall": (
-        then(machine.Wall, lambda made: servo().edited(made).model),
-        {"body": "rotor", "radius": 0.1, "at": (0, 0, 0.1), "point": (0, 0, -1.0),
-         "normal": (0, 0, 1)},
-    ),
     "Task": (
         gm.Task,
         {"plant": analytic, "error": error, "reference": control.Setpoint(1.0), **WEIGHTS},

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import pytest
+from case_texts import SERVO
 from commands import run
 from rich.cells import cell_len
 
 from grosmc_mj import cli
-from grosmc_mj.chapter.claims import faults, ledger
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
@@ -19,6 +18,19 @@ from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
 
 slow = pytest.mark.slow
+MORE = """
+[[edit]]
+joint = "shaft"
+damping = 0.1
+[[sensor]]
+of = "rotor angle"
+noise = "1 mrad"
+[[estimator]]
+of = "rotor speed"
+[[actuator]]
+of = "current"
+limit = "4 A"
+"""
 
 
 @pytest.mark.parametrize(
@@ -70,7 +82,6 @@ def test_the_answer_comes_first_and_fits_on_a_screen(
             "rotor": "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2",
             "equations": "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A",
         }),
-        ("cart_pendulum", {"bodies": "cart, pole", "joints": "slider [m], hinge [rad]"}),
         ("maglev", {"states": "gap [m], rate [m/s], current [A]", "parameters": "m, g, C, R, L"}),
         ("mine.toml", {"states": "rotor angle [rad], rotor speed [rad/s]"}),
     ],
@@ -81,34 +92,12 @@ def test_list_names_what_tables_of_a_case_file_take(
 ) -> None:  # fmt: skip
     """Those names are taken, too: a file of one's own has them."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(
-        'title = "[/] of mine"\n[plant]\nsystem = "servo"\n[run]\nduration = "0.1 s"\n'
-        'start = { "rotor speed" = "1 rad/s" }\n[[controller]]\nlaw = "lqr"\n'
-        '[[edit]]\nbody = "rotor"\nmass_scale = 2\n[[edit]]\njoint = "shaft"\ndamping = 0.1\n'
-        '[[sensor]]\nof = "rotor angle"\nnoise = "1 mrad"\n[[estimator]]\nof = "rotor speed"\n'
-        '[[actuator]]\nof = "current"\nlimit = "4 A"\n'
-    )
+    (tmp_path / "mine.toml").write_text(f'title = "[/] of mine"\n{SERVO}{MORE}')
     assert run("list", target) == cli.DONE
     output = capsys.readouterr().out
     words = [line.partition("  (")[0].strip().split(None, 1) for line in output.splitlines()]
     assert lines.items() <= {pair[0]: pair[1] for pair in words if len(pair) == 2}.items()
     assert ("[/] of mine" in output) == (target == "mine.toml")
-
-
-@slow
-def test_a_self_test_begins_with_the_faults_that_no_claim_notices(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Only the pendulum's law can believe a printed a."""
-    claim, name = ledger.find_claim("servo-load-grosmc"), "printed a in the law"
-    monkeypatch.setattr(ledger, "CLAIMS", (claim,))
-    fault = next(fault for fault in faults.FAULTS if fault.name == name)
-    monkeypatch.setattr(faults, "FAULTS", (fault,))
-    assert run("claims", "self-test", "servo", "--out", tmp_path) == cli.DIFFERS
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == f"1 of 1 faults are not noticed: {name}."
-    assert "notices no fault" in " ".join(lines)
-    assert json.loads((tmp_path / "self_test.json").read_text())["noticed_by"] == {name: []}
 
 
 def test_one_grammar_for_targets(tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ COMMANDS = (
     "new mine --like arm/case1",
     "campaign CASE --runs 2 --shard 1 --seed 3 --sampler lhs --out OUT --no-figures",
     "campaign OUT --replay 0 --controller lqr --engine python",
-    "claims self-test nothing --out OUT",
+    "claims premises servo/case9 --controller nothing --out OUT",
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
     "view arm/case9 --controller lqr --speed 0",
     "study region servo/case9 --points 0 --duration 0.01 --limits -10 1 --out OUT",

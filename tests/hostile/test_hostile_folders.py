@@ -114,7 +114,7 @@ def better(table: pa.Table, _: random.Random) -> pa.Table:
 # Those that must be noticed wherever they are, by a command that adds parts.
 _ALWAYS_NOTICED = {
     "swapped": swapped,
-    "backwards": in_part(lambda table, _: table.take(range(table.num_rows)[::-1])),
+    "backwards": in_part(lambda table, _: table.take([*range(table.num_rows)][::-1])),
     "column": in_part(lambda table, rng: table.drop_columns([rng.choice(table.column_names)])),
     "better": in_part(better),
 }

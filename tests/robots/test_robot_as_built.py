@@ -27,12 +27,6 @@ SERVO = (
     '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
     'ctrlrange="-1 1" forcerange="-4 4"/>'
 )
-# A servo as a general actuator, whose activation's range is one of places.
-GENERAL = (
-    '<general name="drive" joint="hinge" gainprm="30" biastype="affine" biasprm="0 -30 -2" '
-    'gear="2" ctrlrange="-1 1" forcerange="-4 4" dyntype="filterexact" dynprm="0.02" '
-    'actlimited="true" actrange="-0.1 0.1"/>'
-)
 
 
 @cache
@@ -74,7 +68,6 @@ def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit
 
 
 PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
-INTEGRAL = '<intvelocity name="drive" joint="hinge" kp="30" actrange="-1 1"/>'
 LAGS = "the plant has a lag of 0.02 s, which no law knows"
 DELAYS = "a delay of 0.012 s, which no law"
 BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
@@ -88,8 +81,6 @@ BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
         (BOTH, "", -40, 24, f"a lag of 0.02 s and {DELAYS}"),
         (LIMITED.format("-1 2"), "", -16, 8, LAGS),
         (SERVO, "", -8, 8, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
-        (GENERAL, "", -8, 8, "instead of the position servo (kp 30, kv 2)"),
-        (INTEGRAL, "", -math.inf, math.inf, "position servo (kp 30"),
         (PID, "", -math.inf, math.inf, "position servo (kp 30"),
         (DELAY, " actuatorfrcrange='-2 3'", -2, 3, DELAYS),
     ],
