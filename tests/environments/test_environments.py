@@ -116,12 +116,10 @@ def test_a_law_in_an_environment_gets_simulate_s_numbers_to_the_last_bit(
 def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
     """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
     case = of_case(cut("servo", "nominal", 0.005))
-    environment, other = (
-        load("servo", case, control_period=2e-3),
-        CaseEnv("servo", case, control_period=2e-3),
-    )
+    face = CaseEnv("servo", case, control_period=2e-3)
+    environment = load("servo", case, control_period=2e-3)
     design, step, u = law("servo").designed.lqr, environment.reset(), np.array([3.0])
-    other.reset()
+    face.reset()
     for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):
         z = step.observation["error"]
         step = environment.step(u)
@@ -129,9 +127,9 @@ def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_lengt
         assert step.reward == pytest.approx(expected, rel=1e-12)
         assert step.observation["time"][0] == pytest.approx(end, rel=1e-12)
         # Truncated at the duration of its case.
-        assert other.step(u)[2:4] == (False, step.last()) == (False, end == 5e-3)
+        assert face.step(u)[2:4] == (False, step.last()) == (False, end == 5e-3)
     with pytest.raises(ArgumentError, match="the episode is over: reset it"):
-        other.step(u)
+        face.step(u)
 
 
 def test_the_reward_of_equations_is_that_of_their_index() -> None:
@@ -185,6 +183,9 @@ def test_a_normalized_action_is_a_part_of_its_limits() -> None:
         seen, reward, *_ = environment.step(np.array([action]))
         results.append((reward, float(seen["rotor speed"][0])))
     assert results[0] == results[1]
+    for action in ([math.nan], 1.0, [1.0, 2.0], None):
+        with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): current \[A\]$"):
+            plain.step(action)
     # An action beyond the declared limit is cut, as an actuator does.
     assert results[2] == results[3] != results[0]
 
@@ -195,15 +196,11 @@ def test_starts_are_drawn_within_their_widths_by_a_seed_where_the_plant_is_defin
         resets = [list(environment.reset().observation.values()) for _ in range(count)]
         return np.array([[value[0] for value in seen] for seen in resets])
 
-    cart, widths, x0 = (
-        ("cart_pendulum",),
-        [0.1, 0.2, 0.0, 0.3],
-        find_case("cart_pendulum", "nominal").x0,
-    )
+    cart, widths = ("cart_pendulum",), [0.1, 0.2, 0.0, 0.3]
     drawn = starts(cart, 3, widths)
     assert np.array_equal(starts(cart, 3, widths), drawn)
     assert not np.array_equal(starts(cart, 4, widths), drawn)
-    off = starts(cart, 5, widths)[:, :4] - x0
+    off = starts(cart, 5, widths)[:, :4] - find_case(*cart, "nominal").x0
     assert np.all(np.abs(off) <= widths)
     # Twenty draws that all stay in the middle half, or to one side, have a chance of 1e-6.
     assert np.all(off.max(axis=0) >= [0.01, 0.02, 0.0, 0.03])
@@ -370,14 +367,6 @@ def test_wrong_use_is_refused_in_one_line(
     with pytest.raises(error) as refused:
         face(*arguments, **options)
     assert words in str(refused.value)
-
-
-def test_an_action_that_is_none_is_refused() -> None:
-    environment = load("cart_pendulum")
-    environment.reset()
-    for action in ([math.nan], 1.0, [1.0, 2.0], None):
-        with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): force \[N\]$"):
-            environment.step(action)
 
 
 def test_a_law_needs_its_states_by_name_its_system_and_its_sampling_time(

@@ -286,9 +286,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
-def test_what_is_no_robot_or_no_design_for_one_is_refused(
-    call: Callable[[], Any], words: str
-) -> None:
-    with pytest.raises((ModelError, ArgumentError), match=words) as refused:
+def test_no_robot_or_no_design_for_one_is_refused(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises((ModelError, ArgumentError), match=words):
         call()
-    assert "\n" not in str(refused.value)
