@@ -14,7 +14,6 @@ import pytest
 from mjcf import ONE, TREE
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
     computed_torque_pd,
@@ -59,14 +58,8 @@ def tree_task() -> Task:
     return tree().task(fourier_series(N, 1), series, *weights(N))
 
 
-@cache
 def two_link_task() -> Task:
     return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
-
-
-@cache
-def two_link_law() -> Controller:
-    return tracking_grosmc(two_link_task(), 10.0, 30.0)
 
 
 def states(n: int, count: int = 5) -> Array:
@@ -74,54 +67,28 @@ def states(n: int, count: int = 5) -> Array:
 
 
 def at(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
-    """MuJoCo's forward dynamics of a model in a state, with its energies."""
+    """MuJoCo's forward dynamics of a model in a state."""
     data, n = mujoco.MjData(model), len(x) // 2
     data.qpos[:], data.qvel[:] = x[:n], x[n:]
     for name, value in fields.items():
         getattr(data, name)[:] = value
     mujoco.mj_forward(model, data)
-    mujoco.mj_energyPos(model, data)
-    mujoco.mj_energyVel(model, data)
     return data
 
 
-def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
-    """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping; by central differences."""
-    robot, model, unit, e = tree(), tree().plant.model, np.eye(N), 1e-5
-    damping = np.array([joint.damping[0] for joint in robot.plant.spec.joints])
-
-    def energy(q: Array, dq: Array) -> Array:
-        return at(model, np.append(q, dq)).energy.copy()
-
-    for x in states(N):
-        q, dq = x[:N], x[N:]
-        # (a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of it.
-        twice = [[energy(q, a + b)[1] - energy(q, a - b)[1] for b in unit] for a in unit]
-        M = inertia(robot.nominal, q)
-        np.testing.assert_allclose(M, np.array(twice) / 2, rtol=0, atol=1e-13)
-        ends = [(q + e * row, q - e * row) for row in unit]
-        slopes = [
-            np.subtract(*(inertia(robot.nominal, q) for q in pair)) / (2 * e) for pair in ends
-        ]
-        # The springs' energy is part of MuJoCo's potential.
-        force = [np.subtract(*(energy(q, 0 * q)[0] for q in pair)) / (2 * e) for pair in ends]
-        coriolis = np.einsum("kij,k,j->i", slopes, dq, dq)
-        coriolis -= 0.5 * np.einsum("ijk,j,k->i", slopes, dq, dq)
-        # The differences' rounding is eps/e of the energy, their curvature e^2.
-        expected = coriolis + force + damping * dq
-        np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-8)
-
-
-def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics() -> None:
+def test_inertia_and_bias_are_mujocos_with_gravity_compensation_and_fluid() -> None:
     """Bodies are not fused then: a body's own force would be lost."""
     for robot in (
+        tree(),
         tree('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"'),
         tree('name="tool"', 'name="tool" gravcomp="1"'),
     ):
         for x in states(N, 2):
-            data = at(robot.plant.model, x)
+            data, M = at(robot.plant.model, x), np.zeros((N, N))
             expected = data.qfrc_bias - data.qfrc_passive
             np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, atol=1e-12)
+            mujoco.mj_fullM(robot.plant.model, data, M)
+            np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
 
 
 def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
@@ -149,7 +116,8 @@ def test_computed_torque_gives_the_acceleration_that_it_is_computed_for() -> Non
 
 
 def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
-    ours, p = two_link_law().coordinates, two_link_law().parameters
+    law = tracking_grosmc(two_link_task(), 10.0, 30.0)
+    ours, p = law.coordinates, law.parameters
     plant = MujocoPlant.load("two_link_arm")
     theirs = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
     symbolic = replace(p, plant=plant.analytic().parameters)
