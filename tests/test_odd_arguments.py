@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -18,8 +17,7 @@ import sympy as sp
 from mjcf import DELAY, ONE
 
 import grosmc_mj as gm
-from grosmc_mj import control, films, plants
-from grosmc_mj.physics.files import load_spec
+from grosmc_mj import control, plants
 from grosmc_mj.plants import SERVO
 
 # Values of other kinds, shapes and sizes.
@@ -60,21 +58,6 @@ def error() -> control.ErrorCoordinates:
 
 
 @cache
-def task() -> gm.Task:
-    return gm.Task(analytic(), error(), control.Setpoint(1.0), np.eye(2), 1.0)
-
-
-@cache
-def recorded() -> gm.Trajectory:
-    return gm.simulate(servo(), lqr_law(), [0.0, 0.0], duration=0.002)
-
-
-@cache
-def saved() -> Path:
-    return recorded().save(Path(tempfile.mkdtemp()) / "run.npz")
-
-
-@cache
 def numbers() -> Any:
     return analytic().parameters
 
@@ -107,16 +90,9 @@ WEIGHTS = {"Q": np.eye(2), "R": 1.0}
 RUN = {"plant": servo, "controller": lqr_law, "x0": [0.0, 0.0], "duration": 0.002}
 CHAIN = {"states": {"x": "m"}, "inputs": {"u": "N"}, "f": [-RATE * X], "g": [1], "h": [X]}
 SIGNALS = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.equations}
-UNCERTAINTY: dict[str, Any] = {
-    "scales": {"J": (1.0, 3.0)}, "wrench": (0, 0, 0, 0, 1.0, 0), "region": (1.2, 1.2),
-    "reaching_rate": 0.2,
-}  # fmt: skip
 # Public functions and classes with what they need; all that they take is tried.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "simulate": (gm.simulate, RUN),
-    "simulate of equations": (
-        gm.simulate, {**RUN, "plant": analytic, "timestep": 1e-3, "engine": "python"},
-    ),
     "custom_controller": (
         gm.custom_controller, {"name": "k", "law": law, "like": lqr_law, "numbers": {"k": 1.0}},
     ),
@@ -124,20 +100,14 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         gm.from_control,
         {"sys": python_control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law, "name": "lag"},
     ),
-    "load_trajectory": (gm.load_trajectory, {"path": saved}),
     "state_task": (then(control.state_task, control.linear_lqr), {"plant": servo, **WEIGHTS}),
     "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **WEIGHTS}),
     "affine_plant": (gm.affine_plant, {"name": "chain", **CHAIN, "parameters": {"b": 1.0}}),
-    "regulating_grosmc": (
-        gm.regulating_grosmc, {"task": task, "uncertainty": gm.Uncertainty(**UNCERTAINTY)},
-    ),
-    "MujocoPlant": (gm.MujocoPlant, {"system": SERVO, "spec": load_spec("servo")}),
     "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ONE.format("", DELAY)}),
     "Task": (
         gm.Task,
         {"plant": analytic, "error": error, "reference": control.Setpoint(1.0), **WEIGHTS},
     ),
-    "Uncertainty": (gm.Uncertainty, UNCERTAINTY),
     "ErrorCoordinates": (
         then(control.ErrorCoordinates, lambda made: made.linearization),
         {"system": SERVO, "reference": control.setpoints(2)},
@@ -160,7 +130,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         ),
         {"value": 1.0},
     ),
-    "Take": (films.Take, {"label": "lqr", "colour": "black", "run": recorded}),
 }  # fmt: skip
 
 

@@ -107,8 +107,8 @@ def test_mutated_models(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
             hostile.run(f"{kind} {index}", "run", case, "--no-figures", "--out", tmp_path / "out")
 
 
-# OUT and CASE become a folder and a file. Long commands are wrong in two ways, as a mutation may
-# well mend one of them.
+# OUT and CASE become a folder and a file. Long commands are wrong in two ways: a mutation may well
+# mend one of them.
 COMMANDS = (
     "run CASE --no-figures --out OUT",
     "new mine --like arm/case1",
