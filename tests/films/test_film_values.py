@@ -23,7 +23,7 @@ from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films import frames
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.scene import FREE_CAMERA, add_ghost, add_wrenches, default_camera, place
-from grosmc_mj.films.storyboard import draw_chart, film_model, inputs, outputs, storyboard, surfaces
+from grosmc_mj.films.storyboard import film_model, inputs, outputs, storyboard, surfaces
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, SYSTEMS
 from grosmc_mj.plants.system import System
@@ -356,29 +356,6 @@ def test_of_many_joints_one_curve_shows_the_size_of_those_with_one_unit() -> Non
         assert len(first[1]) == (0 if curves_of is surfaces else len(values))
 
 
-@pytest.mark.parametrize(("size", "count"), [((320, 240), 2), ((1280, 720), 1), ((320, 2160), 2)])
-def test_curves_change_nothing_outside_the_axes_and_nothing_overlaps(
-    size: tuple[int, int], count: int
-) -> None:
-    chart = draw_chart(film(Format(*size, start=0.2), *[servo(), servo(end=50)][:count]))
-    assert chart.empty.shape == (size[1], size[0], 3)
-    assert len({chart.empty[box].shape for box in chart.pictures}) == 1
-    taken = np.zeros(size[::-1], int)
-    for box in (*chart.areas, *chart.pictures):
-        taken[box] += 1
-        assert np.all(chart.empty[box].shape)
-    assert taken.max() == 1
-    # Pictures hide nothing, and nothing is cut off at the edges.
-    edges = (chart.empty[0], chart.empty[-1], chart.empty[:, 0], chart.empty[:, -1])
-    for white in (*(chart.empty[box] for box in chart.pictures), *edges):
-        assert white.min() == 255
-    changed = np.any(chart.empty != chart.drawn, axis=2)
-    for area in chart.areas:
-        assert changed[area].any()
-        changed[area] = False
-    assert not changed.any()
-
-
 class Blank:
     """A renderer of pictures that are one grey, which keeps the scenes that it was given."""
 
@@ -399,6 +376,14 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
 ) -> None:
     monkeypatch.setattr(frames.mujoco, "Renderer", Blank)
     board = storyboard(film(SMALL, servo(), servo(speed=0.5)))
+    chart = board.chart
+    taken, white = np.zeros(chart.empty.shape[:2], int), np.all(chart.empty == 255, axis=2)
+    for box in (*chart.areas, *chart.pictures):
+        taken[box] += 1
+    # Nothing overlaps, pictures hide nothing, and nothing is cut off at the edges.
+    assert taken.max() == 1
+    edges = (white[0], white[-1], white[:, 0], white[:, -1])
+    assert all(part.all() for part in (*edges, *(white[box] for box in chart.pictures)))
     board = replace(board, placement=np.array([0.3, 0.4, 1.2]))
     right, up = board.model.cam_mat0[board.camera].reshape(3, 3).T[:2]
     axes = np.array([right, up, np.cross(right, up)])
@@ -411,21 +396,21 @@ def test_a_frame_has_the_curves_up_to_its_instant_and_the_pictures_in_their_plac
         assert (max(renderer.pushed) > 0) == (0.4 <= t < 0.6)
         for eye in renderer.scene.camera:
             np.testing.assert_allclose(eye.pos, expected, rtol=0, atol=SINGLE)
-        changed = np.any(frame != board.chart.empty, axis=2)
-        for box in board.chart.pictures:
+        changed = np.any(frame != chart.empty, axis=2)
+        for box in chart.pictures:
             assert np.all(frame[box] == 77)
             changed[box] = False
-        for rows, columns in board.chart.areas:
+        for rows, columns in chart.areas:
             (cursor,) = np.flatnonzero(np.all(frame[rows, columns] == 120, axis=(0, 2)))
             assert cursor == pytest.approx(t * (columns.stop - columns.start - 1), abs=0.5)
             at = columns.start + cursor
-            for part, chart in (
-                (slice(columns.start, at), board.chart.drawn),
-                (slice(at + 1, columns.stop), board.chart.empty),
+            for part, like in (
+                (slice(columns.start, at), chart.drawn),
+                (slice(at + 1, columns.stop), chart.empty),
             ):
-                np.testing.assert_array_equal(frame[rows, part], chart[rows, part])
+                np.testing.assert_array_equal(frame[rows, part], like[rows, part])
             changed[rows, columns] = False
         # Nothing else changes but the clock, right of the title.
         clock = np.flatnonzero(changed.any(axis=0))
-        assert clock.min() > board.chart.empty.shape[1] - 13.5 * board.chart.font
-        assert not changed[board.chart.pictures[0][0].start :].any()
+        assert clock.min() > chart.empty.shape[1] - 13.5 * chart.font
+        assert not changed[chart.pictures[0][0].start :].any()

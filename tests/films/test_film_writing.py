@@ -28,7 +28,6 @@ from conftest import hear_interrupts
 from PIL import Image, ImageSequence
 from shipped import find_case, run_case
 
-import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
@@ -185,18 +184,6 @@ def test_a_frame_shows_its_recorded_state_whoever_draws_it_and_after_which(backe
             # Another rasterizer may decide otherwise about an edge.
             assert differences.mean() < 1
             assert np.percentile(differences, 99.9) < 16
-
-
-def test_of_a_machine_the_ghost_has_its_own_pole_and_all_other_joints_of_the_run() -> None:
-    """A cart behind a belt, with a load that swings below it."""
-    parts = (
-        gm.machine.Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3),
-        gm.machine.SwingingLoad("cart", 0.2, 0.3),
-    )
-    case = replace(find_case("cart_pendulum", "nominal"), edits=parts, duration=1.5)
-    (scene,) = storyboard(film_of([run_case(case, "physics", "lqr", Settings())], LOOK)).scenes
-    own = scene.physics[4, 1 : 1 + np.shape(scene.ghost)[1]]
-    assert np.flatnonzero(own != np.asarray(scene.ghost)[4]).tolist() == [1]
 
 
 def test_a_film_is_current_for_the_same_runs_in_the_same_format_alone(

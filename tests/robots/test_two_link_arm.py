@@ -13,7 +13,6 @@ import pytest
 from hand_written import elbow_up, tip, two_link_inertia
 from shipped import (
     TWO_LINK_CIRCLE,
-    TWO_LINK_G,
     TWO_LINK_JOINTS,
     TWO_LINK_TIP,
     TWO_LINK_UNCERTAINTY,
@@ -22,7 +21,7 @@ from shipped import (
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import computed_torque_pd, regulating_grosmc
+from grosmc_mj.control.design import computed_torque_pd
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import GainError
@@ -114,18 +113,6 @@ def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family() -> N
         for sides in SIDES
     )
     assert worst <= -TWO_LINK_UNCERTAINTY.reaching_rate
-
-
-def test_without_uncertainty_each_s_falls_at_exactly_the_declared_rate() -> None:
-    """R is the identity: nothing is lost, and rho is eta."""
-    certain = replace(TWO_LINK_UNCERTAINTY, scales={}, wrench=(0.0,) * 18)
-    control = regulating_grosmc(task_of(REGULATION, nominal()), certain, TWO_LINK_G)
-    assert (control.parameters.gamma0, control.parameters.gamma1) == (0.0, 0.0)
-    for z in np.random.default_rng(8).uniform(-0.5, 0.5, (5, 4)):
-        for sides in SIDES:
-            rates = rates_beside_the_surface(control, nominal(), z, sides, np.zeros(18))
-            # rho is eta for the rate of s; what it is worth on top is |G B E|'s, for gamma only.
-            np.testing.assert_allclose(rates, -0.2, rtol=1e-9)
 
 
 def test_gain_margin_is_the_worst_share_over_all_sides() -> None:
