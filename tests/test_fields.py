@@ -23,6 +23,7 @@ class Spring:
     play: Annotated[float, Range(0, 1, unit="rad", below=True)] = 0.0
     limit: Annotated[float, Range(0, above=True, infinite=True)] = math.inf
     turns: Annotated[int, Range(1, 9, whole=True)] = 1
+    mass: Annotated[float, Range(2)] = 2.0
     kind: ClassVar[str] = "spring"
 
     def __post_init__(self) -> None:
@@ -40,6 +41,7 @@ class Spring:
         ({"play": 1.0}, "play = 1 must be from 0 to below 1 rad"),
         ({"limit": -math.inf}, "limit = -inf must be positive"),
         ({"turns": 1.0}, "turns = 1 must be a whole number from 1 to 9"),
+        ({"mass": 1}, "mass = 1 must be finite and 2 or more"),
         ({"stiffness": -1, "play": -1}, "stiffness = -1 must be .*; play = -1 must be"),
         ({"stiffness": 0.1, "play": 0.5}, "^too soft$"),
         ({"stifness": 1.0}, "there is no argument stifness; valid: joint, stiffness"),

@@ -1,8 +1,9 @@
-"""The documentation's site: links lead somewhere, nothing comes from elsewhere."""
+"""The documentation's site: links lead somewhere, and the map has every equation."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -114,3 +115,26 @@ def rows(text: str) -> list[list[str]]:
     """The cells of the tables of a text in Markdown."""
     lines = (line for line in text.splitlines() if line.startswith("|"))
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+MAP = (ROOT / "docs" / "map.md").read_text(encoding="utf-8")
+# The chapter numbers its equations from (1) to (58).
+EQUATIONS = 58
+PLACES = re.findall(r"`([\w/]+\.(?:py|xml)|[\w/]+/)(?:::(\w+))?`", MAP)
+
+
+def test_every_equation_is_on_the_map() -> None:
+    numbers: set[int] = set()
+    for first, last in re.findall(r"\((\d+)\)(?:-\((\d+)\))?", MAP):
+        numbers.update(range(int(first), int(last or first) + 1))
+    assert numbers == set(range(1, EQUATIONS + 1))
+
+
+@pytest.mark.parametrize(("place", "name"), PLACES, ids="::".join)
+def test_every_place_on_the_map_is_there(place: str, name: str) -> None:
+    roots = [ROOT / "grosmc_mj", ROOT / "tests", ROOT]
+    found = next((root / place for root in roots if (root / place).exists()), None)
+    assert found is not None
+    if name:
+        text = found.read_text(encoding="utf-8")
+        assert re.search(rf"^ *(def|class) {name}\b|^{name}\b", text, re.MULTILINE)

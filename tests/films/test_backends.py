@@ -109,18 +109,16 @@ def test_the_trial_has_its_own_backend_and_not_the_user_s_setting_for_pyopengl(
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_a_backend_that_works_renders_the_right_picture(
+def test_a_backend_that_works_renders_whatever_the_user_s_files_are_called(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever files of the user's own are named like the modules that it needs."""
     for module in ("mujoco", "numpy", "random"):
         (tmp_path / f"{module}.py").write_text("raise SystemExit('not this one')\n")
     monkeypatch.chdir(tmp_path)
     try:
-        trial = find_backend()
+        assert find_backend().works
     except SetupError as error:
         pytest.skip(str(error))
-    assert (trial.works, trial.reason) == (True, "")
 
 
 def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(

@@ -56,17 +56,6 @@ def waved(model: mujoco.MjModel, size: float, steps: int) -> Array:
     return np.array(rows)
 
 
-@pytest.mark.parametrize(("actuator", "unit"), [(LAG, 4 * -2), (DELAY, 2)])
-def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit: float) -> None:
-    """The same motion, once with a command in the model's own unit and once in N m."""
-    original = mujoco.MjModel.from_xml_string(ONE.format("", actuator))
-    original.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    theirs = waved(original, 12 / unit, 400)
-    ours = waved(robot(actuator, integrator="implicitfast").built.model, 12.0, 400)
-    assert np.abs(theirs[:, 0]).max() > 0.1
-    np.testing.assert_allclose(ours, theirs, rtol=1e-7, atol=1e-8)
-
-
 PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
 LAGS = "the plant has a lag of 0.02 s, which no law knows"
 DELAYS = "a delay of 0.012 s, which no law"
