@@ -17,7 +17,7 @@ import sympy as sp
 from mjcf import DELAY, ONE
 
 import grosmc_mj as gm
-from grosmc_mj import control, plants
+from grosmc_mj import control
 from grosmc_mj.plants import SERVO
 
 # Values of other kinds, shapes and sizes.
@@ -101,7 +101,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"sys": python_control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law, "name": "lag"},
     ),
     "state_task": (then(control.state_task, control.linear_lqr), {"plant": servo, **WEIGHTS}),
-    "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **WEIGHTS}),
     "affine_plant": (gm.affine_plant, {"name": "chain", **CHAIN, "parameters": {"b": 1.0}}),
     "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ONE.format("", DELAY)}),
     "Task": (
@@ -115,9 +114,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Controller": (
         then(gm.Controller, lambda made: run_of(servo(), made)),
         {"name": "k", "law": law, "parameters": Gain()},
-    ),
-    "System": (
-        plants.System, {"name": "rotor", "title": "Rotor", **SIGNALS, "bodies": ("rotor",)},
     ),
     "AnalyticPlant": (
         then(gm.AnalyticPlant, lambda plant: run_of(plant, lqr_law())),

@@ -320,28 +320,20 @@ def test_it_draws_what_it_is_at() -> None:
     subprocess.run([sys.executable, "-c", DRAWN], check=True, env=own)
 
 
-def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
-    """On the pendulum's bench without chance in it, for a quarter of a second."""
-    experiment = Experiment.load("cart_pendulum/bench")
-    assert experiment.case.loop is not None
-    loop = experiment.case.loop.changed("computing", "", missed=0.0)
-    experiment = experiment.varied(loop=loop, duration=0.25)
-    agent = Episode("cart_pendulum", experiment)
-    law_in_loop = experiment.law("physics", "implicit")
-    run, bare = experiment.run("physics", "implicit").trajectory, replace(law_in_loop, loop=None)
-    memory, _kept_alive = bare.begin()
-    stride, states = agent.problem.stride, [agent.x]
-    assert stride == 2
-    names = [state.name for state in agent.plant.system.states]
-    while not agent.over:
-        # Looking twice changes nothing.
-        first, second = agent.observation(), agent.observation()
-        seen = np.concatenate([first[name] for name in names])
-        assert np.array_equal(seen, np.concatenate([second[name] for name in names]))
-        agent.hold(bare.input_at(agent.time, seen, memory))
-        agent.advance(stride)
-        states.append(agent.x)
-    np.testing.assert_allclose(np.array(states), run.state[::stride], rtol=0, atol=1e-9)
+def test_sensors_quantize_observations_and_actions_arrive_after_the_delay() -> None:
+    """On the pendulum's bench."""
+    agent, idle = Episode("cart_pendulum", "bench"), Episode("cart_pendulum", "bench")
+    agent.hold([5.0])
+    idle.hold([0.0])
+    for steps, moved in ((2, False), (2, True)):
+        agent.advance(steps)
+        idle.advance(steps)
+        assert np.array_equal(agent.x, idle.x) != moved
+    agent.advance(36)
+    # Looking twice changes nothing.
+    first, second = (agent.observation()["pole angle"][0] for _ in range(2))
+    assert first == second != agent.x[1]
+    assert first / 0.314e-3 == pytest.approx(round(first / 0.314e-3), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -11,20 +11,16 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import mediapy
 import mujoco
 import numpy as np
 import pytest
 from commands import assert_one_line, run
-from conftest import hear_interrupts
 from PIL import Image, ImageSequence
 from shipped import find_case, run_case
 
@@ -43,16 +39,11 @@ from grosmc_mj.films.write import Written, draw_frames, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
-# Far above what these films take; one that hangs is to be told from one that is slow.
-PATIENCE = 300.0
 # One picture at 0, 0.25, ... 1.0 s.
 LOOK = Format(320, 480, fps=4, stop=1.25)
 # Two pictures, to be written as a file: five frames, one second.
 PAIR = Format(480, 320, fps=5, stop=1.0)
 TINY = Format(320, 240, fps=4, stop=0.5)
-FILM = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--workers",
-        "1")  # fmt: skip
-INTERRUPTED = "grosmc-mj: interrupted; run the same command again to start over\n"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -228,81 +219,55 @@ def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
     assert configuration["film"] == {**shown, "camera": "fixed"}
 
 
-@pytest.fixture
-def older(tmp_path: Path) -> dict[str, bytes]:
-    """An older film that lies there."""
-    for suffix in ("mp4", "png", "json"):
-        (tmp_path / f"f.{suffix}").write_bytes(f"an older {suffix}".encode())
-    return contents(tmp_path)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-def processes(place: int, wanted: int) -> dict[int, str]:
-    """Command lines of living processes by their parent (place 0) or their session (2)."""
-    lines = {}
-    for folder in Path("/proc").iterdir():
-        with contextlib.suppress(OSError, ValueError):
-            pid = int(folder.name)
-            state, *numbers = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
-            if state != "Z" and int(numbers[place]) == wanted:
-                lines[pid] = (folder / "cmdline").read_bytes().decode()
-    return lines
-
-
 def children(word: str) -> list[int]:
-    return [pid for pid, line in processes(0, os.getpid()).items() if word in line]
+    """Living children of this process with a word in their command line."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            state, parent = (folder / "stat").read_text().rpartition(")")[2].split()[:2]
+            mine = (state != "Z", int(parent)) == (True, os.getpid())
+            if mine and word.encode() in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+    return found
 
 
-def wait_for(holds: Callable[[], Any]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+def interrupt() -> None:
+    raise KeyboardInterrupt
 
 
-def test_an_interrupt_leaves_an_older_film_and_no_process(
-    tmp_path: Path, older: dict[str, bytes]
-) -> None:
-    long = (*FILM, "--fps", "60", "--speed", "0.2", "-o", str(tmp_path / "f.mp4"))
-    with subprocess.Popen(
-        [sys.executable, "-m", "grosmc_mj.cli", *long], stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=hear_interrupts,
-    ) as process:  # fmt: skip
-        # Frames are being encoded; a terminal sends it to the whole group.
-        wait_for(lambda: any(part.stat().st_size for part in tmp_path.glob(".f.*.part.mp4")))
-        os.killpg(process.pid, signal.SIGINT)
-        output, error = process.communicate(timeout=PATIENCE)
-        wait_for(lambda: not processes(2, process.pid))
-    lines = [line for line in error.splitlines(keepends=True) if " frames in " not in line]
-    assert (process.returncode, output, lines) == (cli.INTERRUPTED, "", [INTERRUPTED])
-    assert contents(tmp_path) == older
+def kill(word: str) -> None:
+    for pid in children(word):
+        os.kill(pid, signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
-    ("victim", "words"),
-    [("popen_loky", "a rendering process ended unexpectedly"), ("ffmpeg", "f.mp4: ffmpeg stopped")],
+    ("event", "code", "words"),
+    [
+        (interrupt, cli.INTERRUPTED, "interrupted; run the same command again to start over"),
+        (lambda: kill("popen_loky"), cli.WRONG, "a rendering process ended unexpectedly"),
+        (lambda: kill("ffmpeg"), cli.WRONG, "f.mp4: ffmpeg stopped"),
+    ],
+    ids=["interrupt", "worker", "ffmpeg"],
 )
-def test_the_end_of_a_process_ends_the_film_in_one_line(
-    victim: str, words: str, tmp_path: Path, older: dict[str, bytes],
+def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_process(
+    event: Callable[[], None], code: int, words: str, tmp_path: Path,
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    def kill() -> None:
-        for pid in children(victim):
-            os.kill(pid, signal.SIGKILL)
-
     @contextlib.contextmanager
     def progress(_total: int, _unit: str = "") -> Iterator[Callable[[str], None]]:
         frames = iter(range(100_000))
-        yield lambda _text="": (next(frames) == 2 and kill(), None)[1]
+        yield lambda _text="": (next(frames) == 2 and event(), None)[1]
 
     monkeypatch.setattr(screen, "progress", progress)
-    assert run(*FILM, "--fps", "10", "-o", tmp_path / "f.mp4") == cli.WRONG
+    older = {f"f.{suffix}": f"an older {suffix}" for suffix in ("mp4", "png", "json")}
+    for name, content in older.items():
+        (tmp_path / name).write_text(content)
+    film = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--fps",
+            "10", "--workers", "1", "-o")  # fmt: skip
+    assert run(*film, tmp_path / "f.mp4") == code
     output = capfd.readouterr()
     assert_one_line(output.err)
     assert words in output.err
     assert ".part" not in output.err
-    assert contents(tmp_path) == older
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == older
     assert not children("ffmpeg")
