@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -17,21 +17,9 @@ TUTORIALS = Path(__file__).parents[1] / "docs" / "tutorials"
 # Machines part under sign switching, so numbers are those shown to within this share.
 CLOSE = 0.1
 
+# Language, the file that a block belongs to if any, and text.
 _BLOCK = re.compile(r"^```(\w+)(?: title=\"([\w.]+)\")?\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
-
-
-class Block(NamedTuple):
-    """A block of code: its language, the file that it belongs to or None, and its text."""
-
-    language: str
-    file: str | None
-    text: str
-
-
-def blocks(text: str) -> list[Block]:
-    """The blocks of a page in their order."""
-    return [Block(language, file or None, body) for language, file, body in _BLOCK.findall(text)]
 
 
 def says(line: str, shown: str) -> bool:
@@ -55,7 +43,7 @@ def test_a_tutorial_shows_what_comes_out(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    for language, file, text in blocks(page.read_text(encoding="utf-8")):
+    for language, file, text in _BLOCK.findall(page.read_text(encoding="utf-8")):
         if file:
             with Path(file).open("a", encoding="utf-8") as open_file:
                 open_file.write(text)

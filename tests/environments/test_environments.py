@@ -183,7 +183,8 @@ def test_a_normalized_action_is_a_part_of_its_limits() -> None:
         seen, reward, *_ = environment.step(np.array([action]))
         results.append((reward, float(seen["rotor speed"][0])))
     assert results[0] == results[1]
-    for action in ([math.nan], 1.0, [1.0, 2.0], None):
+    wrong: tuple[Any, ...] = ([math.nan], 1.0, [1.0, 2.0], None)
+    for action in wrong:
         with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): current \[A\]$"):
             plain.step(action)
     # An action beyond the declared limit is cut, as an actuator does.

@@ -236,14 +236,15 @@ MODELS: list[tuple[Any, str]] = [
     )),
     ("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml"),
 ]  # fmt: skip
+WRONG_NAMES: list[tuple[dict[str, Any], str]] = [
+    ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
+    ({"joints": ["lift", "lift"]}, "named twice"),
+    ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
+    ({"actuators": []}, "no actuator drives"),
+]
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     *((lambda xml=xml: Robot.from_mjcf(xml), words) for xml, words in MODELS),
-    *((lambda names=names: Robot.from_mjcf(TREE, **names), words) for names, words in (
-        ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
-        ({"joints": ["lift", "lift"]}, "named twice"),
-        ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
-        ({"actuators": []}, "no actuator drives"),
-    )),
+    *((lambda names=names: Robot.from_mjcf(TREE, **names), words) for names, words in WRONG_NAMES),
     (lambda: underactuated().task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0),
      r"2 torques for 3 joints.*take a state_task"),
     (lambda: linear_lqr(two_link_task()), "no equations in symbols"),

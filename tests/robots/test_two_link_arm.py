@@ -116,12 +116,12 @@ def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
 
 
 def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output() -> None:
-    task = task_of(REGULATION, nominal())
-    pd = computed_torque_pd(task, 4.0, 0.6).designed.lqr
+    pd = computed_torque_pd(task_of(REGULATION, nominal()), 4.0, 0.6).designed.lqr
     assert pd is not None
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
     np.testing.assert_allclose(np.sort_complex(pd.poles), np.sort_complex(expected), rtol=1e-6)
     # Its price by Lyapunov's equation.
-    closed = task.error.linearization.A - task.error.linearization.B @ pd.K
+    chains = TWO_LINK_JOINTS.linearization
+    closed = chains.A - chains.B @ pd.K
     rest = closed.T @ pd.P + pd.P @ closed + pd.Q + pd.K.T @ pd.R @ pd.K
     np.testing.assert_allclose(rest, 0, atol=1e-9 * np.abs(pd.Q).max())
