@@ -76,7 +76,7 @@ $(OLDER:%=portable-%): portable-%: $(INSTALLED)
 	$(AS) $* $(BIN)/grosmc-mj validate --no-figures --out build/portable/$*
 
 portable-fast: $(INSTALLED)  ## The fast tests of what computes, with an older machine's libraries
-	$(AS) nehalem-libraries $(FAST) $(COMPUTING:%=tests/%)
+	$(AS) nehalem-libraries $(FAST) $(call STORED,portable) $(COMPUTING:%=tests/%)
 
 mutate: $(INSTALLED)  ## Put faults in and count those that tests notice; under ten minutes, the next call goes on
 	$(BIN)/python tests/mutants.py $(ARGS)

@@ -9,6 +9,7 @@ import gc
 import io
 import json
 import os
+import shutil
 import signal
 from collections import Counter
 from collections.abc import Callable
@@ -70,6 +71,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: -slow[item.path])
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """A run that did not come to its end leaves no results for ``make test-report``."""
+    stored = session.config.getoption("xmlpath")
+    if stored and exitstatus not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        Path(stored).unlink(missing_ok=True)
+
+
 def hear_interrupts() -> None:
     """The ``preexec_fn`` of every child that a test interrupts: Ctrl-C ends it.
 
@@ -104,7 +113,8 @@ class Store:
         with (self.root / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not done.exists():
-                folder.mkdir(exist_ok=True)
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
                 fill(folder)
                 done.touch()
         return folder

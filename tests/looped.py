@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Actuator, Loop, in_loop
+from grosmc_mj.loop import Loop, in_loop
 from grosmc_mj.loop.controllers import AppliedLoop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, AnalyticPlant
@@ -57,13 +57,10 @@ def scripted(
     u: Sequence[float] | Array, period: float = H, *, modelled: bool = False
 ) -> Controller:
     """An open loop that asks for one number after the other, with a design model or without."""
-    u = np.array(u, float)
-    if not modelled:
-        script = Script(u, period, servo().parameters, 0.0)
-        return Controller("scripted", as_scripted, script, Noticed)
     lqr = nominal().law("corrected", "lqr")
-    script = Script(u, period, lqr.parameters.plant, lqr.parameters.reference)
-    return Controller("scripted", as_scripted, script, Noticed, lqr.design)
+    script = Script(np.array(u, float), period, lqr.parameters.plant, lqr.parameters.reference)
+    design = lqr.design if modelled else None
+    return Controller("scripted", as_scripted, script, Noticed, design)
 
 
 @cache
@@ -76,25 +73,16 @@ def played(
     loop: Loop,
     *,
     stride: int = 1,
-    h: float = H,
     x0: Sequence[float] = (0.0, 0.0),
-    run: int = 0,
     modelled: bool = False,
-    predict: bool = False,
     disturbances: Sequence[Disturbance] = (),
+    **options: Any,
 ) -> Trajectory:
     """The servo under a script in a loop, as long as there is something to ask for."""
-    periods: dict[str, Any] = {"control_period": stride * h, "timestep": h}
-    bare = scripted(u, stride * h, modelled=modelled)
-    return simulate(
-        servo(),
-        in_loop(bare, loop, SERVO, predict=predict, run=run, **periods),
-        x0,
-        duration=len(u) * stride * h,
-        disturbances=disturbances,
-        engine="python",
-        **periods,
-    )
+    periods: dict[str, Any] = {"control_period": stride * H, "timestep": H}
+    law = in_loop(scripted(u, stride * H, modelled=modelled), loop, SERVO, **options, **periods)
+    periods |= {"duration": len(u) * stride * H, "engine": "python"}
+    return simulate(servo(), law, x0, disturbances=disturbances, **periods)
 
 
 def applied(law: Controller) -> AppliedLoop:
@@ -109,26 +97,7 @@ def seen(run: Trajectory) -> Array:
     return run.seen
 
 
-def behind(u: Sequence[float] | Array, *, h: float = H, **numbers: Any) -> Array:
-    """What an actuator of these numbers makes of a script, timestep by timestep."""
-    return played(u, Loop(actuators=(Actuator(CURRENT, **numbers),)), h=h).input
-
-
 @cache
 def nominal(**settings: Any) -> Experiment:
     """The servo's nominal case, run in another way."""
     return Experiment.load("servo/nominal").with_settings(**settings)
-
-
-def closed(
-    bare: Controller,
-    loop: Loop,
-    x0: Sequence[float],
-    duration: float,
-    *,
-    predict: bool = False,
-    **options: Any,
-) -> Trajectory:
-    """The servo under a law in its loop."""
-    law = in_loop(bare, loop, SERVO, predict=predict)
-    return simulate(servo(), law, x0, duration=duration, **options)

@@ -33,16 +33,10 @@ def stepped(
     held: bool = False,
     start: float | None = None,
 ) -> Array:
-    """Readings after each step of an open loop.
+    """Readings after each step of an open loop that begins at a speed of all joints [rad/s].
 
-    Args:
-        plant: The servo.
-        duration: [s].
-        read: Reading of MuJoCo's data.
-        u: Input, or its function of time.
-        speed: Of all joints at the start [rad/s].
-        held: Whether the speed is held.
-        start: Angle of the motor behind a transmission at the start [rad].
+    A held speed is that of the servo's joint; ``start`` is the angle [rad] of the motor behind a
+    transmission.
     """
     model = plant.model
     data, rows = mujoco.MjData(model), []

@@ -1,7 +1,8 @@
 """Put the stored results of ``make test`` together: a line a part; exit code 1 if one is missing.
 
-Each run stores its results in build/tests: of all folders, of one (``PART=tests/control``), or of
-the tests that run apart. Of a part its newest result counts, unless the code is newer.
+Each run stores its results in build/tests: of all folders, of one (``PART=tests/control``), of the
+tests that run apart, or of the portable ones. Of a part its newest result counts, unless the code
+is newer. A run that was interrupted stores none.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
-TOP, APART = "top level", "apart"
+TOP = "top level"
+# Runs that are a part as a whole, whatever folders their tests come from.
+RUNS = ("apart", "portable")
 
 
 def part_of(name: str) -> str:
@@ -23,13 +26,13 @@ def part_of(name: str) -> str:
 def parts() -> list[str]:
     """All that must have passed; of the folder ``hostile`` everything runs apart."""
     files = (file.relative_to(ROOT / "tests") for file in (ROOT / "tests").rglob("test_*.py"))
-    return sorted({part_of(file.parts[0]) for file in files} - {"hostile"} | {APART})
+    return sorted({part_of(file.parts[0]) for file in files} - {"hostile"} | {*RUNS})
 
 
 def changed() -> float:
     """When the code or a test was changed last."""
-    files = [f for top in ("grosmc_mj", "models", "tests") for f in (ROOT / top).rglob("*.*")]
-    return max(file.stat().st_mtime for file in files if file.suffix in {".py", ".xml", ".toml"})
+    files = [f for top in ("grosmc_mj", "models", "tests") for f in (ROOT / top).rglob("*")]
+    return max(f.stat().st_mtime for f in files if f.is_file() and f.parent.name != "__pycache__")
 
 
 def results(folder: Path, since: float) -> dict[str, Counter[str]]:
@@ -42,7 +45,7 @@ def results(folder: Path, since: float) -> dict[str, Counter[str]]:
         for case in ElementTree.parse(file).iter("testcase"):
             part = part_of(f"{case.get('classname')}.".split(".")[1])
             end = next((x.tag for x in case if x.tag in ("failure", "error", "skipped")), "passed")
-            ends.setdefault(APART if file.stem == APART else part, Counter())[end] += 1
+            ends.setdefault(file.stem if file.stem in RUNS else part, Counter())[end] += 1
         newest |= ends
     return newest
 

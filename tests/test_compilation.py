@@ -9,7 +9,6 @@ import subprocess
 import sys
 import types
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ import pytest
 
 from grosmc_mj.compilation import array_at, compile_c, fingerprint
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.task import NoNumbers
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -27,14 +27,9 @@ from grosmc_mj.simulation.simulate import simulate
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@dataclass(frozen=True)
-class Nothing:
-    nothing: float = 0.0
-
-
 def command(law: Callable[..., Any], plant: Any) -> float:
-    """What the law commands at once."""
-    return simulate(plant, Controller("k", law, Nothing()), [0, 0], duration=1e-3).command[0]
+    """The law's first input, from compiled code."""
+    return simulate(plant, Controller("k", law, NoNumbers()), [0, 0], duration=1e-3).command[0]
 
 
 def returned(law: Any) -> float:
@@ -88,6 +83,8 @@ def law_of(k, name):
 for k in sys.argv[1:]:
     print(returned(law_of(float(k), "long")), returned(law_of(float(k), "recursive")))
 """.replace("SINES", "; ".join(200 * ["x = math.sin(x) * x"]))
+
+
 PRINTS = """
 from grosmc_mj.compilation import fingerprint
 from grosmc_mj.experiments.catalogue import chapter_controller
@@ -147,49 +144,24 @@ def test_laws_of_one_name_that_two_processes_compiled_stay_apart(tmp_path: Path)
         assert printed(start(tmp_path, RETURNED + NAMESAKES, *numbers)) == expected
 
 
-def test_fingerprint_is_the_same_in_another_process(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    there = printed(start(tmp_path, PRINTS))
-    exec(PRINTS, {})
-    assert capsys.readouterr().out.split() == there
-    assert len(set(there)) == 2
-
-
-# Fingerprints
-
-
-def law_with(helper: Callable[[float], float]) -> Callable[..., float]:
-    def law(t: float, x: Any, memory: Any, p: Any) -> float:
-        return helper(x[0] + 1.0)
-
-    return law
-
-
-def by_helper(k: float) -> Callable[..., float]:
-    return law_with(jitable(lambda x: k * x))
-
-
-def by_compiled_helper(k: float) -> Callable[..., float]:
-    return law_with(numba.njit(lambda x: k * x))
-
-
-def by_array(k: float) -> Callable[..., float]:
-    gains = np.array([k, 1.0])
-    return lambda t, x, memory, p: gains[0]
-
-
-def by_default(k: float) -> Callable[..., float]:
-    def law(t: float, x: Any, memory: Any, p: Any, gain: float = k) -> float:
-        return gain
-
-    return law
-
-
-def by_module(k: float) -> Callable[..., float]:
+def laws_of(k: float) -> list[Callable[..., float]]:
+    """Laws that return k by whatever numba freezes: helpers, arrays, defaults, modules, members."""
+    helper, compiled, gains = jitable(lambda x: k * x), numba.njit(lambda x: k * x), np.array([k])
     module: Any = types.ModuleType("helpers")
     vars(module).update(k=k / 2, helper=jitable(lambda x: k / 2 * x))
-    return lambda t, x, memory, p: module.helper(1.0) + module.k
+    level = Level(k)
+
+    def by_default(t: float, x: Any, memory: Any, p: Any, gain: float = k) -> float:
+        return gain
+
+    return [
+        lambda t, x, memory, p: helper(x[0] + 1.0),
+        lambda t, x, memory, p: compiled(x[0] + 1.0),
+        lambda t, x, memory, p: gains[0],
+        by_default,
+        lambda t, x, memory, p: module.helper(1.0) + module.k,
+        lambda t, x, memory, p: level.value * 1.0,
+    ]
 
 
 class Level(enum.Enum):
@@ -197,61 +169,50 @@ class Level(enum.Enum):
     HIGH = 7.0
 
 
-def by_enumeration(k: float) -> Callable[..., float]:
-    level = Level(k)
-    return lambda t, x, memory, p: level.value * 1.0
-
-
-@pytest.mark.parametrize(
-    "make", [by_helper, by_compiled_helper, by_array, by_default, by_module, by_enumeration]
-)
-def test_fingerprint_follows_every_number_that_numba_freezes(make: Any) -> None:
+def test_fingerprint_follows_operations_constants_and_every_number_that_numba_freezes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Otherwise a changed law runs the old machine code from the disk, without a word."""
-    assert fingerprint(make(3.0)) == fingerprint(make(3.0)) != fingerprint(make(7.0))
-    changed = [command(make(k), MujocoPlant.load("servo").analytic()) for k in (3.0, 7.0)]
-    assert changed == [3.0, 7.0]
-
-
-def test_fingerprint_follows_operations_and_constants() -> None:
+    same, again, others = ([fingerprint(law) for law in laws_of(k)] for k in (3.0, 3.0, 7.0))
+    assert same == again
+    assert all(one != other for one, other in zip(same, others, strict=True))
     laws = [lambda x: x + 2.0, lambda x: x * 2.0, lambda x: x + 3.0]
     assert len({fingerprint(law) for law in laws}) == 3
+    # Another process has the same ones.
+    there = printed(start(tmp_path, PRINTS))
+    exec(PRINTS, {})
+    assert capsys.readouterr().out.split() == there
 
 
 def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants = [MujocoPlant.load("servo"), MujocoPlant.load("servo").analytic()]
-    for k in (5.0, 6.0):
-        assert [command(by_helper(k), plant) for plant in plants] == [k, k]
+    for k in (3.0, 7.0):
+        # One that has travelled by value is compiled where it arrives.
+        law = cloudpickle.loads(cloudpickle.dumps(laws_of(k)[2]))
+        assert [command(law, plant) for plant in plants] == [k, k]
         # The second time, after all that they share.
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     (entry,) = tmp_path.rglob("*.nbi")
     assert entry.name.startswith("sample-")
 
 
-def test_a_law_that_has_travelled_by_value_is_compiled_where_it_arrives(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    law = cloudpickle.loads(cloudpickle.dumps(by_array(2.0)))
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert command(law, MujocoPlant.load("servo").analytic()) == 2.0
-
-
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-@pytest.mark.parametrize("content", [b"", b"cut", b"\x80\x05cos\nsystem\n"])
 def test_a_damaged_entry_of_the_cache_is_compiled_again(
-    kind: str, content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert returned(store_seven) == 7.0
     (entry,) = tmp_path.rglob(f"*.{kind}")
     intact = entry.read_bytes()
-    entry.write_bytes(content or intact[: len(intact) // 2])
-    assert returned(store_seven) == 7.0
-    # It is mended: the next one reads it, and writes none.
-    written = entries(tmp_path)
-    assert returned(store_seven) == 7.0
-    assert entries(tmp_path) == written
+    for content in (intact[: len(intact) // 2], b"cut", b"\x80\x05cos\nsystem\n"):
+        entry.write_bytes(content)
+        assert returned(store_seven) == 7.0
+        # It is mended: the next one reads it, and writes none.
+        written = entries(tmp_path)
+        assert returned(store_seven) == 7.0
+        assert entries(tmp_path) == written
 
 
 def store_seven(address: Any) -> None:

@@ -93,7 +93,7 @@ class Predictor:
             )
         if not log.pieces:
             raise ArgumentError(
-                f"{log.name}: too few samples are left to predict: hold out more of a longer log"
+                f"{log.name}: too few samples are left to predict: take a longer log"
             )
         windows = []
         for piece in log.pieces:

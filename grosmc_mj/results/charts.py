@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import NullLocator
 
 from grosmc_mj.results.figure import figure_written, in_lines
@@ -177,12 +178,16 @@ def _map(panel: Axes, chart: GridChart, nominal: GridChart | None) -> dict[str, 
     )
     panel.set_xlabel(across)
     panel.set_ylabel(down)
+    legend: dict[str, Artist] = {
+        entry.name: Patch(facecolor=entry.colour, edgecolor="#444444") for entry in chart.legend
+    }
     if nominal is not None:
         good = np.array([[float(letter == letters[0]) for letter in row] for row in nominal.grid])
         if 0 < good.mean() < 1:
             centres = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
+            outline: list[AbstractPathEffect] = [withStroke(linewidth=3.2, foreground=BLACK)]
             line = panel.contour(*centres, good, levels=[0.5], colors="white", linewidths=1.6)
-            line.set_path_effects([withStroke(linewidth=3.2, foreground=BLACK)])
-    return {
-        entry.name: Patch(facecolor=entry.colour, edgecolor="#444444") for entry in chart.legend
-    }
+            line.set_path_effects(outline)
+            name = f"edge of {chart.legend[0].name} in the top row"
+            legend[name] = Line2D([], [], color="white", linewidth=1.6, path_effects=outline)
+    return legend

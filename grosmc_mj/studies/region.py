@@ -30,7 +30,16 @@ from grosmc_mj.plants import Plant, Signal, System
 from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.palette import BLACK, BLUE, ORANGE, PURPLE, YELLOW, label_of
-from grosmc_mj.results.result import MEASURED, Answer, GridChart, Letter, Sheet, Value, result
+from grosmc_mj.results.result import (
+    MEASURED,
+    OPEN,
+    Answer,
+    GridChart,
+    Letter,
+    Sheet,
+    Value,
+    result,
+)
 from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.sweep.agreement import model_mismatch
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
@@ -600,8 +609,10 @@ def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -
     return write_panels(path, title, charts(region, maps))
 
 
-def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]:
-    """The content of region_SYSTEM.json."""
+def region_document(
+    region: Region, maps: Sequence[RegionMap], *, complete: bool = True
+) -> dict[str, Any]:
+    """The content of region_SYSTEM.json; ``complete`` if it has every map."""
     settings, system = region.experiments[1].settings, region.system
     keys = ("case", "title", "source", "edits", "disturbances")
     documents = [case_document(experiment.case) for experiment in region.experiments]
@@ -610,6 +621,7 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
         least = min((x for x in maps if x.controller == law), key=lambda x: x.converged)
         part = f"{number(least.converged)} % of the starts in {least.case.name}"
         shares[law] = "every start" if least.converged == 100 else part
+    answer = "; ".join(f"{law} converges from {share}" for law, share in shares.items())
     return result(
         "region",
         {
@@ -635,8 +647,8 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
         answers=[
             Answer(
                 question=f"Region of {system.name}",
-                verdict=MEASURED,
-                words="; ".join(f"{law} converges from {share}" for law, share in shares.items()),
+                verdict=MEASURED if complete else OPEN,
+                words=answer if complete else f"{answer}, so far",
                 more=f"the worst of {', '.join(x.case.name for x in region.experiments)}",
             )
         ],
@@ -654,6 +666,7 @@ def region_document(region: Region, maps: Sequence[RegionMap]) -> dict[str, Any]
             for x in maps
         ],
         system=system.name,
+        complete=complete,
         maps=[
             {
                 "case": x.case.name,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -34,19 +34,20 @@ LOADS = {
     REGULATION: Disturbance("payload", (0, 0, 0, 0, 0.5, 0), Constant()),
 }
 WEIGHT, FREQUENCY, BANDWIDTH = 2.0, 3.0, 100.0
+
 LAWS: dict[str, Callable[..., Controller]] = {
     "lqr": lambda task, linearizing: (linearized_lqr if linearizing else linear_lqr)(task),
-    "lqi": lambda task, linearizing: lqi(task, WEIGHT, linearizing=linearizing),
-    "pid": lambda task, linearizing: pid(task, FREQUENCY, linearizing=linearizing),
-    "adrc": lambda task, linearizing: adrc(task, BANDWIDTH, linearizing=linearizing),
-    "adaptive": lambda task, linearizing: adaptive(task, 2.0, 1.0, linearizing=linearizing),
+    "lqi": partial(lqi, integral_weight=WEIGHT),
+    "pid": partial(pid, frequency=FREQUENCY),
+    "adrc": partial(adrc, bandwidth=BANDWIDTH),
+    "adaptive": partial(adaptive, frequency=2.0, adaptation=1.0),
 }
 each_design = pytest.mark.parametrize("design", STARTS)
 
 
 @cache
-def nominal(design: str, variant: Any = "corrected") -> AnalyticPlant:
-    return MujocoPlant.load(design.split()[0]).analytic(variant)
+def nominal(design: str) -> AnalyticPlant:
+    return MujocoPlant.load(design.split()[0]).analytic()
 
 
 @cache
@@ -91,15 +92,10 @@ def augmented(law: Controller) -> tuple[Array, Array]:
 
 
 @each_design
-def test_pid_has_all_poles_at_its_frequency(design: str) -> None:
-    """Of z' = A z + B v, xi' = e under v = -(K z + H xi); a triple pole splits by eps^(1/3)."""
+def test_pid_has_all_poles_at_its_frequency_and_lqi_the_least_cost(design: str) -> None:
+    """A triple pole splits by eps^(1/3); a value function gives the gain back: R K = B'P."""
     closed, _ = augmented(controller(design, "pid"))
     np.testing.assert_allclose(np.linalg.eigvals(closed), -FREQUENCY, atol=3e-4)
-
-
-@each_design
-def test_lqi_s_gain_is_the_least_cost_of_the_augmented_plant(design: str) -> None:
-    """Its value function solves Lyapunov's equation and gives the gain back: R K = B'P."""
     law = controller(design, "lqi")
     (closed, K), optimum = augmented(law), law.designed.lqr
     m = len(optimum.R)
@@ -109,25 +105,22 @@ def test_lqi_s_gain_is_the_least_cost_of_the_augmented_plant(design: str) -> Non
     np.testing.assert_allclose(B.T @ P, optimum.R @ K, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("design", ["servo", "arm"])
-def test_integrals_are_exact_between_samples(design: str) -> None:
-    """Against a numerical integration of z' = A z over a long period; rtol of the solver."""
-    law, period, z = controller(design, "lqi"), 0.4, np.array([0.7, -1.3])
+def test_integrals_are_exact_between_samples_and_observers_have_their_poles() -> None:
+    """Against a numerical integration of z' = A z over a long period; rtol of the solver.
+
+    An observer has r + 1 poles at exp(-w_o T) for a chain of degree r.
+    """
+    law, period, z = controller("servo", "lqi"), 0.4, np.array([0.7, -1.3])
     A, p = law.designed.lqr.A, law.sampled(period).parameters.dynamics
     solved = scipy.integrate.solve_ivp(
         lambda _, y: [*(A @ y[:2]), y[0]], (0, period), [*z, 0.25], rtol=1e-11, atol=1e-12
     )
     np.testing.assert_allclose(p.F @ [0.25] + p.G @ z, solved.y[2:, -1], rtol=1e-9)
-
-
-@pytest.mark.parametrize(("degrees", "bandwidth"), [((1,), 1.0), ((3,), 200.0), ((2, 1), 200.0)])
-def test_observer_s_poles_are_at_its_bandwidth(degrees: Any, bandwidth: float) -> None:
-    """exp(-w_o T), r + 1 of them for a chain of degree r: by the characteristic polynomial."""
-    F, size = observer(degrees, bandwidth, PERIOD).F, sum(degrees) + len(degrees)
-    assert len(F) == size
-    # Powers of T = 1e-3 up to the third are in F: rounding of its determinants' terms.
-    expected = np.poly([math.exp(-bandwidth * PERIOD)] * size)
-    np.testing.assert_allclose(np.poly(F), expected, atol=1e-9)
+    for degrees, bandwidth in (((1,), 1.0), ((3,), 200.0), ((2, 1), 200.0)):
+        F, size = observer(degrees, bandwidth, PERIOD).F, sum(degrees) + len(degrees)
+        # Powers of T = 1e-3 up to the third are in F: rounding of its determinants' terms.
+        expected = np.poly([math.exp(-bandwidth * PERIOD)] * size)
+        np.testing.assert_allclose(np.poly(F), expected, atol=1e-9)
 
 
 @each_design
@@ -154,24 +147,6 @@ def test_integrals_hold_and_the_observer_is_told_while_an_input_is_cut() -> None
     u, q, p = sampled(adrc, BANDWIDTH, 1.5)
     assert u > 1.5
     np.testing.assert_allclose(q, p.F @ p.start @ z + p.G @ z + p.L @ [1.5], rtol=1e-12)
-
-
-# The adaptive law
-
-
-@pytest.mark.parametrize(
-    ("design", "variant"), [(design, "corrected") for design in STARTS] + [("arm", "printed")]
-)
-def test_torques_are_linear_in_the_parameters(design: str, variant: str) -> None:
-    """Y(q, q', q', q'') theta is the input that the plant's own equations moved under."""
-    plant, random = nominal(design, variant), np.random.default_rng(0)
-    linear, m = plant.system.parametrization, len(plant.system.inputs)
-    assert linear is not None
-    for _ in range(20):
-        x, u = random.uniform(-1.4, 1.4, 2 * m), random.normal(0, 3, m)
-        Y = linear.regressor(x, x[m:], plant.derivative(x, u)[m:], plant.parameters)
-        torque = np.reshape(Y, (m, -1)) @ np.array(linear.nominal(plant.parameters))
-        np.testing.assert_allclose(torque, u, rtol=0, atol=1e-12)  # sums of terms of up to 1e2
 
 
 @pytest.mark.parametrize(

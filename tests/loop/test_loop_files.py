@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from looped import H, seen
+from looped import H
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
@@ -15,15 +16,8 @@ from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
 CASE = """
 title = "a loop"
-
-[plant]
-system = "servo"
-
-[task]
-reference = ["1"]
-sign = -1
-Q = [1, 1]
-R = 1
+plant.system = "servo"
+task = { reference = ["1"], sign = -1, Q = [1, 1], R = 1 }
 
 [run]
 duration = "0.1 s"
@@ -87,9 +81,7 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
         ),
         seed=7,
     )  # fmt: skip
-
-
-def test_counts_of_an_encoder_are_its_steps_in_a_turn(tmp_path: Path) -> None:
+    # Counts of an encoder are its steps in a turn.
     sensor = '[[sensor]]\nof = "rotor angle"\ncounts = 1024\n'
     loop = Experiment.load(written(tmp_path, sensor, PLAIN)).case.loop
     assert loop is not None
@@ -101,11 +93,7 @@ MISTAKES = [
      "sensor 1: counts and resolution are the same number"),
     ('[[sensor]]\nof = "rotor speed"\ncounts = 10\n', "counts: rotor speed is no angle"),
     (f"{PLAIN}predict = true\n", "controller lqr: predict: there is no loop that it could know"),
-    ('[computing]\ndelay = "2 mm"\n', "computing: delay: .*mm"),
     ('[[actuator]]\nof = "current"\nrate_limit = "1 A"\n', "actuator 1: rate_limit: .*A/s"),
-    ('[[sensor]]\nof = "rotor angel"\nnoise = "1 mrad"\n', "sensor 1: unknown state .*did you me"),
-    ('[computing]\ndely = "1 ms"\n', "dely.*did you mean.*delay"),
-    ("[computing]\nseed = 1.0\n", r"computing: seed = 1\.0 must be a whole number"),
     # All at once.
     ('[computing]\nmissed = 1\n[[actuator]]\nof = "current"\nlimit = "0 A"\norder = 1\n'
      '[[sensor]]\nof = "rotor angle"\nnoise = "1 s"\n',
@@ -124,15 +112,16 @@ def test_mistakes_are_told_with_the_file(parts: str, words: str, tmp_path: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [".parquet", ".npz"])
-def test_what_a_law_saw_is_kept_in_files(ending: str, tmp_path: Path) -> None:
+def test_measurements_and_commands_are_kept_in_files(tmp_path: Path) -> None:
     run = Experiment.load("servo/bench").varied(duration=0.05).run("physics", "implicit, predicted")
-    found = gm.load_trajectory(run.save(tmp_path / f"run{ending}"))
-    np.testing.assert_array_equal(seen(found), seen(run.trajectory))
-    assert not np.array_equal(seen(found), found.state[:-1])
-    np.testing.assert_array_equal(found.command, run.trajectory.command)
-    assert not np.array_equal(found.command, found.input)
-    columns = run.trajectory.to_arrow().schema
-    assert columns.field("rotor angle seen").metadata[b"unit"] == b"rad"
-    # What a loop computes in is no signal.
-    assert not [name for name in columns.names if "loop" in name]
+    found = gm.load_trajectory(run.save(tmp_path / "run.parquet"))
+    pairs: Any = (
+        (found.seen, run.trajectory.seen, found.state[:-1]),
+        (found.command, run.trajectory.command, found.input),
+    )
+    for kept, own, true in pairs:
+        np.testing.assert_array_equal(kept, own)
+        assert not np.array_equal(kept, true)
+    schema = run.trajectory.to_arrow().schema
+    assert schema.field("rotor angle seen").metadata[b"unit"] == b"rad"
+    assert not [name for name in schema.names if "loop" in name]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import pytest
 from looped import ANGLE, CURRENT, SPEED, H, nominal, scripted, servo
 
-from grosmc_mj.errors import ArgumentError, MistakesError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
@@ -22,23 +21,16 @@ around = partial(in_loop, LQR, system=SERVO)
 played = partial(simulate, servo(), PLAIN, (0, 0), duration=0.1)
 # Past the type checker.
 wrong: Any = partial
-MISTAKES: list[tuple[Callable[[], Any], str]] = [
+MISTAKES: list[tuple[Any, str]] = [
     # A number of a part by itself.
-    (wrong(Actuator, CURRENT, limit=0), "limit = 0 must be positive"),
-    (wrong(Actuator, CURRENT, order=3), "order = 3 must be a whole number from 1 to 2"),
-    (wrong(Computing, missed=1), "missed = 1 must be from 0 to below 1"),
-    (wrong(Sensor, ANGLE, noise=-1), "noise = -1 must be finite and not negative"),
-    (wrong(Sensor, 3), "of = 3 must be a name"),
     (wrong(Estimator, ()), r"of = \(\) must be names of states, at least one"),
     (wrong(Estimator, (SPEED,), "eso"), "eso needs bandwidth"),
     (wrong(Estimator, (SPEED,), slope=3), "difference needs no number, has no time_constant, slop"),
     (wrong(Estimator, (SPEED,), "levnt"), "unknown estimator 'levnt': did you mean 'levant'"),
-    (wrong(Loop, sensors=Sensor(ANGLE)), "must be a tuple of Sensors"),
     (wrong(Loop().changed, "sensor", ANGLE, noise=1), r"there is no \[\[sensor\]\]"),
     # A part around a law of the servo.
     (wrong(around, Loop(Computing(delay=1.5 * H))), r"computing: delay = 0.0015 s is no multiple"),
     (wrong(around, Loop(Computing(delay=0.4 * H))), "take 0.001 s, or a shorter timestep"),
-    (wrong(around, Loop(Computing(delay=1000.0))), "delay = 1000 s is 1000000 timesteps"),
     (wrong(around, Loop(Computing(jitter=H))), "must be shorter than the control period"),
     (wrong(around, Loop(actuators=(Actuator(CURRENT, lag=1e6),))), r"lag = 1e\+06 s is more than"),
     (wrong(around, Loop(sensors=(Sensor("rotor angel"),))), "unknown state .* did you mean 'rotor"),
@@ -66,17 +58,8 @@ MISTAKES: list[tuple[Callable[[], Any], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "words"), MISTAKES, ids=[words for _, words in MISTAKES])
-def test_a_loop_that_cannot_be_is_refused_in_one_line(make: Callable[[], Any], words: str) -> None:
+@pytest.mark.parametrize(("make", "words"), MISTAKES)
+def test_a_loop_that_cannot_be_is_refused_in_one_line(make: Any, words: str) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
         make()
     assert "\n" not in str(refused.value)
-
-
-def test_all_mistakes_are_told_at_once() -> None:
-    loop = Loop(
-        Computing(delay=1.5 * H, jitter=0.1 * H), (Sensor("x"),), (), (Actuator(CURRENT, 0.1 * H),)
-    )
-    with pytest.raises(MistakesError) as refused:
-        in_loop(LQR, loop, SERVO)
-    assert len(refused.value.mistakes) == 4

@@ -1,27 +1,20 @@
-"""Sensors, computer and actuators: against their description, SciPy and MuJoCo."""
+"""Sensors, computer and actuators: against their description and SciPy."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from looped import ANGLE, CURRENT, SPEED, H, applied, behind, played, scripted, seen
+from looped import ANGLE, CURRENT, SPEED, H, played, seen
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
-from grosmc_mj.loop.actuators import actuate
+from grosmc_mj.loop import Actuator, Computing, Loop, Sensor
 from grosmc_mj.loop.counter import normal, uniform
-from grosmc_mj.loop.delay import send
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
-from grosmc_mj.simulation.simulate import simulate
 
 EPS = np.finfo(float).eps
 late = st.integers(0, 9).map(lambda steps: steps * H)
@@ -96,50 +89,9 @@ def test_a_loop_is_its_description_sample_by_sample(
         rated += np.clip(demand - rated, -change, change)
         given_out = math.copysign(max(abs(rated) - dead, 0.0), rated)
         assert run.input[i] == pytest.approx(given_out, rel=0, abs=100 * EPS * 6)
-
-
-def test_beyond_2_52_multiples_a_reading_is_as_it_is() -> None:
+    # Beyond 2^52 multiples a reading is as it is.
     run = played(np.zeros(3), Loop(sensors=(Sensor(ANGLE, 1e-9),)), x0=(1e8 + 0.3, 0.0))
     np.testing.assert_array_equal(seen(run)[:, 0], 1e8 + 0.3)
-
-
-def test_a_delay_is_mujoco_s_own() -> None:
-    """MuJoCo's attribute ``delay`` of an actuator; by Euler, whose step asks for the input once."""
-    u, steps = np.random.default_rng(1).normal(size=60), 7
-    plant = MujocoPlant.load("servo", integrator="Euler")
-    law = in_loop(scripted(u), Loop(actuators=(Actuator(CURRENT, delay=steps * H),)), SERVO)
-    ours = simulate(plant, law, [0.3, -0.2], duration=len(u) * H, engine="python")
-    spec: Any = plant.spec.copy()
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.actuators[0].delay, spec.actuators[0].nsample = steps * H, steps
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[0], data.qvel[0] = 0.3, -0.2
-    theirs = [(0.3, -0.2)]
-    for command in u:
-        data.ctrl[0] = command
-        mujoco.mj_step(model, data)
-        theirs.append((data.qpos[0], data.qvel[0]))
-    np.testing.assert_array_equal(ours.state, theirs)
-    assert np.ptp(ours.state[:, 1]) > 0
-
-
-# --- lags ---
-
-U = np.random.default_rng(2).uniform(-3, 3, 200)
-
-
-def at_the_ends(lag: float, order: int) -> Array:
-    """The lag's output at the end of each timestep."""
-    actuators = (Actuator(CURRENT, lag=lag, order=order),)
-    law = in_loop(scripted(U), Loop(actuators=actuators), SERVO)
-    loop = applied(law).begin_uncompiled(law, law.memory(), np.zeros(2), np.zeros(2))
-    ends = []
-    for i, u in enumerate(U):
-        send([u], loop)
-        actuate(i, loop, np.zeros(1))
-        ends.append((loop.actuators[0].first, loop.actuators[0].second)[order - 1])
-    return np.array(ends)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -148,20 +100,17 @@ def test_lags_are_the_exact_discretization_and_their_output_is_its_mean(
     lag: float, order: int
 ) -> None:
     """The integral is a state more, whose rate is the lag's output."""
-    A = np.array([[-1.0, 0.0], [1.0, -1.0]])[:order, :order] / lag
-    B = np.array([[1.0], [0.0]])[:order] / lag
-    discrete: Any = scipy.signal.cont2discrete((A, B, np.eye(order), np.zeros((order, 1))), H)
-    with_integral = np.zeros((order + 2, order + 2))
-    with_integral[:order, :order], with_integral[:order, -1:] = A, B
-    with_integral[order, order - 1] = 1.0
-    transition, x, ends, means = scipy.linalg.expm(with_integral * H), np.zeros(order), [], []
-    for u in U:
-        means.append((transition @ [*x, 0.0, u])[order] / H)
-        x = discrete[0] @ x + discrete[1][:, 0] * u
-        ends.append(x[-1])
-    # Two ways to compute it differ by some roundings a timestep, which fade away.
-    bound = 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order
-    np.testing.assert_allclose(at_the_ends(lag, order), ends, rtol=0, atol=bound)
-    # The mean is u less lag / H times the gain of the output.
-    output = behind(U, lag=lag, order=order)
-    np.testing.assert_allclose(output, means, rtol=0, atol=bound * (1 + 2 * lag / H))
+    u_k = np.random.default_rng(2).uniform(-3, 3, 200)
+    rates, x, means = np.zeros((order + 2, order + 2)), np.zeros(order + 2), []
+    rates[:order, :order] = (np.eye(order, k=-1) - np.eye(order)) / lag
+    rates[0, -1], rates[order, order - 1] = 1 / lag, 1.0
+    transition = scipy.linalg.expm(rates * H)
+    for u in u_k:
+        x[order:] = 0.0, u
+        x = transition @ x
+        means.append(x[order] / H)
+    run = played(u_k, Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),)))
+    # Two ways to compute it differ by some roundings a timestep, which fade away; the mean is u
+    # less lag / H times the gain of the output.
+    bound = 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order * (1 + 2 * lag / H)
+    np.testing.assert_allclose(run.input, means, rtol=0, atol=bound)

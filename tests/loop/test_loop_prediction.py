@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 import pytest
-from looped import CURRENT, H, applied, closed, nominal, played, seen, servo
+from looped import CURRENT, H, applied, nominal, played, seen, servo
 
-from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.experiments.runs import RunResult, run_on
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
-from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-
-SECONDS = 10.0
-
-
-@cache
-def late(steps: int, predict: bool, switching: str = "implicit") -> RunResult:
-    """The servo's nominal step, its output late by some samples."""
-    surface = "discrete" if switching == "implicit" else "printed"
-    experiment = nominal(switching=switching, surface=surface)
-    loop = Loop(Computing(delay=steps * H))
-    law = in_loop(experiment.law("corrected", "grosmc"), loop, SERVO, predict=predict)
-    return run_on(experiment, "corrected", law, experiment.plant("corrected"))
 
 
 def dead_time(law: Controller) -> float:
     """As the law knows it, in timesteps."""
     return float(applied(law).start.computer["dead"][0])
-
-
-def value(run: RunResult, name: str) -> float:
-    number = run.metrics[name].value
-    assert number is not None
-    return number
 
 
 def midpoint_error(run: Trajectory, steps: int) -> float:
@@ -48,63 +25,25 @@ def midpoint_error(run: Trajectory, steps: int) -> float:
     return steps * H**3 * float(np.linalg.norm(A, 2) ** 2 * np.abs(rates).max()) / 6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("steps", [1, 5])
-def test_a_known_dead_time_costs_only_the_wait(steps: int) -> None:
-    """The servo stands for d samples at z = (1, 0), which costs z'Qz/2 d h more than on time.
+@pytest.mark.parametrize(("delay", "age", "sent"), [(2, 3, 1), (0, 4, 0)])
+def test_the_age_of_a_measurement_is_predicted_too(delay: int, age: int, sent: int) -> None:
+    """The law gets the state when its output arrives, but for the midpoint rule's steps.
 
-    The trapezoid of the cost holds the corner where the input sets in, of a sample's width. The
-    motion is that on time, d samples later: a linear plant and its exact model.
+    The start moves, and measurements are of the start until they are as old as their sensors say.
     """
-    on_time, run, unknown = late(0, True), late(steps, True), late(steps, False)
-    more = value(run, "cost_whole") - value(on_time, "cost_whole")
-    assert more == pytest.approx(0.5 * steps * H, abs=0.01 * H)
-    assert value(run, "cost_whole") < 1.01 * value(run, "cost_optimal")
-    # The optimum's input, once round: at its start it jumps by 1 A, from rest.
-    calm = value(on_time, "total_variation") + 1.0 / SECONDS
-    assert value(run, "total_variation") == pytest.approx(calm, rel=1e-3)
-    # s is a difference of sums, of which a few thousand roundings are left.
-    ours, theirs = run.trajectory.state, on_time.trajectory.state
-    np.testing.assert_allclose(ours[steps:], theirs[: len(ours) - steps], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(ours[: steps + 1], theirs[:1].repeat(steps + 1, 0))
-    assert value(unknown, "cost_whole") > 10 * value(unknown, "cost_optimal")
-    assert value(unknown, "total_variation") > 1000 * value(run, "total_variation")
-
-
-def test_the_age_of_a_measurement_is_predicted_too() -> None:
-    """The law gets the state when its output arrives, but for the midpoint rule's six steps."""
     loop = Loop(
-        Computing(delay=2 * H),
-        tuple(Sensor(state.name, delay=3 * H) for state in SERVO.states),
-        actuators=(Actuator(CURRENT, delay=H, limit=0.7),),
+        Computing(delay=delay * H),
+        tuple(Sensor(state.name, delay=age * H) for state in SERVO.states),
+        actuators=(Actuator(CURRENT, delay=sent * H, limit=0.7),),
     )
-    u = np.random.default_rng(5).normal(size=120)
-    run = played(u, loop, modelled=True, predict=True)
-    predicted, error = run.memory["x"], midpoint_error(run, 6)
+    u, ahead = np.random.default_rng(5).normal(size=120), delay + sent
+    run = played(u, loop, x0=(0.4, 3.0), modelled=True, predict=True)
+    predicted, error = run.memory["x"][: len(u) - ahead], midpoint_error(run, ahead + age)
     assert np.abs(run.command).max() > 0.7
     assert error < 1e-3 * np.abs(predicted).max()
-    np.testing.assert_allclose(predicted[:-3], run.state[3:-1], rtol=0, atol=error)
-    np.testing.assert_array_equal(seen(run)[3:], run.state[:-4])
-
-
-def angle(t: float, x: Any, memory: Any, p: Any) -> float:
-    """A law whose output is the angle that it gets."""
-    return x[0]
-
-
-@pytest.mark.parametrize(("delay", "age"), [(0, 4), (2, 3)])
-def test_a_moving_start_is_predicted_while_measurements_are_those_of_the_start(
-    delay: int, age: int
-) -> None:
-    law = custom_controller("angle", angle, nominal().law("corrected", "lqr"))
-    sensors = tuple(Sensor(state.name, delay=age * H) for state in SERVO.states)
-    looped = in_loop(law, Loop(Computing(delay=delay * H), sensors), SERVO, predict=True)
-    run = simulate(servo(), looped, (0.4, 3.0), duration=20 * H, engine="python")
-    predicted, arrives = run.command[: 20 - delay], run.state[delay:20, 0]
-    error = midpoint_error(run, delay + age)
-    assert error < 1e-3 * np.ptp(arrives)
-    np.testing.assert_allclose(predicted, arrives, rtol=0, atol=error)
-    np.testing.assert_array_equal(seen(run)[: age + 1, 0], 0.4)
+    np.testing.assert_allclose(predicted, run.state[ahead:-1], rtol=0, atol=error)
+    np.testing.assert_array_equal(seen(run)[age:], run.state[: -1 - age])
+    np.testing.assert_array_equal(seen(run)[:age, 0], 0.4)
 
 
 def test_a_load_that_the_model_lacks_is_learned() -> None:
@@ -124,34 +63,17 @@ def test_a_load_that_the_model_lacks_is_learned() -> None:
     assert abs(error[-1] / error[0]) < 1e-3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("switching", ["sign", "implicit"])
-def test_a_predicted_surface_starts_at_zero(switching: str) -> None:
-    """Its first sample is not at t = 0 but when its output arrives."""
-    run = late(5, True, switching)
-    first = run.controller.begin()[0].first
-    assert first == pytest.approx(5 * H, rel=1e-12)
-    sliding: Any = run.trajectory.sliding
-    assert sliding[0] == 0.0
-    assert run.trajectory.memory["first"][-1] == first
-
-
 def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
     law = nominal().law("corrected", "lqr")
     for order, lag, steps in ((1, 3e-3, 3), (2, 3e-3, 6), (2, 0.7e-3, 1), (1, 0.4e-3, 0)):
         loop = Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),))
         looped = in_loop(law, loop, SERVO, predict=True)
         assert dead_time(looped) == steps
-        assert applied(looped).ahead == pytest.approx(steps * H)
+        # The law's first output arrives then: a surface begins there.
+        assert applied(looped).ahead == looped.begin()[0].first == pytest.approx(steps * H)
     loop = Loop(sensors=tuple(Sensor(state.name, delay=2 * H) for state in SERVO.states))
     looped = in_loop(law, loop, SERVO, predict=True)
     assert (dead_time(looped), applied(looped).ahead) == (2.0, 0.0)
-
-
-def test_a_law_that_knows_another_loop_does_as_that_says() -> None:
-    """One that believes in no dead time does as one that does not predict."""
-    law, loop = nominal().law("corrected", "lqr"), Loop(Computing(delay=4 * H))
-    believing = in_loop(law, loop, SERVO, predict=True, known=Loop())
-    assert dead_time(believing) == 0.0
-    ours = simulate(servo(), believing, (0.0, 0.0), duration=0.5)
-    np.testing.assert_array_equal(ours.state, closed(law, loop, (0.0, 0.0), 0.5).state)
+    # A law may know another loop than the one that it meets.
+    loop = Loop(Computing(delay=4 * H))
+    assert dead_time(in_loop(law, loop, SERVO, predict=True, known=Loop())) == 0.0

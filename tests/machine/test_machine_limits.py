@@ -3,113 +3,59 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from machined import stepped
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
-from grosmc_mj.machine import (
-    LuGre,
-    MachinePart,
-    Motor,
-    Stop,
-    SwingingLoad,
-    Transmission,
-    Wall,
-)
-from grosmc_mj.physics.edits import Edit, JointEdit
+from grosmc_mj.machine import LuGre, MachinePart, Motor, Stop, SwingingLoad, Transmission, Wall
+from grosmc_mj.physics.edits import Edit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 
 
-@cache
-def swung(*edits: Edit) -> Array:
-    """The rotor's angle under a slow sine, at every timestep of 10 us."""
-    plant = MujocoPlant.load("servo", edits=edits, timestep=1e-5)
-    return stepped(plant, 0.25, lambda d: d.qpos[0], lambda t: math.sin(20 * t))
-
-
-def test_a_transmission_that_stiffens_is_the_rigid_joint_with_the_motors_armature() -> None:
-    rigid, errors = swung(JointEdit("shaft", armature=0.01)), []
-    for k in (1e3, 1e4, 1e5):
-        # Damped so that only its giving way is left, of the first order in 1/k.
-        damping = 2 * math.sqrt(0.0085 * k)
-        soft = swung(Transmission("shaft", inertia=0.01, stiffness=k, damping=damping))
-        errors.append(np.abs(soft - rigid).max())
-    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 10, rtol=0.05)
-
-
 def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
-    nominal = MujocoPlant.load("servo")
-    whole = Transmission("shaft", inertia=0.05, stiffness=1e5, damping=40.0, added=False)
-    assert np.abs(swung(whole) - swung()).max() < 3e-4
-    plant = nominal.edited(whole)
+    nominal = MujocoPlant.load("servo", timestep=1e-5)
+    taken = Transmission("shaft", inertia=0.05, stiffness=1e5, damping=40.0, added=False)
+    plant = nominal.edited(taken)
+    soft, rigid = (
+        stepped(one, 0.25, lambda d: d.qpos[0], lambda t: math.sin(20 * t))
+        for one in (plant, nominal)
+    )
+    assert np.abs(soft - rigid).max() < 3e-4
     for same in (plant, plant.rigid):
         assert same.analytic().parameters == nominal.analytic().parameters
 
 
-def test_batches_of_machines_are_their_single_runs() -> None:
-    law = find_experiment("servo", "nominal").law("physics", "grosmc")
-    plants = [
-        MujocoPlant.load(
-            "servo",
-            edits=(
-                Transmission("shaft", inertia=0.01, stiffness=k, damping=1.0, backlash=1e-3),
-                LuGre("shaft", 0.05),
-            ),
-        )
-        for k in (300.0, 500.0)
-    ]
-    starts = [[0.0, 0.0], [0.1, -0.2]]
-    both = simulate(plants, law, starts, duration=0.2, control_period=1e-3)
-    assert both.physics is not None
-    for i, (plant, x0) in enumerate(zip(plants, starts, strict=True)):
-        alone = simulate(plant, law, x0, duration=0.2, control_period=1e-3)
-        assert alone.physics is not None
-        assert np.array_equal(alone.physics, both.physics[i])
-        # The motor begins with its joint.
-        assert alone.physics[0].tolist() == [0.0, x0[0], x0[0], x0[1], x0[1], 0.0]
-    ended = simulate(plants, law, starts, duration=0.2, control_period=1e-3, record=False)
-    assert ended.physics is not None
-    assert np.array_equal(ended.physics[:, -1], both.physics[:, -1])
-
-
-def test_what_no_law_sees_is_named_with_its_unit() -> None:
-    plant = MujocoPlant.load(
-        "cart_pendulum",
-        edits=(
-            Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
-            LuGre("slider", 1.0, stiffness=1e3),
-            SwingingLoad("cart", 0.1, 0.2),
-        ),
+def test_hidden_states_are_named_with_their_unit() -> None:
+    parts = (
+        Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
+        LuGre("slider", 1.0, stiffness=1e3),
+        SwingingLoad("cart", 0.1, 0.2),
     )
-    found = {each.name: each.unit for each in plant.hidden_states}
-    assert found == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
+    plant = MujocoPlant.load("cart_pendulum", edits=parts)
+    units = {state.name: state.unit for state in plant.hidden_states}
+    assert units == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
     law = find_experiment("cart_pendulum", "nominal").law("physics", "lqr")
     run = simulate(plant, law, [0, 0.1, 0, 0], duration=0.05, control_period=1e-3)
     assert run.physics is not None
-    twist = next(each for each in plant.hidden_states if each.name == "slider twist").of(
-        run.physics
-    )
+    (state,) = (state for state in plant.hidden_states if state.name == "slider twist")
+    twist = state.of(run.physics)
     assert twist[0] == 0
     assert 0 < np.abs(twist).max() < 1e-2
     assert run.state.shape[1] == 4
-
-
-def test_a_plant_with_states_of_its_own_has_no_derivative_but_its_rigid_one_has() -> None:
-    plant = MujocoPlant.load("servo", edits=(Transmission("shaft", inertia=0.01, stiffness=300.0),))
-    with pytest.raises(ModelError, match=r"states that x does not tell \(shaft twist\)"):
-        plant.derivative([0.0, 0.0])
-    rigid = plant.rigid.derivative([0.0, 1.0], 1.0)
-    assert rigid == pytest.approx(plant.analytic().derivative([0.0, 1.0], 1.0))
+    assert run.physics[0, 1:4].tolist() == [0.0, 0.1, 0.0]  # the motor begins with its joint
+    # A plant with states of its own has no derivative, but its rigid one has.
+    with pytest.raises(ModelError, match=r"states that x does not tell \(cart swing, slider twist"):
+        plant.derivative([0.0] * 4)
     with pytest.raises(ModelError, match=r"ask its \.rigid plant"):
         plant.linearization()
+    rigid = plant.rigid.derivative([0.0, 1.0, 0.0, 0.0], 1.0)
+    assert rigid == pytest.approx(plant.analytic().derivative([0.0, 1.0, 0.0, 0.0], 1.0))
 
 
 def model(*edits: Edit, name: str = "servo", integrator: Any = "RK4", h: float = 1e-3) -> Any:
@@ -118,42 +64,36 @@ def model(*edits: Edit, name: str = "servo", integrator: Any = "RK4", h: float =
 
 BRISTLES = LuGre("shaft", 0.05, 0.07, damping=3.0)
 wrong: Any = partial
-REFUSED: list[tuple[Callable[[], Any], str]] = [
-    (wrong(model, Transmission("shfat", 0.1, 1e3)), r"unknown joint 'shfat'.*did you mean|shaft"),
-    (wrong(model, LuGre("shaft", 0.1), LuGre("shaft", 0.2)), "'shaft' has two of the kind 'lugre'"),
-    (
-        wrong(model, Transmission("hinge", 0.1, 1e3), name="cart_pendulum"),
-        "no input drives joint 'hinge'",
-    ),
-    (wrong(model, Motor("currant", 0.1, 1.0)), "unknown input 'currant'"),
-    (wrong(model, Transmission("shaft", 1e-4, 1e4)), r"take at most 0\.00\d+ s, or make it softer"),
-    (wrong(model, Motor("current", 0.1, 1.0, inductance=1e-5)), "another integrator, or leave"),
-    (wrong(model, Motor("current", 0.1, 1.0, added=False)), "let them be added"),
-    (
-        wrong(model, Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)),
-        r"0\.06 is no part .* armature of 0 .* 0\.0577: give less",
-    ),
-    (wrong(model, BRISTLES, integrator="implicitfast"), r"= 1\.05: take integrator RK4 or Euler"),
-    # A part's own numbers.
-    (wrong(Transmission, "j", 0.1), "it is rigid: give a stiffness, a backlash or both"),
-    (wrong(LuGre, "j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
-    (wrong(Stop, "j", 1.0, -1.0), "low = 1 must be below high = -1"),
-    (wrong(Motor, "i", 0.1, math.nan), r"resistance = nan must be from 1e-15 to 1e\+15 ohm"),
-    (wrong(Motor, "i", 0.1, 1.0, efficiency=1.5), r"efficiency = 1\.5 must be from 1e-15 to 1$"),
-    (wrong(Motor, "i", 0.1, 1.0, ratio=0.0), "ratio = 0 must be at least 1e-15, or negative"),
-    (wrong(Motor, "i", 0.1, 1.0, thermal_resistance=1.0), "heating needs both"),
-    (wrong(SwingingLoad, "b", 1e-16, 1.0), "mass = 1e-16 must be from 1e-15 to"),
-    (wrong(Wall, "b", 0.1, normal=(0, 0, 0)), "must point somewhere"),
-    (wrong(Wall, "b", 0.1, at=(0, 0)), "3 finite numbers"),
-    (wrong(JointEdit, "j", tilt=2.0), r"tilt = 2 must be above -1\.5708 to below 1\.5708 rad"),
-]
 
 
-@pytest.mark.parametrize(("make", "words"), REFUSED, ids=[words for _, words in REFUSED])
-def test_what_cannot_be_is_told_in_one_line(make: Callable[[], Any], words: str) -> None:
-    with pytest.raises(ModelError, match=words) as told:
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (wrong(model, Transmission("shfat", 0.1, 1e3)), r"unknown joint 'shfat'.*did you mean"),
+        (wrong(model, LuGre("shaft", 0.1), LuGre("shaft", 0.2)), "two of the kind 'lugre'"),
+        (wrong(model, Transmission("hinge", 0.1, 1e3), name="cart_pendulum"),
+         "no input drives joint 'hinge'"),
+        (wrong(model, Motor("currant", 0.1, 1.0)), "unknown input 'currant'"),
+        (wrong(model, Transmission("shaft", 1e-4, 1e4)), r"at most 0\.00\d+ s, or make it softer"),
+        (wrong(model, Motor("current", 0.1, 1.0, inductance=1e-5)), "another integrator, or leave"),
+        (wrong(model, Motor("current", 0.1, 1.0, added=False)), "let them be added"),
+        (wrong(model, Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)),
+         r"0\.06 is no part .* armature of 0 .* 0\.0577: give less"),
+        (wrong(model, BRISTLES, integrator="implicitfast"), r"= 1\.05: take integrator RK4"),
+        # A part's own numbers.
+        (wrong(Transmission, "j", 0.1), "it is rigid: give a stiffness, a backlash or both"),
+        (wrong(LuGre, "j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
+        (wrong(Stop, "j", 1.0, -1.0), "low = 1 must be below high = -1"),
+        (wrong(Motor, "i", 0.1, 1.0, ratio=0.0), "ratio = 0 must be at least 1e-15, or negative"),
+        (wrong(Motor, "i", 0.1, 1.0, thermal_resistance=1.0), "heating needs both"),
+        (wrong(Wall, "b", 0.1, normal=(0, 0, 0)), "must point somewhere"),
+        (wrong(Wall, "b", 0.1, at=(0, 0)), "3 finite numbers"),
+    ],
+)  # fmt: skip
+def test_an_impossible_part_is_refused_in_one_line(make: Any, words: str) -> None:
+    with pytest.raises(ModelError, match=words) as refused:
         make()
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -165,15 +105,14 @@ def test_what_cannot_be_is_told_in_one_line(make: Callable[[], Any], words: str)
     ],
 )
 def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachinePart) -> None:
-    with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most (.*) s,") as told:
+    with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most (.*) s,") as info:
         model(part, integrator="implicitfast")
-    longest = float(str(told.value).split("at most ")[1].split()[0])
-    for integrator in ("implicitfast", "Euler"):
-        assert model(part, integrator=integrator, h=longest)
+    longest = float(str(info.value).split("at most ")[1].split()[0])
+    assert model(part, integrator="implicitfast", h=longest)
     assert model(BRISTLES, integrator="Euler")
 
 
-@pytest.mark.parametrize("starts", [0.0, [-1.5, 0.0], [-2.1, -1.5]])
+@pytest.mark.parametrize("starts", [0.0, [-2.1, -1.5]])
 def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
     """MuJoCo would throw the rotor back by a force without bound: no run tells of that plant."""
     plant = MujocoPlant.load("servo", edits=(Stop("shaft", -2.0, -1.0),))

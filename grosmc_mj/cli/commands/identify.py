@@ -73,7 +73,7 @@ class IdentifyCommand(_OfLog):
         from grosmc_mj.identify.case_file import write_case
         from grosmc_mj.identify.fit import fit, quality, residuals
         from grosmc_mj.identify.parameters import parameters_of
-        from grosmc_mj.identify.replay import require_matching
+        from grosmc_mj.identify.replay import Predictor, require_matching
         from grosmc_mj.identify.report import draw, identification
 
         if not 0 < self.hold_out < 0.9:
@@ -84,6 +84,8 @@ class IdentifyCommand(_OfLog):
         steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
         require_matching(log, plant, **steps)
         fitted, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
+        for part in (fitted, held):
+            Predictor.of(part, **steps)  # refuses one that is too short, before the work
         with screen.progress(1) as advance:
             best = fit(parameters, fitted, plant, **steps, progress=lambda text: advance(text, 0))
             parts = residuals(best, held, plant, **steps)

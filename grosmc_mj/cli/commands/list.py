@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,7 +44,7 @@ class ListCommand(Command):
     def execute(self) -> int:
         """All systems and case files by name, or one target in detail."""
         if self.target:
-            _say_one(screen.wide_console(), self.target)
+            _say_one(screen.console(), self.target)
         else:
             _say_everything(screen.console())
         return screen.DONE
@@ -147,5 +148,7 @@ def _nominal_numbers(plant: Plant) -> dict[str, str]:
 
 
 def _say(console: Console, title: str, words: str) -> None:
-    """A line with a title."""
-    console.print(f"  {title:<12} {words}", markup=False)
+    """Words with a title, folded beside it."""
+    line, indent = f"  {title:<12} {words}", " " * 15
+    folded = textwrap.wrap(line, screen.WIDTH, subsequent_indent=indent, break_long_words=False)
+    console.print("\n".join(folded), markup=False, soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
@@ -13,6 +13,11 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from grosmc_mj.studies.region import Region, RegionMap
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class RegionCommand(Command):
     these, in steps of RK4, and every start beside another outcome is confirmed in MuJoCo, with 2 %
     of the others.
 
-    Writes region_SYSTEM.json, .png and .svg to --out.
+    Writes region_SYSTEM.json, .png and .svg to --out; after Ctrl-C the maps that are finished.
 
     Attributes:
         target: servo, cart_pendulum, arm or two_link_arm; of SYSTEM/CASE the case is the perturbed
@@ -76,13 +81,16 @@ class RegionCommand(Command):
         for case, why in region.why_not.items():
             if why:
                 screen.notice(f"{case}: not screened by equations: {why}.")
-        # Opened before the work: a place that cannot be written is refused at once, and what is
-        # there already stays until all of the new is complete.
-        with written_aside(target) as part:
+        maps: list[study.RegionMap] = []
+        # Opened before the work: a place that cannot be written is refused at once.
+        with (
+            screen.partial_results_kept(lambda: _write_partial(region, maps, target)),
+            written_aside(target) as part,
+        ):
             with screen.progress(region.batches, "batches") as advance:
-                maps = list(region.maps(advance))
-            content = study.region_document(region, maps)
-            part.write_text(json_text(content), encoding="utf-8")
+                maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
+            document = study.region_document(region, maps)
+            part.write_text(json_text(document), encoding="utf-8")
         figure = study.write_region_figure(region, maps, target.with_suffix(".png"))
         console, least = screen.console(), min(maps, key=lambda law_map: law_map.converged)
         console.print(
@@ -94,3 +102,14 @@ class RegionCommand(Command):
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, target, figure)
         return screen.DONE
+
+
+def _write_partial(region: Region, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:
+    """Write the maps of a study that did not come to its end; returns where they are."""
+    from grosmc_mj.results.document import write_json
+    from grosmc_mj.studies import region as study
+
+    if not maps:
+        return ()
+    write_json(path, study.region_document(region, maps, complete=False))
+    return path, study.write_region_figure(region, maps, path.with_suffix(".png"))
