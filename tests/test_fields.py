@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import pytest
 
-from grosmc_mj.arguments import whole
+from grosmc_mj.arguments import require_known, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.fields import Name, Positive, Range, Reals, checked, checked_call, range_of
@@ -76,3 +76,9 @@ def test_a_value_that_only_looks_like_a_whole_number_is_none() -> None:
     assert [whole(value) for value in (True, 1.0, "1", None, np.array([1]))] == [None] * 5
     numbers = [whole(value) for value in (1, np.int32(1), np.array(1))]
     assert (numbers, {*map(type, numbers)}) == ([1] * 3, {int})
+
+
+def test_a_name_that_is_none_of_the_valid_ones_is_refused_with_the_nearest() -> None:
+    for name, words in (("lqq", "unknown law 'lqq': did you mean 'lqr'"), (3, "unknown law 3")):
+        with pytest.raises(ArgumentError, match=words):
+            require_known("law", name, ["lqr", "grosmc"])

@@ -130,7 +130,7 @@ def test_every_equation_is_on_the_map() -> None:
     assert numbers == set(range(1, EQUATIONS + 1))
 
 
-@pytest.mark.parametrize(("place", "name"), PLACES, ids="::".join)
+@pytest.mark.parametrize(("place", "name"), PLACES, ids=["::".join(one) for one in PLACES])
 def test_every_place_on_the_map_is_there(place: str, name: str) -> None:
     roots = [ROOT / "grosmc_mj", ROOT / "tests", ROOT]
     found = next((root / place for root in roots if (root / place).exists()), None)
