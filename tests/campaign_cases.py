@@ -1,7 +1,5 @@
 """Small campaigns that the tests of campaigns share: their laws are compiled once."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path
@@ -10,8 +8,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from commands import run as run
 
-from grosmc_mj import cli
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, checksum, shards_of
@@ -24,14 +22,12 @@ duration = "{duration} s"
 control_period = "1 ms"
 start = {start}
 """
-LOAD = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
+PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
+LOAD = f"""
+{PUSH}
 profile = "pulse"
 start = "0.02 s"
 stop = "0.03 s"
-label = "load"
 [[disturbance]]
 body = "rotor"
 torque = ["0 N m", "0.1 N m", "0 N m"]
@@ -40,21 +36,11 @@ frequency = "1 Hz"
 onset = "0.02 s"
 label = "hum"
 """
-LQR = """
-[[controller]]
-law = "lqr"
-"""
+LQR = '[[controller]]\nlaw = "lqr"\n'
 # Two laws that are designed in no time.
-PAIR = f"""{LQR}
-[[controller]]
-law = "lqr"
-name = "stiff"
-Q = [4, 1]
-"""
-LAWS = f"""{LQR}
-[[controller]]
-law = "grosmc"
-"""
+PAIR = f'{LQR}{LQR}name = "stiff"\nQ = [4, 1]\n'
+GROSMC = '[[controller]]\nlaw = "grosmc"\n'
+LAWS = LQR + GROSMC
 # Of the first eight runs of seed 5, two keep the first under LQR and all under GROSMC.
 LIMITS = """
 [[requirement]]
@@ -64,18 +50,9 @@ input_below = "10 A"
 of = ["grosmc"]
 sliding_below = "0.02 A s"
 """
-# The first alone, for files without GROSMC.
 DEVIATION = '[[requirement]]\ndeviation_below = "3 mrad"\n'
-INERTIA = """
-[[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
-"""
-AMPLITUDE = """
-[[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
-"""
+INERTIA = '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 3]\n'
+AMPLITUDE = '[[uncertain]]\ndisturbance = "load"\namplitude = [-1, 1]\n'
 FALL = """
 [[uncertain]]
 start = "pole angle"
@@ -86,8 +63,12 @@ value = ["-10 rad/s", "10 rad/s"]
 """
 # The two numbers of which most tests are.
 BOTH = INERTIA + AMPLITUDE
+CORRELATED = """
+[[correlation]]
+between = ["rotor mass scale", "load amplitude"]
+coefficient = 0.5
+"""
 
-PUSH = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "1 N m", "0 N m"]\nlabel = "load"\n'
 # A servo as it is built: what moves it, what stops it, what hangs on it.
 MACHINE = """timestep = "0.25 ms"
 [[transmission]]
@@ -123,10 +104,6 @@ radius = "1 cm"
 point = ["0 m", "0 m", "-1 m"]
 [[controller]]
 law = "lqr"
-[[controller]]
-name = "stiff"
-law = "lqr"
-Q = [4, 1]
 [[requirement]]
 deviation_below = "10 mrad"
 """
@@ -150,7 +127,7 @@ lag = "1 ms"
 [[controller]]
 law = "lqr"
 [[controller]]
-name = "told"
+name = "predicting"
 law = "lqr"
 predict = true
 """
@@ -161,11 +138,25 @@ def standing(tables: str, parts: str, system: str = "servo") -> str:
     return PLANT.format(system=system, duration=0.05, start="{}") + parts + tables
 
 
-def servo(
-    uncertain: str = BOTH, *, duration: float = 0.05, laws: str = LAWS, limits: str = LIMITS
-) -> str:
+def case(
+    system: str, uncertain: str, *, duration: float = 0.05, start: str = "{}", laws: str = LAWS,
+    disturbances: str = "", limits: str = "",
+) -> str:  # fmt: skip
+    head = PLANT.format(system=system, duration=duration, start=start)
+    return head + disturbances + uncertain + laws + limits
+
+
+def servo(uncertain: str = BOTH, *, laws: str = LAWS, limits: str = LIMITS) -> str:
     """The text of a servo's case file: a pulse from 20 ms to 30 ms, and some hum besides."""
-    return case("servo", uncertain, duration=duration, laws=laws, disturbances=LOAD, limits=limits)
+    return case("servo", uncertain, laws=laws, disturbances=LOAD, limits=limits)
+
+
+def plain(tables: str = BOTH) -> str:
+    return servo(tables, laws=LQR, limits="")
+
+
+def pair(uncertain: str = BOTH) -> str:
+    return servo(uncertain, laws=PAIR, limits=DEVIATION)
 
 
 def uncertain(*lines: str) -> str:
@@ -173,42 +164,21 @@ def uncertain(*lines: str) -> str:
     return "\n".join(["[[uncertain]]", *lines, ""])
 
 
-def plain(tables: str = BOTH) -> str:
-    """The text of a servo's case file with LQR alone and no requirement."""
-    return servo(tables, laws=LQR, limits="")
+def of(kind: str, name: str, *numbers: str) -> str:
+    """One [[uncertain]] of a part by its name."""
+    return uncertain(f'{kind} = "{name}"', *numbers)
 
 
-def pair(uncertain: str = BOTH) -> str:
-    """The text of a servo's case file with two laws that are designed in no time."""
-    return servo(uncertain, laws=PAIR, limits=DEVIATION)
-
-
-def case(
-    system: str,
-    uncertain: str,
-    *,
-    duration: float = 0.05,
-    start: str = "{}",
-    laws: str = LAWS,
-    disturbances: str = "",
-    limits: str = "",
-) -> str:
-    """The text of a case file."""
-    head = PLANT.format(system=system, duration=duration, start=start)
-    return head + disturbances + uncertain + laws + limits
-
-
-def specification(text: str, **asked: Any) -> Specification:
-    """A question about a case file that lies nowhere: 8 runs in parts of 4 unless told."""
-    return Specification(
-        **{"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4, **asked}
-    )
+def specification(text: str, **options: Any) -> Specification:
+    """A question about a case file that lies nowhere: 8 runs in parts of 4 by default."""
+    own = {"name": "small", "text": text, "folder": ".", "runs": 8, "shard": 4}
+    return Specification(**own | options)
 
 
 @cache
-def campaign(text: str, **asked: Any) -> Campaign:
+def campaign(text: str, **options: Any) -> Campaign:
     """A campaign, designed once for all tests."""
-    return Campaign.of(specification(text, **asked))
+    return Campaign.of(specification(text, **options))
 
 
 def falling() -> Campaign:
@@ -219,11 +189,11 @@ def falling() -> Campaign:
     return campaign(text, runs=16, shard=16)
 
 
-def kept(asked: Campaign, path: Path) -> Folder:
+def kept(declared: Campaign, path: Path) -> Folder:
     """A campaign run to its end, part by part in this process, and its folder."""
-    folder = begun(asked, path)
-    run = shards_of(asked, folder, 0)
-    for index in range(asked.specification.shards):
+    folder = begun(declared, path)
+    run = shards_of(declared, folder, 0)
+    for index in range(declared.specification.shards):
         run(index)
     return folder
 
@@ -233,10 +203,10 @@ def bits(folder: Folder) -> list[bytes]:
     return [folder.part(index).read_bytes() for index in range(2) if folder.part(index).exists()]
 
 
-def begun(asked: Campaign, path: Path) -> Folder:
+def begun(declared: Campaign, path: Path) -> Folder:
     """A folder with a manifest, and no parts yet."""
     folder = Folder(path)
-    folder.begin(asked, resume=False)
+    folder.begin(declared, resume=False)
     return folder
 
 
@@ -248,20 +218,12 @@ def replaced(table: pa.Table, column: str, row: int, value: Any) -> pa.Table:
     return table.set_column(place, table.field(column), pa.array(values, kind))
 
 
-def forged(file: Path, table: pa.Table, **noted: Any) -> None:
+def forged(file: Path, table: pa.Table, **changed: Any) -> None:
     """Write other rows as a part, with a checksum that is theirs."""
-    said = {**json.loads(pq.read_schema(file).metadata[b"grosmc_mj"]), **noted}
-    del said["sha256"]
-    said["sha256"] = checksum(table, said)
-    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(said)}), file)
-
-
-def run(*arguments: object) -> int:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(word) for word in arguments])
-    assert isinstance(stop.value.code, int)
-    return stop.value.code
+    notes = {**json.loads(pq.read_schema(file).metadata[b"grosmc_mj"]), **changed}
+    del notes["sha256"]
+    notes["sha256"] = checksum(table, notes)
+    pq.write_table(table.replace_schema_metadata({b"grosmc_mj": json.dumps(notes)}), file)
 
 
 def refusal(of: Any, *arguments: Any, **more: Any) -> str:

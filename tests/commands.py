@@ -6,6 +6,10 @@ import pytest
 
 from grosmc_mj import cli
 
+# Types of pytest's fixtures.
+Screen = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch
+
 
 def run(*arguments: object) -> int:
     """Exit code of a command."""

@@ -1,7 +1,5 @@
 """Work that the tests give to executors; a module of its own, so that workers can import it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading
@@ -22,12 +20,6 @@ def die_once(folder: Path, index: int) -> int:
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return index * index
-
-
-def die_always(index: int) -> int:
-    if index == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return index
 
 
 def exit_always(index: int) -> int:

@@ -28,13 +28,7 @@ def test_modules_in_the_working_folder_are_not_taken_for_libraries(executor, tmp
     program.write_text(PROGRAM)
     for name in NAMES:
         (folder / f"{name}.py").write_text(f"open({str(folder / name)!r} + '.ran', 'w').close()\n")
-    done = subprocess.run(
-        [sys.executable, str(program), executor],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    command = [sys.executable, str(program), executor]
+    done = subprocess.run(command, cwd=folder, capture_output=True, timeout=120, check=False)
     assert list(folder.glob("*.ran")) == []
-    assert (done.stdout, done.returncode) == ("[1, 2]\n", 0)
+    assert (done.stdout, done.returncode) == (b"[1, 2]\n", 0)

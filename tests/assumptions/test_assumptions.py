@@ -13,19 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Store
 from shipped import ARM_G, find_case, run_case, task_of
 
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import (
-    Audit,
-    Premise,
-    audit,
-    least_margin,
-    reading_of,
-    run_audit,
-)
+from grosmc_mj.assumptions import audit as audits
+from grosmc_mj.assumptions.audit import Audit, Premise, audit, run_audit
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
@@ -59,10 +51,6 @@ def nominal(system: str) -> AnalyticPlant:
 @cache
 def robust(system: str) -> Controller:
     return chapter_controller("grosmc", nominal(system))
-
-
-def with_parameters(law: Controller, **changes: Any) -> Controller:
-    return replace(law, parameters=replace(law.parameters, **changes))
 
 
 def state(law: Controller, t: float, z: Array) -> Array:
@@ -105,37 +93,37 @@ def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
         t, z = random.uniform(0.1, 2), random.uniform(-0.4, 0.4, 2)
         w, x = random.uniform(-0.3, 0.3, 6 * bodies), state(law, t, z)
         found = balance(law, true, t, x, w)
+        # The servo's input gain is K_t/J and nothing else.
+        assert system != "servo" or found.gain_ratio == pytest.approx(1 / 3, rel=1e-12)
+
+        def rate(
+            u: Array, derivative: Any, t: float = t, z: Any = z, x: Any = x, w: Any = w
+        ) -> Any:
+            return surface_rate(law, t, z, derivative(x, u, w))
+
         # A and B of the servo's law are a Jacobian by differences, good to 1e-10.
         for derivative in (true.derivative, plant.derivative):
-            pushed = surface_rate(law, t, z, derivative(x, found.u_c, w))
+            pushed = rate(found.u_c, derivative)
             assert abs(pushed) == pytest.approx(found.push, rel=1e-8, abs=1e-8)
             for side in (-1e-9, 1e-9):
-                rate = surface_rate(
-                    law, t, z, derivative(x, input_beside_surface(law, t, z, side), w)
-                )
                 back = math.copysign(found.gain_ratio * found.configured, side)
-                assert rate == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
+                beside = rate(input_beside_surface(law, t, z, side), derivative)
+                assert beside == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
         jumps = [input_beside_surface(law, t, z, s) for s in (-1e-13, 1e-13)]
         assert sum(jumps) / 2 == pytest.approx(found.u_c, rel=1e-9, abs=1e-9)
         for factor in (1 + 1e-6, 1 - 1e-6):
             gains = {"eta": factor * found.required, "gamma0": 0.0, "gamma1": 0.0}
             if law.parameters.epsilon:
                 gains = {"epsilon": factor * found.required}
-            sized = with_parameters(law, **gains)
+            sized = replace(law, parameters=replace(law.parameters, **gains))
             configured = balance(sized, true, t, x, w).configured
             assert configured == pytest.approx(factor * found.required, rel=1e-12)
-            # So near that k s of eq. (55) is below what the factor changes.
-            rates = [
-                side
-                * surface_rate(
-                    sized,
-                    t,
-                    z,
-                    true.derivative(x, input_beside_surface(sized, t, z, 1e-11 * side), w),
-                )
+            # So near that k s of eq. (55) is below the change of the factor.
+            sides = [
+                side * rate(input_beside_surface(sized, t, z, 1e-11 * side), true.derivative)
                 for side in (-1.0, 1.0)
             ]
-            assert (max(rates) < 0) is (factor > 1)
+            assert (max(sides) < 0) is (factor > 1)
 
 
 @cache
@@ -150,20 +138,6 @@ def chapter_audit(system: str, case: str) -> Audit:
 
 def premise(found: Audit, name: str) -> Premise:
     return next(each for each in found.premises if each.name == name)
-
-
-def arm_with(epsilon: float) -> Laboratory:
-    """A laboratory whose arm has another switching gain."""
-    task = task_of("arm", nominal("arm"))
-    law = tracking_grosmc(task, 18.0, epsilon, ARM_G)
-    return Laboratory(Settings(), Fault("ε", "another gain", controller=lambda *_: law))
-
-
-def test_input_gain_of_the_servo_falls_to_one_third() -> None:
-    """r = J_hat/J: the servo's input gain is K_t/J and nothing else."""
-    true = MujocoPlant.load("servo", edits=find_case("servo", "case2").edits).analytic()
-    found = balance(robust("servo"), true, 0.0, np.array([0.3, -0.2]), np.zeros(6))
-    assert found.gain_ratio == pytest.approx(1 / 3, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -190,8 +164,9 @@ def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> Non
 
 
 @pytest.mark.slow
-def test_printed_epsilon_fails_and_its_requirement_is_the_closed_form() -> None:
+def test_printed_epsilon_fails_by_the_closed_form_and_the_named_one_restores_it() -> None:
     """|d/M(q)| with M = 0.1 + 0.06 sin q: most at the lowest q of the region, and above 6."""
+    case, T = find_experiment("arm", "case1"), Settings().control_period
     found = premise(chapter_audit("arm", "case1"), "epsilon")
     assert not found.holds
     assert found.region is not None
@@ -199,57 +174,51 @@ def test_printed_epsilon_fails_and_its_requirement_is_the_closed_form() -> None:
     M = 0.1 + 0.06 * math.sin(-1.5)
     assert found.region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
     assert found.region.worst.x[0] == pytest.approx(-1.5)
-    # On the reference itself, without the error's transient.
-    t = np.linspace(0, 2, 20001)
-    needed = np.abs(0.5 * np.sin(2 * np.pi * t) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t))))
-    along, region = named_epsilons(found)
-    # The run parts from the reference by up to 2.5 % of a radian.
-    assert along == pytest.approx(needed.max(), rel=0.02)
-    assert region == pytest.approx(0.5 / M, rel=5e-3)
     assert 0 < found.along.violated < 1
-
-
-def named_epsilons(found: Premise) -> tuple[float, float]:
-    """The gains that a premise says restore it: along the run, over the region."""
     named = re.match(
         r"ε = ([\d.]+) along this run, which leaves its surface, and ([\d.]+) over the region",
         found.restores,
     )
     assert named is not None, found.restores
-    return float(named[1]), float(named[2])
-
-
-@pytest.mark.slow
-def test_epsilon_that_the_premise_names_restores_it() -> None:
-    """With it s stays within what one sample makes of it, and with less it does not."""
-    case, T = find_experiment("arm", "case1"), Settings().control_period
-    along, region = named_epsilons(premise(chapter_audit("arm", "case1"), "epsilon"))
-    largest = {}
+    along, region = map(float, named.groups())
+    # On the reference itself, from which the run parts by up to 2.5 % of a radian.
+    t = np.linspace(0, 2, 20001)
+    needed = np.abs(0.5 * np.sin(2 * np.pi * t) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t))))
+    assert along == pytest.approx(needed.max(), rel=0.02)
+    assert region == pytest.approx(0.5 / M, rel=5e-3)
+    # With it s stays within the step of one sample, and with less it does not.
     for epsilon in (1.01 * region, along, 0.9 * along):
-        lab = arm_with(epsilon)
-        found = premise(audit(lab, case), "epsilon")
+        law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, ARM_G)
+        fault = Fault("ε", "another gain", controller=lambda *_, law=law: law)
+        lab = Laboratory(Settings(), fault)
+        other = premise(audit(lab, case), "epsilon")
+        assert other.along is not None
+        assert other.holds is (epsilon == 1.01 * region)
+        assert (other.along.margin >= 0) is (epsilon >= along)
+        assert bool(other.restores) is not other.holds
         s = lab.case("arm", "case1", "physics", "grosmc").trajectory.sliding
         assert s is not None
-        # What pushes is at most ε, and ε pushes back; k s adds its share of one sample.
-        largest[epsilon] = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
-        assert found.holds is (epsilon == 1.01 * region)
-        assert found.along is not None
-        assert (found.along.margin >= 0) is (epsilon >= along)
-        assert bool(found.restores) is not found.holds
-    assert largest[1.01 * region] <= 1
-    assert largest[along] <= 1
-    assert largest[0.9 * along] > 1.5
+        # The push is at most ε, and ε pushes back; k s adds its share of one sample.
+        largest = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
+        assert (largest <= 1) is (epsilon >= along)
+        assert not 1 < largest <= 1.5
 
 
 @pytest.mark.slow
 @each_system
-def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
+def test_every_premise_holds_on_the_nominal_plant_and_documents_agree(system: str) -> None:
     found = chapter_audit(system, "nominal")
     assert found.failed() == []
-    names = [each.name for each in found.premises]
-    assert len(names) == len(set(names)) == 8
+    assert len({own.name for own in found.premises}) == len(found.premises) == 8
     # Nothing pushes: the model is the plant, up to the Jacobian's rounding.
     assert found.signals["required"].max() < 1e-9
+    found = chapter_audit(system, "case1")
+    content = json.loads(json_text(audit_document(found)))
+    assert (content["system"], content["case"]) == (system, "case1")
+    for written, own in zip(content["premises"], found.premises, strict=True):
+        margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
+        assert written["holds"] == (min(margins) >= 0) == own.holds
+        assert bool(written["restored_by"]) <= (not own.holds)
 
 
 def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
@@ -265,17 +234,14 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
     lab = Laboratory(Settings(engine="python"), Fault("off", "s(0) = 0.1", controller=shifted))
     found = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
     assert not premise(found, "s(0) = 0").holds
-
-
-@pytest.mark.parametrize("size", [1.0, 0.0])
-def test_a_surface_that_no_input_steers_fails_that_premise(size: float) -> None:
-    """G B = 0, which a design refuses, of a law of one's own."""
+    # G B = 0, which a design refuses, of a law of one's own: a surface that no input steers.
     settings = Settings(engine="python")
     result = run_case(trial("servo", "short", (0.0, 0.0), 0.05).case, "physics", "grosmc", settings)
-    law = with_parameters(result.controller, GB=size * np.eye(1))
-    found = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
-    assert found.holds is bool(size)
-    assert found.note == f"G B = {size:g}"
+    for size in (1.0, 0.0):
+        parameters = replace(result.controller.parameters, GB=size * np.eye(1))
+        law = replace(result.controller, parameters=parameters)
+        steered = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
+        assert (steered.holds, steered.note) == (bool(size), f"G B = {size:g}")
 
 
 def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
@@ -287,10 +253,10 @@ def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
     # A force on the cart turns the upright pole the other way than one on the pole.
     upright = [balance(law, plant, 0.0, np.zeros(4), w) for w in (together, apart)]
     assert upright[1].required > upright[0].required
-    margins = [least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
+    margins = [audits.least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
     assert margins[0] == pytest.approx(margins[1], rel=1e-12)
     # A region of next to nothing is the pole upright.
-    here = least_margin(law, plant, (1e-9, 1e-9), together)
+    here = audits.least_margin(law, plant, (1e-9, 1e-9), together)
     assert here == pytest.approx(upright[1].configured - upright[1].required, rel=1e-6)
 
 
@@ -311,68 +277,33 @@ def test_premises_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("system", "name"), [("servo", "switching gain"), ("arm", "epsilon")])
-def test_law_without_gain_fails_with_advice_that_can_be_followed(system: str, name: str) -> None:
-    fault = next(each for each in FAULTS if each.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_experiment(system, "case1"))
-    failed = premise(found, name)
+def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
+    fault = next(own for own in FAULTS if own.name == "zero switching gain")
+    found = audit(Laboratory(Settings(), fault), find_experiment("arm", "case1"))
+    failed = premise(found, "epsilon")
     assert failed.along is not None
-    # Without a gain the margin is minus what is required.
+    # Without a gain the margin is minus the requirement, and no multiple of it restores anything.
     assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
     assert audit_table(found).rows
     assert list(worst_points(found))
-    # No multiple of a zero gain restores anything.
     assert failed.restores
     assert "inf" not in failed.restores
-
-
-@pytest.mark.slow
-@each_system
-def test_documents_are_json_without_nan_and_agree_with_the_audit(system: str) -> None:
-    found = chapter_audit(system, "case1")
-    content = json.loads(json_text(audit_document(found)))
-    assert (content["system"], content["case"]) == (system, "case1")
-    for written, each in zip(content["premises"], found.premises, strict=True):
-        margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
-        assert written["holds"] == (min(margins) >= 0) == each.holds
-        assert bool(written["restored_by"]) <= (not each.holds)
-
-
-@pytest.mark.parametrize(
-    ("required", "configured", "times"), [(3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)]
-)
-def test_no_multiple_of_no_gain_is_enough(required: float, configured: float, times: float) -> None:
-    one = np.eye(1)
-    found = Balance(0.0, one[0], one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
-    assert found.times == times
-
-
-@pytest.mark.slow
-def test_premises_of_a_law_without_switching_ask_for_no_gain() -> None:
+    # A law that does not switch has no such premises, and its requirement makes it fragile.
     found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
-    names = {each.name for each in found.premises}
+    names = {own.name for own in found.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
     assert found.signals["configured"].max() == 0
-    # What is required of a switching input that is not there is what makes it fragile.
     assert found.signals["required"].max() > 1
-
-
-@pytest.mark.slow
-def test_command_says_where_the_premise_fails(store: Store) -> None:
-    command = store.command("claims", "premises", "arm/case1")
-    assert command.code == cli.DONE
-    assert "FAILS" in command.said
-    assert "case1: epsilon: worst in the region at t =" in command.said
-    written = command.read("premises_arm.json")
-    (document,) = written["premises"]
-    failed = [premise["name"] for premise in document["premises"] if not premise["holds"]]
-    assert failed == ["epsilon"]
-    assert written["versions"]
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
     points: Any = SimpleNamespace(t=np.arange(4.0), x=np.arange(4.0)[:, None])
     least = -6.45 * (1 + 4e-16)
-    reading = reading_of(points, np.array([2.0, -6.45, least, -6.4]))
+    reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
+    # No multiple of no gain is enough.
+    one = np.eye(1)
+    for required, configured, times in ((3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)):
+        own = Balance(0.0, one[0], one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
+        assert own.times == times

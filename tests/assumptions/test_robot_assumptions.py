@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from commands import run as command
-from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, find_case, run_case, run_on
+from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, run_on
 
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.assumptions.balance import balance
-from grosmc_mj.assumptions.robot import is_robots, robot_audit
-from grosmc_mj.chapter.premises import audit_document, audit_table
+from grosmc_mj.assumptions.robot import robot_audit
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.control.task import AS_PRINTED
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.machine import Stop, Transmission
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.results.document import json_text
 from grosmc_mj.robots.dynamics import inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -105,9 +97,6 @@ def required(result: RunResult) -> Array:
     return audited(result).signals["required"]
 
 
-# --- the switching rate ---
-
-
 @pytest.mark.slow
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
@@ -132,227 +121,94 @@ def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
 
 
 def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing() -> None:
-    result = run(law())
-    # Torques of 10 N m over inertias of 0.2 kg m², in double precision.
-    assert required(result).max() < 1e-10
-    assert along(result, "input gain").margin == pytest.approx(1.0)
-    assert [each.name for each in audited(result).premises] == list(KEPT)
-    assert all(each.holds for each in audited(result).premises)
-    # Of a law that does not switch those of torques and joints alone.
-    assert [each.name for each in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
-
-
-def test_of_a_machine_its_rigid_plant_is_looked_at_and_the_note_says_so() -> None:
-    """Gears whose inertia was the joints' own push nothing that the law does not know."""
+    """Nor do gears whose inertia was the joints' own; of a machine its rigid plant is looked at."""
     gears = [
         Transmission(joint, 0.15, stiffness=5e3, added=False) for joint in ("shoulder", "elbow")
     ]
-    geared = run(law(), *gears, Stop("elbow", -1.0, 0.0))
-    assert required(geared).max() < 1e-10
-    assert along(geared, "input gain").margin == pytest.approx(1.0)
+    plain, geared = run(law()), run(law(), *gears, Stop("elbow", -1.0, 0.0))
+    for result in (plain, geared):
+        # Torques of 10 N m over inertias of 0.2 kg m², in double precision.
+        assert required(result).max() < 1e-10
+        assert along(result, "input gain").margin == pytest.approx(1.0)
+    assert [own.name for own in audited(plain).premises] == list(KEPT)
+    assert all(own.holds for own in audited(plain).premises)
+    # Of a law that does not switch those of torques and joints alone.
+    assert [own.name for own in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
     assert along(geared, "joint limits").margin > 0.3
     note = "not in it: that the law is sampled, the parts of its machine, and"
     assert note in premise(geared, "epsilon").note
-    assert "machine" not in premise(run(law()), "epsilon").note
+    assert "machine" not in premise(plain, "epsilon").note
 
 
 def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
     """R = (G E*)(G E)^-1 = M*^-1 M, by MuJoCo's mj_fullM of the edited model."""
-    result = run(law(), LOAD)
-    plant, found = result.true, premise(result, "input gain").along
+    weak, enough = run(law(epsilon=0.5), LOAD), run(law(epsilon=12.0), LOAD)
+    plant, gain = weak.true, along(weak, "input gain")
     assert isinstance(plant, MujocoPlant)
-    assert found is not None
     data, M = mujoco.MjData(plant.model), np.zeros((N, N))
-    data.qpos[:] = found.worst.x[:N]
+    data.qpos[:] = gain.worst.x[:N]
     mujoco.mj_forward(plant.model, data)
     mujoco.mj_fullM(plant.model, data, M)
     R = np.linalg.solve(M, inertia(arm().nominal, data.qpos))
     left = (2 * np.diag(R) - np.abs(R).sum(axis=1)).min()
-    assert found.margin == pytest.approx(left, rel=1e-9, abs=1e-9)
-
-
-def test_a_law_with_less_than_it_needs_fails_with_the_rate_that_restores_it() -> None:
-    weak, enough = run(law(epsilon=0.5), LOAD), run(law(epsilon=12.0), LOAD)
-    failed = premise(weak, "epsilon")
-    assert failed.along is not None
+    assert gain.margin == pytest.approx(left, rel=1e-9, abs=1e-9)
+    # A law with less than it needs fails, with the rate that restores it.
+    failed, rate = premise(weak, "epsilon"), along(weak, "epsilon")
     assert not failed.holds
-    assert failed.along.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
+    assert rate.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
     assert f"{required(weak).max():.3g}" in failed.restores
-    assert failed.along.worst.t in audited(weak).signals["time"]
-    assert premise(enough, "epsilon").holds
-    assert not premise(enough, "epsilon").restores
-
-
-def test_friction_pushes_against_the_motion_with_its_full_size() -> None:
-    friction = JointEdit("elbow", friction=1.0)
-    plant, controller = arm().plant.edited(friction), law("lqr")
-    x, error, p = np.array([0.3, -0.4, 0.0, 1.0]), controller.coordinates, controller.parameters
-    for side in (-1.0, 1.0):
-        x[3] = side
-        (still,), _ = error.error_dynamics([0.0], x[None], p, plant, u=np.zeros((1, N)))
-        (without,), (gain,) = error.error_dynamics(
-            [0.0], x[None], p, arm().plant, u=np.zeros((1, N))
-        )
-        # Sliding friction is against the motion, of its full size.
-        np.testing.assert_allclose((still - without)[1::2], -side * gain[1::2, 1], rtol=1e-4)
-
-
-# --- what takes the dominance of the input gain away ---
-
-THREE_LINKS = """
-<mujoco model="three"><option timestep="0.001" integrator="RK4"/><compiler angle="radian"/>
-<default><geom type="capsule" contype="0" conaffinity="0"/><joint axis="0 1 0"/></default>
-<worldbody><body name="a"><joint name="j1"/><geom fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
-<body name="b" pos="0.4 0 0"><joint name="j2"/><geom fromto="0 0 0 0.3 0 0" size="0.03" mass="0.7"/>
-<body name="c" pos="0.3 0 0"><joint name="j3"/><geom fromto="0 0 0 0.2 0 0" size="0.02" mass="0.3"/>
-</body></body></body></worldbody>
-<actuator><motor name="m1" joint="j1"/><motor name="m2" joint="j2"/><motor name="m3" joint="j3"/>
-</actuator></mujoco>
-"""
-THREE_LINKS_CASE = """
-[plant]
-model = "three.xml"
-[run]
-duration = "0.05 s"
-[task]
-reference = ["0.5", "-0.5", "0.3"]
-Q = [100, 20, 100, 20, 100, 20]
-R = 1
-[[edit]]
-body = "c"
-mass_scale = {scale}
-[[controller]]
-law = "grosmc"
-k = 5
-epsilon = 60
-switching = "implicit"
-"""
-
-
-def three_links(folder: Path, scale: float) -> Path:
-    (folder / "three.xml").write_text(THREE_LINKS)
-    (folder / "three.toml").write_text(THREE_LINKS_CASE.format(scale=scale))
-    return folder / "three.toml"
-
-
-def test_the_row_is_named_and_a_smaller_payload_restores_it(tmp_path: Path) -> None:
-    heavy, light = (Experiment.load(three_links(tmp_path, scale)).run() for scale in (4.0, 1.01))
-    failed = {each.name: each for each in robot_audit(heavy).failed()}
-    gain, rate = failed["input gain"], failed["epsilon"]
-    assert "in the row of j3 0.25 is its own" in gain.note
-    assert "most of it j1's" in gain.note
+    assert rate.worst.t in audited(weak).signals["time"]
+    assert (premise(enough, "epsilon").holds, premise(enough, "epsilon").restores) == (True, "")
+    # A payload that takes the dominance of the input gain away is named by its row.
+    heavy = run(law(), replace(LOAD, mass=30.0))
+    gain, rate = premise(heavy, "input gain"), premise(heavy, "epsilon")
+    assert not gain.holds
+    assert "in the row of elbow 0.568 is its own and 0.573 the others', most of it" in gain.note
+    assert gain.restores.startswith("another G, smaller edits")
     assert rate.restores == "no ρ, while r is not positive: see the input gain"
-    assert gain.restores.startswith(("a unit-vector switching law", "another G, smaller edits"))
-    assert "input gain" not in [premise.name for premise in robot_audit(light).failed()]
-
-
-# --- torques and joints ---
+    assert premise(weak, "input gain").holds
 
 
 def test_a_cut_torque_is_noticed_by_joint_and_by_how_often() -> None:
     strong = run(law(epsilon=40.0))
-    found, trajectory = premise(strong, "torque limits"), strong.trajectory
+    reading, trajectory = along(strong, "torque limits"), strong.trajectory
     cut = trajectory.command != trajectory.input
     assert cut.any()
-    assert not found.holds
-    assert found.along is not None
-    assert found.along.violated == cut.any(axis=1).mean()
+    assert not premise(strong, "torque limits").holds
+    assert reading.violated == cut.any(axis=1).mean()
     largest = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
-    assert found.along.margin == pytest.approx(1 - largest.max(), rel=1e-12)
+    assert reading.margin == pytest.approx(1 - largest.max(), rel=1e-12)
     for joint, share in zip(("shoulder", "elbow"), largest, strict=True):
-        assert f"{joint} {100 * share:.0f} %" in found.note
+        assert f"{joint} {100 * share:.0f} %" in premise(strong, "torque limits").note
     assert premise(run(law("lqr")), "torque limits").holds
 
 
-def test_headroom_is_what_inverse_dynamics_and_switching_leave_of_the_limits() -> None:
+def test_inverse_dynamics_and_switching_leave_headroom_of_the_limits() -> None:
     controller = law(epsilon=2.0)
-    found = premise(run(controller), "torque headroom")
-    assert found.along is not None
-    t = found.along.worst.t
+    headroom = along(run(controller), "torque headroom")
+    t = headroom.worst.t
     y = np.reshape(controller.coordinates.reference(t, controller.parameters.reference), (N, 3))
     data = mujoco.MjData(arm().plant.model)
     data.qpos[:], data.qvel[:], data.qacc[:] = y.T
     mujoco.mj_inverse(arm().plant.model, data)
     switching = 2.0 * np.abs(inertia(arm().nominal, y[:, 0])).sum(axis=1)
     left = (1 - (np.abs(data.qfrc_inverse) + switching) / [25.0, 9.0]).min()
-    assert found.along.margin == pytest.approx(left, rel=1e-9)
+    assert headroom.margin == pytest.approx(left, rel=1e-9)
     # Without switching there is more of it.
-    alone = premise(run(law("lqr")), "torque headroom").along
-    assert alone is not None
-    assert alone.margin > found.along.margin + 0.05
+    assert along(run(law("lqr")), "torque headroom").margin > headroom.margin + 0.05
 
 
 def test_a_touched_joint_limit_is_noticed() -> None:
     result = run(law("lqr"), q0=(2.05, -0.35))
-    found = premise(result, "joint limits")
-    assert found.along is not None
-    assert not found.holds
-    assert found.along.margin == pytest.approx((2 - result.trajectory.state[:, 0].max()) / 4)
-    assert "shoulder" in found.note
+    touched, largest = premise(result, "joint limits"), result.trajectory.state[:, 0].max()
+    assert not touched.holds
+    assert along(result, "joint limits").margin == pytest.approx((2 - largest) / 4)
+    assert "shoulder" in touched.note
     assert premise(run(law("lqr")), "joint limits").holds
-
-
-def test_a_robot_without_limits_keeps_them() -> None:
-    free = re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM)
-    robot = Robot.from_mjcf(free)
+    # A robot without limits keeps them.
+    robot = Robot.from_mjcf(re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM))
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
-    assert all(each.holds for each in audited(result).premises)
+    assert all(own.holds for own in audited(result).premises)
     assert premise(result, "joint limits").note == "no joint has a limit"
-
-
-# --- which runs have premises, and as a table and as values ---
-
-
-@pytest.mark.slow
-def test_other_runs_have_no_such_premises() -> None:
-    case = replace(find_case("servo", "nominal"), duration=0.05)
-    for plant in ("physics", "corrected"):
-        other = run_case(case, plant, "grosmc", PYTHON)
-        assert not is_robots(other)
-        with pytest.raises(ArgumentError, match="no run of a robot"):
-            robot_audit(other)
-
-
-@pytest.mark.slow
-def test_run_prints_and_writes_the_premises_of_the_law_that_switches(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = three_links(tmp_path, 4.0)
-    file.write_text(file.read_text() + '[[controller]]\nlaw = "lqr"\n')
-    found = robot_audit(Experiment.load(file).run(law="grosmc"))
-    assert len(audit_table(found).rows) == len(found.premises)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(("run", str(file), "--verbose", "--out", str(tmp_path)))
-    assert stop.value.code == cli.DONE
-    said = capsys.readouterr().out
-    assert said.count("torque headroom") == 1
-    assert "epsilon: worst in the run at t =" in said
-    (document,) = json.loads((tmp_path / "three.json").read_text(encoding="utf-8"))["premises"]
-    assert document == json.loads(json_text(audit_document(found)))
-    assert document["controller"] == "grosmc"
-    written = {each["name"]: each["holds"] for each in document["premises"]}
-    assert written == {each.name: each.holds for each in found.premises}
-    assert not written["epsilon"]
-
-
-def test_of_torques_beyond_all_numbers_no_headroom_is_left(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    geom = '<geom size="0.02" type="capsule" fromto="0 0 0 0 0 0.3" mass="1"'
-    (tmp_path / "robot.xml").write_text(
-        '<mujoco model="two"><worldbody><body name="upper"><joint name="a" axis="0 1 0" '
-        f'damping="0.1" armature="1e308"/>{geom}/><body name="lower" pos="0 0 0.3"><joint name="b" '
-        f'axis="0 1 0"/>{geom} contype="0" conaffinity="0"/></body></body></worldbody><actuator>'
-        '<motor name="a" joint="a" ctrlrange="-50 50"/><motor name="b" joint="b" '
-        'ctrlrange="-20 20"/></actuator></mujoco>'
-    )
-    (tmp_path / "case.toml").write_text(
-        '[plant]\nmodel = "robot.xml"\n[run]\nstart = { a = "0.1 rad" }\nduration = "0.01 s"\n'
-        '[task]\nQ = 10\nR = 1\n[[controller]]\nlaw = "grosmc"\nk = 5\nepsilon = 2\n'
-    )
-    code = command("run", tmp_path / "case.toml", "--no-figures", "--out", tmp_path)
-    said = capsys.readouterr()
-    assert (code, "unforeseen" in said.err) == (cli.DIFFERS, False)
-    assert "premise fails: torque headroom of grosmc" in said.out

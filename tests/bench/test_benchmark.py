@@ -1,16 +1,13 @@
 """The benchmark measures what it says; how fast it is, no test asserts."""
 
-from __future__ import annotations
-
-import importlib.util
 import os
 from collections.abc import Callable, Iterator
 from itertools import repeat
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from commands import Patch
 
 import grosmc_mj as gm
 from benchmarks import timing
@@ -19,15 +16,11 @@ from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
 from benchmarks.timing import Throughput
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.results.markdown import replace_marked
 
 
 @pytest.mark.slow
-def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_every_loop_is_measured_against_its_baseline_in_the_same_round(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.loops._MANY", 4)
     monkeypatch.setattr("benchmarks.loops._STEPS", {1: 500, 4: 2})
     rows = {row.loop: row for row in benchmark("implicitfast", rounds=1)}
@@ -38,13 +31,9 @@ def test_every_loop_is_measured_against_its_baseline_in_the_same_round(
         assert row.ratio == pytest.approx(row.rate / rows[row.baseline].rate)
     assert rows["mj_step(nstep), open loop"].ratio == 1
     assert rows["Batch.step(nstep), open loop"].ratio == 1
-    there = importlib.util.find_spec("dm_control") is not None
-    assert ("dm_control suite cartpole" in rows) == there
 
 
-def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Patch) -> None:
     """By a clock of our own: the law takes 2, 3, 4, 5 and 40 s where its baseline takes 1 s."""
     clock, taken = [0.0], iter([2.0, 3.0, 4.0, 5.0, 40.0])
     monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
@@ -59,34 +48,24 @@ def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(
     assert (closed.low, closed.ratio, closed.high) == pytest.approx((1 / 5, 1 / 4, 1 / 3))
 
 
-def test_a_page_has_every_table_and_what_it_was_measured_on(tmp_path: Path) -> None:
+def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
     rows = [Throughput("law", 1024, 2.5e5, 0.943, 0.91, 0.96, "open loop")]
-    page = tmp_path / "page.md"
-    page.write_text("Before\n<!-- bench -->\nold\n<!-- /bench -->\nafter\n")
-    replace_marked(page, "bench", lambda: tables_text([throughput_table(rows, "arm")] * 2))
-    text = page.read_text()
+    text = tables_text([throughput_table(rows, "arm")] * 2)
     assert text.count("| law | 1024 | 2.5e+05 | 0.94 | 0.91-0.96 | open loop |") == 2
-    assert text.startswith("Before\n")
-    assert text.endswith("<!-- /bench -->\nafter\n")
-    assert "old" not in text
     assert f"{os.cpu_count()} cores" in text
     assert f"mujoco {mujoco.__version__}" in text
 
 
 @pytest.mark.slow
-def test_every_machine_is_measured_with_all_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.machines._SIMULATIONS", 3)
     monkeypatch.setattr("benchmarks.machines._STEPS", 4)
-    found = benchmark_machines(rounds=1)
-    assert list(found) == [f"{system}/machine" for system in SYSTEMS]
-    for case, (open_loop, closed) in found.items():
+    measured = benchmark_machines(rounds=1)
+    assert list(measured) == [f"{system}/machine" for system in SYSTEMS]
+    for open_loop, closed in measured.values():
         assert open_loop.ratio == 1
         assert closed.ratio == pytest.approx(closed.rate / open_loop.rate)
         assert (closed.baseline, closed.simulations) == (open_loop.loop, 3)
-        assert closed.loop == f"{case.split('/')[0]}: GROSMC, native, batch"
-        plant = gm.Experiment.load(case).plant("physics")
-        assert isinstance(plant, MujocoPlant)
-        assert plant.hidden_states
 
 
 @pytest.mark.slow

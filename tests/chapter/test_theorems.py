@@ -16,8 +16,6 @@ from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.measurements.servo import undercut
 from grosmc_mj.chapter.claims.measurements.theory import (
     reaching_time,
-    slowest_approach,
-    unbounded,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -46,8 +44,6 @@ def test_input_that_the_index_does_not_weigh_undercuts_its_minimum() -> None:
     extrapolated = (4 * (fine.value or 0.0) - (coarse.value or 0.0)) / 3
     assert extrapolated == pytest.approx(ideal, abs=0.05)
     assert f"{ideal:.3g} %" in coarse.note
-    found = judge(LAB, find_claim("servo-index-minimal"), refine=False)
-    assert {one.verdict for one in found.plants.values()} == {Verdict.REFUTED}
 
 
 def test_a_kick_takes_longer_than_the_law_s_own_eta_promises() -> None:
@@ -60,56 +56,22 @@ def test_a_kick_takes_longer_than_the_law_s_own_eta_promises() -> None:
     case = SERVO.varied(duration=6.0, edits=edits, disturbances=(kick, load))
     s = np.ravel(np.asarray(LAB.run(case, "corrected", "grosmc").trajectory.sliding))[4020:]
     taken = 1e-3 * int(np.flatnonzero(s * s[0] <= 0)[0])
-    eta = LAB.controller(SERVO, "corrected", "grosmc").parameters.eta
-    assert eta == pytest.approx(0.6)
-    promised = abs(float(s[0])) / eta
+    promised = abs(float(s[0])) / 0.6
     assert taken / promised == pytest.approx(1.93, abs=0.03)
     # The rate that is left of it, a third, is kept.
     assert taken < 3 * promised
-
-
-@pytest.mark.parametrize(
-    ("system", "worst", "longer"),
-    [
+    # Kicks meet the extremes of the declared family.
+    for system, worst, longer in (
         ("servo", "3 times the mass", True),
         ("cart_pendulum", "4 times the mass, 4 times the length", True),
         ("arm", "0.5 times the mass", False),
-    ],
-)
-def test_kicks_meet_the_extremes_of_the_declared_family(
-    system: str, worst: str, longer: bool
-) -> None:
-    measured = reaching_time(LAB, "corrected", system=system)
-    assert measured.value is not None
-    assert (measured.value > 1) is longer
-    assert worst in measured.note
+    ):
+        measured = reaching_time(LAB, "corrected", system=system)
+        assert ((measured.value or 0.0) > 1) is longer
+        assert worst in measured.note
 
 
-@pytest.mark.parametrize(
-    ("system", "assumption"), [("servo", "Assumption 4"), ("cart_pendulum", "Assumption 6")]
-)
-def test_theorem_is_judged_with_the_law_s_own_eta_and_says_where_it_holds(
-    system: str, assumption: str
-) -> None:
-    """Split as the declared rate with the rest counted in the bound, the same law keeps it."""
-    experiment = find_experiment(system, "nominal")
-    eta = LAB.controller(experiment, "corrected", "grosmc").parameters.eta
-    assert experiment.uncertainty is not None
-    declared = experiment.uncertainty.reaching_rate
-    own, split = (
-        slowest_approach(LAB, "corrected", system=system, rate=rate).value
-        for rate in (None, declared)
-    )
-    assert own is not None
-    assert split is not None
-    assert own == pytest.approx(split + eta - declared)
-    assert split <= 1e-6 < own
-    words = unbounded(LAB, system=system, assumption=assumption)
-    assert words.startswith(f"{assumption}, with u_d counted in δ")
-    assert f"restored by η = {declared:g} " in words
-
-
-def test_bound_of_assumption_4_leaves_out_what_u_d_adds_to_delta() -> None:
+def test_bound_of_assumption_4_leaves_out_the_part_of_delta_that_u_d_adds() -> None:
     """δ by its definition, x' = A x + B (u + δ), under 3J next to the surface."""
     experiment = find_experiment("servo", "case2")
     law, plant = LAB.controller(experiment, "corrected", "grosmc"), LAB.plant(experiment, "physics")
@@ -128,7 +90,7 @@ def test_bound_of_assumption_4_leaves_out_what_u_d_adds_to_delta() -> None:
 
 
 @pytest.mark.slow
-def test_few_weights_bring_the_pole_to_rest_at_two_seconds_under_both_laws() -> None:
+def test_few_weights_and_larger_gains_bring_the_pole_to_rest() -> None:
     """And those that are declared are none of them: 7 of 81, as the claim's reason says."""
     claim, grid = find_claim("pendulum-rest"), (10.0 ** np.linspace(0, 4, 9)).tolist()
     holding = sum(
@@ -137,14 +99,10 @@ def test_few_weights_bring_the_pole_to_rest_at_two_seconds_under_both_laws() -> 
     )
     assert f" {holding} of {len(grid) ** 2} " in claim.reason
     assert not claim.holds(claim.measure(LAB, "corrected"))
-
-
-@pytest.mark.slow
-def test_robust_region_names_the_gains_that_it_needs() -> None:
     claim = find_claim("pendulum-region-robust")
     claim = replace(claim, verdicts={"corrected": Verdict.SUPPORTED})
-    found = judge(LAB, claim, refine=False)
-    assert found.verdict is Verdict.SUPPORTED
-    assert found.needs.startswith("declared |θ|, |θ'| = [1.4, 1.5]")
-    assert "η = " in found.needs
-    assert "γ1 = " in found.needs
+    robust = judge(LAB, claim, refine=False)
+    assert robust.verdict is Verdict.SUPPORTED
+    assert robust.needs.startswith("declared |θ|, |θ'| = [1.4, 1.5]")
+    assert "η = " in robust.needs
+    assert "γ1 = " in robust.needs

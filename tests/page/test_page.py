@@ -13,20 +13,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import page_documents as made
 import pytest
 from commands import run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from page_documents import (
-    CLAIM,
-    CLAIMS,
-    DOCUMENTS,
-    LADDER,
-    RUN,
-    write_document,
-    write_documents,
-    write_film,
-)
+from page_documents import DOCUMENTS, write_document, write_documents, write_film
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj import cli
@@ -47,8 +39,7 @@ class Tags(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag == "script":
-            self.scripts.append(dict(attrs).get("type"))
+        self.scripts += [dict(attrs).get("type")] if tag == "script" else []
         for name, value in attrs:
             leads = name in ("src", "href", "action", "data", "xlink:href")
             inside = ("#", "data:,", "data:video/mp4;base64,")
@@ -162,25 +153,22 @@ def test_the_page_has_the_answers_and_the_numbers_of_its_documents(tmp_path: Pat
 def test_a_law_of_which_nothing_is_required_stands_by_the_record(tmp_path: Path) -> None:
     """It keeps nothing: its mark is another one, and it is not counted."""
     standings = [
-        {"case": "servo/case1", "law": "lqr", "required": False, "words": "as before", **more}
-        for more in ({}, {"case": "servo/case2", "breaks_at": "record"})
-    ] + [{"case": "servo/case1", "law": "grosmc"}]
-    content = {**RUN, "kind": "validation", "standings": standings}
+        {"case": "servo/case1", "law": "lqr", "required": False, "words": "as before"},
+        {"case": "servo/case2", "law": "lqr", "required": False, "breaks_at": "record"},
+        {"case": "servo/case1", "law": "grosmc"},
+    ]
+    content = {**made.RUN, "kind": "validation", "standings": standings}
     write_document(tmp_path / "validation.json", content)
+    # The newer of two results counts, and an interrupted one is named.
+    for name, verdict, modified in (("a", "supported", 2000), ("b", "refuted", 1000)):
+        claims = {**made.CLAIMS, "claims": [{**made.CLAIM, "verdict": verdict}]}
+        os.utime(write_document(tmp_path / f"{name}.json", claims), (modified, modified))
+    write_document(tmp_path / "ladder.json", {**made.LADDER, "standings": [], "complete": False})
     _, text, _ = page_of(tmp_path)
     marks = re.findall(r'data-law="(\w+)"><span class="mark ([\w-]+)">(.)</span>', text)
-    assert marks == [
-        ("LQR", "measured", "•"), ("GROSMC", "kept", "✓"), ("LQR", "not-kept", "✗"),
-    ]  # fmt: skip
+    expected = [("LQR", "measured", "•"), ("GROSMC", "kept", "✓"), ("LQR", "not-kept", "✗")]
+    assert marks == expected
     assert "All requirements are kept by GROSMC in 1 of 1." in text
-
-
-def test_the_newer_of_two_results_counts_and_an_interrupted_one_is_named(tmp_path: Path) -> None:
-    for name, verdict, modified in (("a", "supported", 2000), ("b", "refuted", 1000)):
-        claims = {**CLAIMS, "claims": [{**CLAIM, "verdict": verdict}]}
-        os.utime(write_document(tmp_path / f"{name}.json", claims), (modified, modified))
-    write_document(tmp_path / "ladder.json", {**LADDER, "complete": False})
-    _, text, _ = page_of(tmp_path)
     assert re.findall(r'data-verdict="(\w+)"', text) == ["supported"]
     assert "1 of the results were interrupted and are not complete" in text
 
@@ -217,6 +205,6 @@ def test_the_command_makes_a_page_and_names_files_that_it_cannot_read(
     assert f"{tmp_path / 'report.html'}" in output
     assert f"left out: {torn}: is no whole JSON" in output
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    # As the command that made a document says, and as this page can be made again.
+    # The command that made a document, and the one that makes this page again.
     assert "grosmc-mj run servo/case1" in text
     assert f"grosmc-mj report {tmp_path}" in text

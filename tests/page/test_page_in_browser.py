@@ -22,6 +22,7 @@ DRAWN = (
     "() => [...document.querySelectorAll('.plot')]"
     ".map((home) => home.querySelectorAll('.main-svg').length > 0)"
 )
+OPENING = "all => document.querySelectorAll('details').forEach(fold => { fold.open = all; })"
 pytestmark = [
     pytest.mark.render,
     pytest.mark.apart,
@@ -83,32 +84,27 @@ def test_charts_are_drawn_and_film_and_curves_have_one_time(shown: Callable[...,
         assert video.evaluate("video => video.currentTime") == pytest.approx(2.5)
 
 
-def test_claims_are_filtered_and_on_paper_there_is_nothing_to_open(
+def test_claims_are_filtered_and_a_narrow_screen_scrolls_in_one_direction(
     shown: Callable[..., Any],
 ) -> None:
     with shown(width=400) as page:
         for verdict, visible in (("refuted", True), ("", False)):
             page.select_option("#verdict", verdict)
             assert page.locator(".claim").is_visible() is visible
+        for unfold in (True, False):
+            page.evaluate(OPENING, unfold)
+            assert page.evaluate("() => document.documentElement.scrollWidth") <= 400
+        # On paper there is nothing to open.
         page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
         assert page.locator("main details:not([open])").count() == 0
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_nobody_is_kept_out(shown: Callable[..., Any], scheme: str) -> None:
+def test_nobody_is_kept_out(shown: Callable[..., Any]) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
-    with shown(color_scheme=scheme) as page:
-        ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert (ground == "rgb(255, 255, 255)") is (scheme == "light")
-        violations = Axe().run(page).response["violations"]
-        assert [v["id"] for v in violations if v["impact"] in ("serious", "critical")] == []
-
-
-@pytest.mark.parametrize("unfold", [False, True])
-def test_a_narrow_screen_scrolls_in_one_direction(shown: Callable[..., Any], unfold: bool) -> None:
-    opening = "all => document.querySelectorAll('details').forEach(fold => { fold.open = all; })"
-    with shown(width=400) as page:
-        if unfold:
-            page.evaluate(opening, True)
-        assert page.evaluate("() => document.documentElement.scrollWidth") <= 400
+    for scheme in ("light", "dark"):
+        with shown(color_scheme=scheme) as page:
+            ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+            assert (ground == "rgb(255, 255, 255)") is (scheme == "light")
+            violations = Axe().run(page).response["violations"]
+            assert [v["id"] for v in violations if v["impact"] in ("serious", "critical")] == []

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from types import MappingProxyType
 
-import mujoco
 import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv, to_rgb
@@ -16,70 +15,40 @@ from rich.console import Console
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.page.charts import chart_figure
+from grosmc_mj.results import tables
 from grosmc_mj.results.charts import write_cells
-from grosmc_mj.results.document import json_text, origin, write_json
+from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import figure_written, labelled_below
-from grosmc_mj.results.palette import COLOURS, FAILED, KEPT, OTHERS, law_styles
-from grosmc_mj.results.result import CellChart, LineChart, Series
-from grosmc_mj.results.tables import (
-    WIDTH,
-    Table,
-    markdown_table,
-    names,
-    number,
-    numbers,
-    prefixed,
-    table,
-    text,
-    words,
-)
-from grosmc_mj.versions import versions
-
-# Documents.
+from grosmc_mj.results.palette import FAILED, KEPT
+from grosmc_mj.results.result import CellChart
+from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
 
 def test_numbers_survive_to_the_last_bit_and_null_stands_for_those_that_json_has_not(
     tmp_path: Path,
 ) -> None:
-    values = [0.1, 5e-324, -0.0, 1e308, float(np.nextafter(1.0, 2.0))]
-    write_json(tmp_path / "new" / "a.json", values)
-    read = json.loads((tmp_path / "new" / "a.json").read_text(encoding="utf-8"))
-    assert np.array(read).tobytes() == np.array(values).tobytes()
-    arrays = {"value": np.float64(-math.inf), "runs": np.int64(3), "kept": np.bool_(True)}
-    margins = [math.inf, -math.inf, (math.nan, 1.5)]
-    content = MappingProxyType({"margins": margins, "numpy": arrays, "text": "inf"})
+    path, values = tmp_path / "new" / "a.json", [0.1, 5e-324, -0.0, 1e308, 1.0 + 2**-52]
+    write_json(path, values)
+    assert np.array(json.loads(path.read_text())).tobytes() == np.array(values).tobytes()
+    margins = [math.inf, -math.inf, (math.nan, 1.5), np.float64(-math.inf), np.int64(3)]
+    content = MappingProxyType({"margins": margins, "kept": np.bool_(True), "text": "inf"})
     assert json.loads(json_text(content)) == {
-        "margins": [None, None, [None, 1.5]],
-        "numpy": {"value": None, "runs": 3, "kept": True},
-        "text": "inf",
-    }
-
-
-def test_a_document_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None:
-    path = tmp_path / "a.json"
-    path.write_text("old")
+        "margins": [None, None, [None, 1.5], None, 3], "kept": True, "text": "inf",
+    }  # fmt: skip
+    # A document that cannot be written leaves the old file.
     with pytest.raises(TypeError):
         write_json(path, {"value": object()})
-    assert [path.read_text(), *tmp_path.iterdir()] == ["old", path]
+    assert [*path.parent.iterdir()] == [path]
+    assert json.loads(path.read_text()) == values
     with pytest.raises(SetupError, match="cannot write"):
         write_json(path / "b.json", {})
-
-
-def test_origin_says_which_code_and_seed() -> None:
-    document = origin(7, 2)
-    assert (document["seed"], document["schema_version"]) == (7, 2)
-    assert origin(None)["schema_version"] == 1
-    assert document["versions"]["mujoco"] == mujoco.__version__
-    revision = document["git_revision"]
-    assert revision is None or len(revision.partition("-")[0]) == 40
-    assert versions(["no-such-package"]) == {"no-such-package": "not installed"}
 
 
 # Tables.
 
 
-def lines(shown: Table) -> list[str]:
+def lines(shown: tables.Table) -> list[str]:
     """Lines of a wide terminal."""
     console = Console(width=160, color_system=None)
     with console.capture() as capture:
@@ -90,41 +59,33 @@ def lines(shown: Table) -> list[str]:
 def test_a_group_is_named_once_and_set_apart_and_brackets_are_shown() -> None:
     rows, columns = [("a", "1"), ("a", "2"), ("b", "3")], [*words("case"), *numbers("value")]
     for grouped, expected in (
-        (True, [["a", "1"], ["2"], [], ["b", "3"]]),
-        (False, [["a", "1"], ["a", "2"], ["b", "3"]]),
-    ):
+        (True, [["a", "1"], ["2"], [], ["b", "3"]]), (False, [["a", "1"], ["a", "2"], ["b", "3"]])
+    ):  # fmt: skip
         printed = lines(table("", columns, rows, grouped=grouped))
         assert [line.split() for line in printed[2:]] == expected
     printed = lines(table("[bold]t[/]", words("u [rad]"), [("[/] [red]x",)], legend="in [deg]"))
-    assert [line.strip() for line in printed if set(line) - {"─", " "}] == [
-        "[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]",
-    ]  # fmt: skip
-
-
-def test_only_text_is_wrapped_and_fills_the_width() -> None:
+    shown = [line.strip() for line in printed if set(line) - {"─", " "}]
+    assert shown == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
+    # Only text is wrapped, and fills the width.
     columns = [*names("law"), *text("statement"), *numbers("value")]
     row = ("a_law_of_my_own_with_a_long_name", "of several words " * 12, "1.25e-3")
     printed = lines(table("", columns, [row]))
-    assert max(map(len, printed)) == WIDTH
-    assert "…" not in "".join(printed)
+    assert max(map(len, printed)) == tables.WIDTH
     assert "".join(printed).count("1.25e-3") == 1
     assert "a_law_of_my_own_with" in printed[2]
+    # In Markdown numbers stand at the right, and bars stay bars.
+    columns = [*words("law"), *numbers("max |u|"), *words("")]
+    assert tables.markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
+        r"| law | max \|u\| |  |", "|---|---:|---|", r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |",
+    ]  # fmt: skip
 
 
 def test_a_number_has_six_characters_at_most_and_a_unit_its_prefix() -> None:
     values = (0.0, 0.01234, 12.345, 9999.0, 12345.0, -1.23456e-7, -math.inf, None)
-    assert " ".join(map(number, values)) == "0 0.0123 12.3 9999 1.2e4 -1.2e-7 -inf -"
+    assert " ".join(map(tables.number, values)) == "0 0.0123 12.3 9999 1.2e4 -1.2e-7 -inf -"
     assert prefixed("rad", 2.0) == prefixed("rad", 0.0) == prefixed("rad", math.inf) == ("rad", 1)
-    assert prefixed("rad", 0.2) == ("mrad", 1e3)
-    assert prefixed("m", 1e-3) == ("mm", 1e3)
+    assert (prefixed("rad", 0.2), prefixed("m", 1e-3)) == (("mrad", 1e3), ("mm", 1e3))
     assert prefixed("m", 3e-5) == prefixed("m", 3e-9) == ("µm", 1e6)
-
-
-def test_numbers_stand_at_the_right_and_bars_stay_bars() -> None:
-    columns = [*words("law"), *numbers("max |u|"), *words("")]
-    assert markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
-        r"| law | max \|u\| |  |", "|---|---:|---|", r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |",
-    ]  # fmt: skip
 
 
 # Figures.
@@ -145,9 +106,17 @@ def test_png_and_svg_are_written_together_or_not_at_all(
         with pytest.raises(SetupError, match="No space left"), figure_written(path, (1, 1)):
             pass
     assert not list(tmp_path.iterdir())
-    with figure_written(path, (1, 1)):
-        pass
+    with figure_written(path, (7.2, 4.0)) as figure:
+        axes = figure.subplots()
+        for i in range(9):
+            axes.plot(
+                [0, 1], label=f"implicit, predicted, corrected equations {i}" if i < 2 else "a"
+            )
+        labelled_below(figure, [axes])
     assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
+    # A legend below stays within its figure.
+    box = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
 
 
 def test_a_signal_that_switches_at_every_sample_jumps_and_a_wave_does_not() -> None:
@@ -160,10 +129,8 @@ def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In figures, where white is the limit, and in lighter shades on the page."""
-    figures: list[Figure] = []
-    monkeypatch.setattr(
-        "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)
-    )
+    figures, write = list[Figure](), "grosmc_mj.results.figure.write_figure"
+    monkeypatch.setattr(write, lambda figure, _: figures.append(figure))
     cells = {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}
     shown = CellChart.of("kept", cells, 2.0)
     write_cells(tmp_path / "a.png", "a", [shown], "a note")
@@ -172,44 +139,5 @@ def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
     assert colours.ravel() == pytest.approx([*to_rgb(KEPT), 1, 1, 1, *to_rgb(FAILED)], abs=5e-3)
     assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
     (heat,) = chart_figure(shown)["data"]
-    assert (heat["zmin"], heat["zmax"]) == (-2.0, 2.0)
-    for shade, meant in ((heat["colorscale"][0], KEPT), (heat["colorscale"][-1], FAILED)):
-        hue, saturation, _ = rgb_to_hsv(to_rgb(shade[1]))
-        assert hue == pytest.approx(rgb_to_hsv(to_rgb(meant))[0], abs=0.02)
-        assert saturation > 0.3
-
-
-def test_laws_have_the_same_colour_wherever_they_are_drawn() -> None:
-    """Those without one of their own take the others in turn."""
-    styles = law_styles(["lqr", "mine", "grosmc", "yours", "mine"]).values()
-    assert [(style.label, style.colour) for style in styles] == [
-        ("LQR", COLOURS["lqr"]), ("mine", OTHERS[0]), ("GROSMC", COLOURS["grosmc"]),
-        ("yours", OTHERS[1]),
-    ]  # fmt: skip
-    assert len({style.line for style in styles}) == 4
-    series = [Series(name=law, x=[0.0], y=[1.0]) for law in ("lqr", "grosmc", "mine")]
-    drawn = chart_figure(LineChart(name="J", titles=("x", "y"), lines=series))["data"]
-    colours = [line["marker"]["color"] for line in drawn]
-    assert colours[:2] == [COLOURS["lqr"], COLOURS["grosmc"]]
-    assert len(set(colours)) == 3
-
-
-@pytest.mark.parametrize("long", [0, 1, 3])
-def test_a_legend_below_stays_within_its_figure(
-    long: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With as many long labels in a row; short ones stand three in a row."""
-    labels = [f"implicit, predicted, corrected equations {i}" for i in range(long)]
-    labels += [f"law {i}" for i in range(long, 9)]
-    monkeypatch.setattr("grosmc_mj.results.figure.write_figure", lambda *_: None)
-    with figure_written(tmp_path / "a.png", (7.2, 4.0)) as figure:
-        axes = figure.subplots()
-        for label in sorted(labels, key=lambda label: int(label[-1]) % 3):
-            axes.plot([0, 1], label=label)
-        labelled_below(figure, [axes])
-        figure.draw_without_rendering()
-    (legend,) = figure.legends
-    box = legend.get_window_extent()
-    assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
-    rows = {round(label.get_window_extent().y0) for label in legend.get_texts()}
-    assert len(rows) == 3 or long
+    hues = [rgb_to_hsv(to_rgb(heat["colorscale"][end][1]))[0] for end in (0, -1)]
+    assert hues == pytest.approx([rgb_to_hsv(to_rgb(x))[0] for x in (KEPT, FAILED)], abs=0.02)

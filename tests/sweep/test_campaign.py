@@ -1,97 +1,50 @@
 """The campaigns that can be declared, and the one line that refuses all others before any run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
+import campaign_cases as small
 import pytest
-from campaign_cases import (
-    BOTH,
-    INERTIA,
-    LOOP,
-    MACHINE,
-    PUSH,
-    campaign,
-    plain,
-    specification,
-    standing,
-    uncertain,
-)
+from campaign_cases import BOTH, INERTIA, LOOP, MACHINE, campaign, of, plain, standing, uncertain
+from case_texts import PYTHON
 
 from grosmc_mj.errors import NEXT, ArgumentError
 from grosmc_mj.sweep.campaign import Campaign
 
 
-def of(kind: str, name: str, *numbers: str) -> str:
-    return uncertain(f'{kind} = "{name}"', *numbers)
-
-
-def mass(*numbers: str) -> str:
-    return of("body", "rotor", *numbers)
-
-
 def scale(spread: str, *more: str) -> str:
-    return mass(f"mass_scale = {spread}", *more)
+    return of("body", "rotor", f"mass_scale = {spread}", *more)
 
 
 def correlated(first: str, second: str, coefficient: str) -> str:
     return f'[[correlation]]\nbetween = ["{first}", "{second}"]\ncoefficient = {coefficient}\n'
 
 
-SCALE, LOAD, DAMPING = (
-    "rotor mass scale",
-    "load amplitude",
-    of("joint", "shaft", "damping = [0, 1]"),
-)
+SCALE, LOAD = "rotor mass scale", "load amplitude"
+DAMPING = of("joint", "shaft", "damping = [0, 1]")
 NORMAL = 'distribution = "normal", mean = 1, deviation = 0.1'
 NUMBERS = [
-    # Names.
     (of("body", "world", "mass_scale = [1, 2]"), "unknown body 'world': valid: rotor"),
-    (of("joint", "shaf", "damping = [1, 2]"), "joint 'shaf': did you mean 'shaft'?"),
-    (of("start", "angle", "value = [1, 2]"), "state 'angle': did you mean 'rotor angle'?"),
     (of("disturbance", "lod", "amplitude = [1, 2]"), "did you mean 'load'?"),
     (of("disturbance", "load", 'phase = ["0 rad", "1 rad"]'), "a Pulse profile has no phase"),
     (of("parameter", "J", "scale = [1, 2]"), "name a body or joint instead"),
-    (scale("[1, 2]", "mas_scale = 1"), "unknown key 'mas_scale': did you mean 'mass_scale'?"),
-    (scale('{ distribution = "gaussian" }'), "unknown distribution 'gaussian': valid: uniform"),
-    # Ranges and distributions.
     (scale("[1, 1]"), "uniform: least 1, most 1 is no distribution: least must be below most"),
-    (scale("[1, inf]"), "most: inf must be finite"),
-    (scale("[true, 2]"), "least: True must be a number without a unit"),
-    (scale("[1, 2, 3]"), "[1, 2, 3] must be a range [least, most] or a table such as"),
     (scale('{ distribution = "normal", mean = 1 }'), "normal needs mean and deviation and may"),
-    (scale('{ distribution = "uniform", mode = 1 }'), "uniform needs least and most, not mode"),
-    (scale('{ distribution = "normal", mean = 1, deviation = 0 }'), "is no distribution"),
     (scale(f"{{ {NORMAL}, least = 50 }}"), "is no distribution"),
     (scale('{ distribution = "loguniform", least = 0, most = 2 }'), "is no distribution"),
     (scale('{ distribution = "triangular", least = 1, most = 2, mode = 3 }'), "no distribution"),
     (scale('{ distribution = "lognormal", median = -1, spread = 1 }'), "is no distribution"),
-    (scale('{ distribution = "lognormal", median = 1, spread = 0 }'), "is no distribution"),
-    # Values that no plant has, and units.
     (scale("[0, 1]"), "0 can occur, but must be finite and positive: cut the distribution off"),
     (scale(f"{{ {NORMAL} }}"), "= -inf can occur, but must be finite and positive: cut the"),
-    (scale("[1, 2]", "nominal = 0"), "mass scale = 0 can occur, but must be finite and positive"),
-    (of("joint", "shaft", "friction = [-1, 1]"), "must be finite and not negative"),
-    (mass('added_mass = ["-1 g", "1 g"]'), "added mass = -0.001 can occur"),
-    (scale("[1, 2]", 'nominal = "1 kg"'), "nominal: '1 kg' must be a number without a unit"),
-    (mass('added_mass = [1, "2 kg"]'), 'least: 1 has no unit: write "1 kg"'),
-    (of("disturbance", "hum", 'frequency = ["1 s", "2 Hz"]'), '"1 s" cannot be converted to rad/s'),
-    # One number, once, by a name of its own.
-    (scale("[1, 2]", "length_scale = [1, 2]"), "one [[uncertain]] is one number"),
-    (mass(), "give one of mass_scale, length_scale, added_mass, not none"),
+    (of("body", "rotor", 'added_mass = [1, "2 kg"]'), 'least: 1 has no unit: write "1 kg"'),
+    (of("body", "rotor"), "give one of mass_scale, length_scale, added_mass, not none"),
     (uncertain("mass_scale = [1, 2]"), "name one of body, joint, disturbance, start, parameter"),
-    (of("joint", "shaft", "mass_scale = [1, 2]"), "a joint has no mass_scale; valid"),
     (scale("[1, 2]", 'at = ["0 m", "0 m", "1 m"]'), "at is where an added_mass is"),
     (BOTH + INERTIA, "two are uncertain 'rotor mass_scale'"),
-    (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"', "two are called 'a'"),
+    (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"\n', "two are called 'a'"),
     (scale("[1, 2]", 'name = "deviation"'), "'deviation' is a column of the results"),
-    (scale("[1, 2]", 'name = "margin input_below"'), "'margin input_below' is a column"),
     ("", "nothing is uncertain: give it an [[uncertain]]"),
-    # Correlations.
     (BOTH + correlated(SCALE, LOAD, "1.5"), "coefficient = 1.5 must be less than 1"),
-    (BOTH + correlated(SCALE, "load", "0.5"), "unknown number 'load'"),
-    (BOTH + correlated(SCALE, SCALE, "0.5"), "give it once, of two different numbers"),
     (BOTH + 2 * correlated(SCALE, LOAD, "0.5"), "give it once, of two different numbers"),
     (
         BOTH + DAMPING + correlated(SCALE, LOAD, "0.9")
@@ -101,12 +54,7 @@ NUMBERS = [
 ]  # fmt: skip
 OFTEN = 'distribution = "normal", mean = "1 ms", deviation = "20 s", least = "0 s"'
 MACHINES = [
-    (("stop", "shaft", "restitution = [0.1, 1.0]"), "can occur, but must be from 0 to below 1:"),
     (("motor", "current", 'resistance = ["0 ohm", "1 ohm"]'), "= 0 can occur, but must be from"),
-    (("transmission", "shaft", 'stiffness = ["1 N/m", "9 N m/rad"]'), "converted to N m/rad"),
-    (("lugre", "shaft", 'backlash = ["0 rad", "1 rad"]'), "a lugre has no backlash; valid: coul"),
-    (("lugre", "shfat", 'coulomb = ["1 N m", "2 N m"]'), "unknown joint 'shfat': did you mean"),
-    (("motor", "currant", "ratio = [1, 2]"), "unknown input 'currant': did you mean 'current'"),
     (("wall", "roter", "restitution = [0.1, 0.2]"), "the file has no [[wall]] of 'roter'"),
     (("motor", "current", 'voltage = ["9 V", "24 V"]'), "voltage is not limited: write"),
     # Together with the other numbers of the file.
@@ -117,7 +65,6 @@ MACHINES = [
     (("stop", "shaft", 'low = ["-1 rad", "2 rad"]'), "low = 2 must be below high = 1"),
     # A stop would throw out a plant that starts beyond it.
     (("stop", "shaft", 'low = ["-1 rad", "0.5 rad"]'), "beyond its stops at 0.5 and 1 rad"),
-    (("start", "rotor angle", 'value = ["-2 rad", "0 rad"]'), "beyond its stops at -1 and 1 rad"),
     (("transmission", "shaft", 'stiffness = ["100 N m/rad", "5 MN m/rad"]'), "makes unstable"),
 ]
 TWICE = of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
@@ -135,18 +82,6 @@ of = "rotor speed"
 law = "lqr"
 predict = true
 """
-KALMAN = """
-[[sensor]]
-of = "rotor angle"
-noise = "0.1 mrad"
-[[estimator]]
-of = "rotor speed"
-law = "kalman"
-load = "1 A"
-[[controller]]
-law = "lqr"
-"""
-ALONE = '[[controller]]\nlaw = "lqr"\n'
 LATE = of("sensor", "rotor angle", 'delay = ["0 ms", "2 ms"]')
 TEXTS = [
     *((plain(tables), words) for tables, words in NUMBERS),
@@ -155,23 +90,19 @@ TEXTS = [
     (standing(SWING, MACHINE + SECOND), "the file has 2 [[swinging_load]] of 'rotor'"),
     (standing(LATE, PREDICTS), "let that of computing = true vary instead"),
     (
-        standing(LATE + LATE.replace("angle", "speed"), PREDICTS),
-        "rotor angle delay 0.002 s and rotor speed delay 0 s can occur",
+        standing(uncertain("computing = true", f"delay = {{ {OFTEN} }}"), PREDICTS),
+        "at most 100000",
     ),
-    (standing(uncertain("computing = true", f"delay = {{ {OFTEN} }}"), PREDICTS), "at most 100000"),
-    (standing(NOISE, KALMAN), "rotor angle has neither"),
     (standing(NOISE.replace("angle", "speed").replace("mrad", "rad/s"), LOOP), "unknown sensor"),
     (
-        standing(of("actuator", "current", 'rate_limit = ["1 A/s", "9 A/s"]'), LOOP),
-        "rate_limit is not limited: write nominal into this",
+        standing(uncertain("computing = true", "missed = [0.5, 1.0]"), LOOP),
+        "missed = 1 can occur",
     ),
-    (standing(uncertain("computing = true", "missed = [0.5, 1.0]"), LOOP), "missed = 1 can occur"),
     (
-        standing(of("actuator", "current", 'lag = ["0 ms", "1 ms"]'), ALONE),
+        standing(of("actuator", "current", 'lag = ["0 ms", "1 ms"]'), small.LQR),
         "the case file has no actuator, of which this is a number: write one",
     ),
-    (standing(NOISE, "[computing]\n" + ALONE), "there is no [[sensor]]"),
-    (plain() + PUSH, "two disturbances have the label 'load': give each its own"),
+    (plain() + small.PUSH, "two disturbances have the label 'load': give each its own"),
     (
         plain() + '[[requirement]]\nstays_within = "1 rad"\nafter = "49.5 ms"\n',
         "an error after 0.0495 s: the last timestep of a run begins at 0.049 s",
@@ -179,29 +110,24 @@ TEXTS = [
 ]
 
 
+def refused(text: str, words: str, **options: Any) -> None:
+    with pytest.raises(ArgumentError) as refusal:
+        Campaign.of(small.specification(text, **options))
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value).replace(NEXT, "")
+
+
 @pytest.mark.parametrize(("text", "words"), TEXTS, ids=[words for _, words in TEXTS])
 def test_a_wrong_file_is_refused_in_one_line(text: str, words: str) -> None:
     refused(text, words)
-
-
-def refused(text: str, words: str, **asked: Any) -> None:
-    with pytest.raises(ArgumentError) as refusal:
-        Campaign.of(specification(text, **asked))
-    assert words in str(refusal.value)
-    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ({"runs": 0}, "runs = 0 must be a whole number from 1"),
-        ({"runs": 10**30}, "must be a whole number from 1 to 1e+12"),
         ({"runs": 10**9, "shard": 1}, "take a larger shard"),
-        ({"seed": -1}, "seed = -1 must be a whole number from 0"),
         ({"sampler": "sobel"}, "unknown sampler 'sobel': did you mean 'sobol'?"),
-        ({"screen": "equation"}, "unknown screen 'equation': did you mean 'equations'?"),
-        ({"controllers": ("lqq",)}, "unknown law 'lqq'"),
-        ({"duration": float("nan")}, "duration = nan must be above 0"),
         ({"control_period": 0.0015}, "no multiple of the timestep 0.001 s"),
         ({"sampler": "corners"}, "8 runs, but there are 4 corners"),
     ],
@@ -210,28 +136,8 @@ def test_a_wrong_argument_is_refused_in_one_line(arguments: dict[str, Any], word
     refused(plain(), words, **arguments)
 
 
-@pytest.mark.parametrize(
-    "tables", [scale(f"{{ {NORMAL}, least = 0.5 }}"), BOTH + correlated(SCALE, LOAD, "0.5")]
-)
-def test_numbers_without_ends_and_correlated_ones_have_no_corners(tables: str) -> None:
-    refused(plain(tables), "there are 0 corners", sampler="corners", runs=2)
-
-
-def test_all_mistakes_are_named_at_once() -> None:
-    """Of laws, uncertain numbers and controllers together; of the file's keys before them."""
-    text = plain(scale("[1, 2]").replace("rotor", "roter") + DAMPING.replace("shaft", "shaf"))
-    with pytest.raises(ArgumentError) as refusal:
-        Campaign.of(specification(text + '[[controller]]\nlaw = "grosmk"\n', controllers=("lqq",)))
-    first, *mistakes = str(refusal.value).split(NEXT)
-    assert first.endswith("4 mistakes:")
-    for words, name in zip(mistakes, ("'lqq'", "'grosmk'", "'roter'", "'shaf'"), strict=True):
-        assert name in words
-    keys = text.replace("mass_scale", "mass_scal").replace("damping", "dampin")
-    with pytest.raises(ArgumentError, match="2 mistakes:"):
-        Campaign.of(specification(keys))
-
-
-def test_numbers_of_the_same_name_need_names_of_their_own() -> None:
+def test_correlated_numbers_have_no_corners_and_numbers_of_one_name_need_names() -> None:
+    refused(plain(BOTH + small.CORRELATED), "there are 0 corners", sampler="corners", runs=2)
     both = [of(kind, "shaft", 'damping = ["0 N m s/rad", "1 N m s/rad"]')
             for kind in ("lugre", "transmission")]  # fmt: skip
     refused(standing("".join(both), MACHINE), "two are called 'shaft damping'")
@@ -239,41 +145,40 @@ def test_numbers_of_the_same_name_need_names_of_their_own() -> None:
     assert named.family.names == ["shaft damping", "of the gear"]
 
 
+def test_all_mistakes_are_named_at_once() -> None:
+    """Of laws, uncertain numbers and controllers together; of the file's keys before them."""
+    text = plain(scale("[1, 2]").replace("rotor", "roter") + DAMPING.replace("shaft", "shaf"))
+    law = '[[controller]]\nlaw = "grosmk"\n'
+    with pytest.raises(ArgumentError) as refusal:
+        Campaign.of(small.specification(text + law, controllers=("lqq",)))
+    first, *mistakes = str(refusal.value).split(NEXT)
+    assert first.endswith("4 mistakes:")
+    for words, name in zip(mistakes, ("'lqq'", "'grosmk'", "'roter'", "'shaf'"), strict=True):
+        assert name in words
+    refused(text.replace("mass_scale", "mass_scal").replace("damping", "dampin"), "2 mistakes:")
+
+
 ONSET = of("disturbance", "load", 'onset = ["{} s", "0.02 s"]')
 SHORT = '[[requirement]]\nsettles_within = "{} ms"\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_what_runs_cannot_show_is_not_judged_and_a_disturbance_after_the_end_is_idle() -> None:
+    for text, words in (
         (plain() + SHORT.format(19), "there are 0.02 s before"),
-        (plain(ONSET.format(0.001)) + SHORT.format(10), "there are 0.001 s before"),
         # A load that may come at once leaves nothing to settle in.
         (plain(ONSET.format(0)) + SHORT.format(10), "there are 0 s before"),
-    ],
-)
-def test_a_requirement_that_runs_cannot_show_is_not_judged(text: str, words: str) -> None:
-    declared = campaign(text)
-    assert [words in line for line in declared.not_judged] == [True]
-    assert "settles_within" not in {limit.kind for limit in declared.requirements}
-
-
-def test_a_disturbance_after_the_end_is_idle() -> None:
+    ):
+        declared = campaign(text)
+        assert [words in line for line in declared.not_judged] == [True]
+        assert "settles_within" not in {limit.kind for limit in declared.requirements}
     assert campaign(plain()).idle == []
     assert campaign(plain(), duration=0.02).idle == ["load", "hum"]
     assert campaign(plain(ONSET.format(0.01)), duration=0.02).idle == ["hum"]
 
 
 OWN = """
-import grosmc_mj as gm, sympy as sp
-q, w, J = sp.symbols('q w J')
-def plant():
-    return gm.affine_plant('own', states={'q': 'rad', 'w': 'rad/s'}, inputs={'torque': 'N m'},
-        f=[w, -sp.sin(q) / J], g=[0, 1 / J], h=[q], parameters={'J': 0.02})
-"""
-OWN_CASE = """
 [plant]
-plant = "own:plant"
+plant = "own:pendulum"
 [run]
 duration = "50 ms"
 [task]
@@ -286,14 +191,14 @@ law = "fl-lqr"
 
 
 def test_an_analytic_plant_has_parameters_and_no_bodies(tmp_path: Path) -> None:
-    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "own.py").write_text(PYTHON)
     folder = str(tmp_path)
-    refused(OWN_CASE + scale("[1, 2]"), "no model in MuJoCo, so no body: name a", folder=folder)
+    refused(OWN + scale("[1, 2]"), "no model in MuJoCo, so no body: name a", folder=folder)
     refused(
-        OWN_CASE + of("parameter", "j", "scale = [1, 2]"),
-        "unknown parameter 'j': valid: J",
+        OWN + of("parameter", "j", "scale = [1, 2]"),
+        "unknown parameter 'j': valid: m",
         folder=folder,
     )
-    family = campaign(OWN_CASE + of("parameter", "J", "scale = [1, 2]"), folder=folder)
+    family = campaign(OWN + of("parameter", "m", "scale = [1, 2]"), folder=folder)
     plant: Any = family.plant_sample([1.5]).plant(family.plant)
-    assert plant.parameters.J == 0.03
+    assert plant.parameters.m == 3.0

@@ -1,53 +1,41 @@
 """The findings of a campaign, its tables and its figures, against the columns of its parts."""
 
-from __future__ import annotations
-
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import DEVIATION, LQR, PAIR, campaign, falling, kept, pair, servo
+from campaign_cases import DEVIATION, PAIR, campaign, falling, kept, pair, servo
+from commands import Patch
 from matplotlib.colors import to_hex
 from rich.console import Console
 
 from grosmc_mj.cli.commands.campaign.answer import say_findings
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.tables import WIDTH
+from grosmc_mj.sweep import findings as module
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import (
-    ALL,
-    DESIGN,
-    NO_PROOF,
-    Basis,
-    Findings,
-    findings,
-    findings_tables,
-    margins_table,
-    paired_table,
-    pass_rates_table,
-    results_document,
-    sensitivity_table,
-)
+from grosmc_mj.sweep.findings import ALL, DESIGN, NO_PROOF, Findings, findings, results_document
 from grosmc_mj.sweep.map import PassMap, write_pass_map
 from grosmc_mj.sweep.promise import Promise
 from grosmc_mj.sweep.radius import Look, Radius, chart
-from grosmc_mj.sweep.statistics import (
-    Sensitivity,
-    margin_summary,
-    paired,
-    pass_rate,
-    sensitivities,
-)
+from grosmc_mj.sweep.runs import COMPLETED
+from grosmc_mj.sweep.statistics import Sensitivity, margin_summary, paired, pass_rate, sensitivities
 from grosmc_mj.sweep.store import Folder
 
 INF = math.inf
 COMPLETES = "completes"
 WORDS = "deviation below 3 mrad"
+COLUMNS = [
+    "margin deviation_below",
+    "margin input_below",
+    "relative",
+    "rotor mass scale",
+    "load amplitude",
+]
 
 
 def declared() -> Campaign:
@@ -60,77 +48,26 @@ def shown(servos: Folder) -> Findings:
     return findings(declared(), servos, 0.9)
 
 
-def column(folder: Folder, name: str, law: str) -> np.ndarray:
-    return folder.columns(declared(), [name], range(2))[law][name]
-
-
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
-def test_rates_and_margins_are_those_of_the_columns(
-    servos: Folder, shown: Findings, law: str
-) -> None:
-    for words, name in (
-        (WORDS, "margin deviation_below"),
-        ("input below 10 A", "margin input_below"),
-        (ALL, "relative"),
-    ):
-        own = column(servos, name, law)
-        assert shown.rates[words, law] == pass_rate(int((own >= 0).sum()), 8, 0.9)
-        assert shown.summaries[words, law] == margin_summary(own, 0.9)
-    assert (shown.rates[COMPLETES, law].kept, shown.cut_short[law]) == (8, 0)
-    # The worst runs come first.
-    assert sorted(shown.worst[law]) == list(range(8))
-    assert np.all(np.diff(column(servos, "relative", law)[shown.worst[law]]) >= 0)
-
-
-def test_differences_and_drivers_are_those_of_the_columns(servos: Folder, shown: Findings) -> None:
-    lqr, grosmc = (column(servos, "relative", law) for law in ("lqr", "grosmc"))
+def test_findings_are_those_of_the_columns(servos: Folder, shown: Findings) -> None:
+    columns = servos.columns(declared(), COLUMNS, range(2))
+    for law, own in columns.items():
+        for words, name in zip((WORDS, "input below 10 A", ALL), COLUMNS, strict=False):
+            assert shown.rates[words, law] == pass_rate(int((own[name] >= 0).sum()), 8, 0.9)
+            assert shown.summaries[words, law] == margin_summary(own[name], 0.9)
+        assert (shown.rates[COMPLETES, law].kept, shown.cut_short[law]) == (8, 0)
+        # The worst runs come first.
+        assert sorted(shown.worst[law]) == list(range(8))
+        assert np.all(np.diff(own["relative"][shown.worst[law]]) >= 0)
+    lqr, grosmc = (columns[law]["relative"] for law in ("lqr", "grosmc"))
     difference = shown.differences[ALL, "lqr", "grosmc"]
     assert difference == paired(lqr, grosmc, 0.9)
     assert (difference.only_first, difference.only_second) == (0, 6)
     assert ((lqr < 0) & (grosmc >= 0)).sum() == 6
-    values = {name: column(servos, name, "lqr") for name in declared().family.names}
+    values = {name: columns["lqr"][name] for name in declared().family.names}
     assert shown.sensitivities["lqr"] == sensitivities(values, lqr, 0.9)
-
-
-def test_a_requirement_of_one_law_is_not_anothers(shown: Findings) -> None:
-    assert ("sliding below 0.02 A s", "grosmc") in shown.rates
-    assert ("sliding below 0.02 A s", "lqr") not in shown.rates
-    assert {key[1:] for key in shown.differences} == {("lqr", "grosmc")}
-
-
-def test_the_same_requirement_may_stand_in_a_table_of_each_law(tmp_path: Path) -> None:
-    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "stiff"))
-    split = campaign(servo(laws=PAIR, limits=both))
-    separate = findings(split, kept(split, tmp_path))
-    for law in ("lqr", "stiff"):
-        assert separate.rates[WORDS, law].kept == (separate.margins[WORDS, law] >= 0).sum()
-    assert (WORDS, "lqr", "stiff") in separate.differences
-
-
-def test_of_runs_that_are_as_bad_the_first_comes_first(tmp_path: Path) -> None:
-    free = campaign(servo(laws=LQR, limits=""), runs=32, shard=32)
-    assert findings(free, kept(free, tmp_path)).worst["lqr"] == list(range(16))
-
-
-def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
-    folder = kept(falling(), tmp_path)
-    fallen = findings(falling(), folder)
-    status = folder.columns(falling(), ["status"], [0])["fl-lqr"]["status"]
-    early = int((status == "undefined_law").sum())
-    assert 0 < early < 16
-    assert fallen.cut_short["fl-lqr"] == early
-    assert fallen.rates[COMPLETES, "fl-lqr"].kept == 16 - early >= fallen.rates[ALL, "fl-lqr"].kept
-    assert np.isneginf(fallen.margins[ALL, "fl-lqr"]).sum() == early
-    assert status[fallen.worst["fl-lqr"][:early]].tolist() == ["undefined_law"] * early
-    # JSON has no infinities: null stands for them, and beside it how many runs ended early.
-    written = json.loads(json_text(results_document(falling(), fallen)))["margins"]
-    (least,) = (
-        row for row in written if (row["requirement"], row["controller"]) == (ALL, "fl-lqr")
-    )
-    assert (least["least"], least["diverged"]) == (None, early)
-
-
-def test_results_are_plain_json_with_their_premises(shown: Findings) -> None:
+    # A requirement of one law is not another's.
+    laws = [law for words, law in shown.rates if words == "sliding below 0.02 A s"]
+    assert (laws, {key[1:] for key in shown.differences}) == (["grosmc"], {("lqr", "grosmc")})
     content = json.loads(json_text(results_document(declared(), shown)))
     for words in ("no proof", "not probabilities", "Intervals and p: of independent runs"):
         assert words in content["says"]
@@ -140,7 +77,29 @@ def test_results_are_plain_json_with_their_premises(shown: Findings) -> None:
     assert [rate["high"] for rate in rates] == [1.0, 1.0]
 
 
-@pytest.mark.parametrize("sampler", ["sobol", "lhs", "corners"])
+def test_the_same_requirement_may_stand_in_a_table_of_each_law(tmp_path: Path) -> None:
+    both = "".join(f'{DEVIATION}of = ["{law}"]\n' for law in ("lqr", "stiff"))
+    split = campaign(servo(laws=PAIR, limits=both))
+    separate = findings(split, kept(split, tmp_path / "split"))
+    for law in ("lqr", "stiff"):
+        assert separate.rates[WORDS, law].kept == (separate.margins[WORDS, law] >= 0).sum()
+    assert (WORDS, "lqr", "stiff") in separate.differences
+
+
+def test_runs_that_end_early_are_failures_with_their_cause(tmp_path: Path) -> None:
+    folder, law = kept(falling(), tmp_path), "fl-lqr"
+    fallen = findings(falling(), folder)
+    early = int((folder.columns(falling(), ["status"], [0])[law]["status"] != COMPLETED).sum())
+    assert fallen.cut_short[law] == np.isneginf(fallen.margins[ALL, law]).sum() == early > 0
+    assert fallen.rates[COMPLETES, law].kept == 16 - early >= fallen.rates[ALL, law].kept
+    assert np.all(np.isneginf(fallen.margins[ALL, law][fallen.worst[law][:early]]))
+    # JSON has no infinities: null stands for them, and beside it how many runs ended early.
+    written = json.loads(json_text(results_document(falling(), fallen)))["margins"]
+    nothing = [row["diverged"] for row in written if row["least"] is None]
+    assert set(nothing) == {early}
+
+
+@pytest.mark.parametrize("sampler", ["lhs", "corners"])
 def test_points_that_are_no_independent_runs_give_no_interval(sampler: str, tmp_path: Path) -> None:
     regular = campaign(pair(), sampler=sampler, runs=4)
     no_chance = findings(regular, kept(regular, tmp_path), 0.9)
@@ -148,36 +107,28 @@ def test_points_that_are_no_independent_runs_give_no_interval(sampler: str, tmp_
     assert (rate.runs, rate.low, rate.high) == (4, None, None)
     assert (difference.low, difference.p_value, difference.median_low) == (None, None, None)
     assert {summary.mean_low for summary in no_chance.summaries.values()} == {None}
-    for table in findings_tables(regular, no_chance):
+    for table in module.findings_tables(regular, no_chance):
         assert f"No interval: --sampler {sampler}" in printed(table)
         assert not any(" .. " in cell or "< 1e-4" in cell for row in table.rows for cell in row)
 
 
-@pytest.mark.parametrize(("share", "named"), [(0.0049, False), (0.0051, True)])
-def test_a_number_with_0_percent_is_not_named_as_a_driver(
-    shown: Findings, share: float, named: bool
-) -> None:
-    driver = Sensitivity("rotor mass scale", 0.1, -0.1, 0.3, share, 0.5)
-    console = Console(width=100, color_system=None)
-    with console.capture() as screen:
-        told = replace(shown, sensitivities={"lqr": [driver]})
-        say_findings(console, declared(), told, [], full=False)
-    said = " ".join(screen.get().split())
-    assert ("rotor mass scale drives its margin most (1 % of" in said) == named
-    assert "(0 % of" not in said
+def test_a_number_with_0_percent_is_not_named_as_a_driver(shown: Findings) -> None:
+    for share, named in ((0.0049, False), (0.0051, True)):
+        driver = Sensitivity("rotor mass scale", 0.1, -0.1, 0.3, share, 0.5)
+        console = Console(width=100, color_system=None)
+        with console.capture() as screen:
+            other = replace(shown, sensitivities={"lqr": [driver]})
+            say_findings(console, declared(), other, [], full=False)
+        words = " ".join(screen.get().split())
+        assert ("rotor mass scale drives its margin most (1 % of" in words) == named
 
-
-# Tables.
 
 LONG = "stays within 2 deg of a [bracketed] requirement with a very long name from 2 s on"
-LAW = "a_law_of_my_own_with_a_very_long_name"
-SETTLES = "settles within 4 s"
+LAW, SETTLES = "a_law_of_my_own_with_a_very_long_name", "settles within 4 s"
 X = np.arange(400) - 199.5
-WIDE = np.linspace(-123456, 98765, 40)
 
 
 def printed(table: Any) -> str:
-    """The words on a terminal, which is wide enough."""
     console = Console(width=WIDTH, color_system=None)
     with console.capture() as screen:
         console.print(table)
@@ -186,138 +137,93 @@ def printed(table: Any) -> str:
 
 
 def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units() -> None:
-    """Of long names and wide numbers."""
-    margins = {
-        (SETTLES, "grosmc"): np.linspace(0.5, 1.5, 101),
-        (LONG, LAW): np.array([-INF, *np.linspace(-123456, 0.001234, 999)]),
-    }
-    pairs = {
-        (SETTLES, "lqr", "grosmc"): (np.array([-1.0] * 6 + [1.0]), np.array([0.5] * 6 + [1.0])),
-        (LONG, "grosmc", LAW): (WIDE, WIDE**2 / 1e3),
-        (LONG, LAW, "lqr"): (np.array([1.0]), np.array([-INF])),
-    }
+    first, second = np.array([-1.0] * 6 + [1.0]), np.array([0.5] * 6 + [1.0])
+    kept_by = {(SETTLES, "grosmc"): (512, 512), (SETTLES, "lqr"): (5119, 5120),
+               (LONG, LAW): (99999, 100000), (LONG, "lqr"): (0, 512)}  # fmt: skip
     drivers = {"start [angle]": X, LONG: np.ones(400), "mass": np.abs(X)}
     wide = Findings(
-        sampled=Basis(512, 4096, "random", 7),
-        rates={
-            (SETTLES, "grosmc"): pass_rate(512, 512),
-            (SETTLES, "lqr"): pass_rate(5119, 5120),
-            (LONG, LAW): pass_rate(99999, 100000),
-            (LONG, "lqr"): pass_rate(0, 512),
-        },
+        sampled=module.Basis(512, 4096, "random", 7),
+        rates={key: pass_rate(*counts) for key, counts in kept_by.items()},
         cut_short={"lqr": 25},
-        margins=margins,
-        summaries={key: margin_summary(values) for key, values in margins.items()},
-        differences={key: paired(*columns) for key, columns in pairs.items()},
+        margins={},
+        summaries={
+            (SETTLES, "grosmc"): margin_summary(np.linspace(0.5, 1.5, 101)),
+            (LONG, LAW): margin_summary(np.array([-INF, *np.linspace(-123456, 0.001234, 999)])),
+        },
+        differences={
+            (SETTLES, "lqr", "grosmc"): paired(first, second),
+            (LONG, LAW, "lqr"): paired(np.array([1.0]), np.array([-INF])),
+        },
         sensitivities={LAW: sensitivities(drivers, -np.abs(X))},
         worst={},
         units={SETTLES: "s", LONG: "deg"},
         judges={},
     )
-    tables = [pass_rates_table(wide), margins_table(wide), paired_table(wide),
-              sensitivity_table(wide, LAW)]  # fmt: skip
+    tables = [module.pass_rates_table(wide), module.margins_table(wide), module.paired_table(wide),
+              module.sensitivity_table(wide, LAW)]  # fmt: skip
     for table in tables:
         assert f"512 of 4096 runs, random, seed 7. {NO_PROOF} {DESIGN}" in printed(table)
     rates, of_margins, of_pairs, of_drivers = (table.rows for table in tables)
     assert rates[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
     # Only all of the runs are 100 %, and only none 0 %.
-    assert [row[4] for row in rates[1:]] == ["99.98", "99.99", "0"]
-    assert [row[6] for row in rates] == ["0", "25", "0", "25"]
+    assert [(row[4], row[6]) for row in rates[1:]] == [("99.98", "25"), ("99.99", "0"), ("0", "25")]
     assert of_margins[0][2:6] == ["0.5", "0.525", "0.51", "0.55"]
     assert (of_margins[0][-1], of_margins[1][2]) == ("s", "-inf")
     assert of_pairs[0][2:4] == ["0", "6"]
     assert of_pairs[0][4].startswith("+85.7\n(")
     assert of_pairs[0][6].startswith("+1.5 s\n(")
-    assert of_pairs[2][6] == "-inf deg\n(-inf .. +inf)"
+    assert of_pairs[1][6] == "-inf deg\n(-inf .. +inf)"
     assert [row[0] for row in of_drivers] == ["mass", "start [angle]", LONG]
     assert of_drivers[0][3].startswith("-1.00 (-1.00 .. -")
     assert of_drivers[2] == [LONG, "-", "", "-", "the parameter does not vary"]
 
 
-# Figures.
-
-TITLE = "Cart-pendulum: 8 of 16 runs, random, seed 0"
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
-    """Draws the map of eight runs under two laws; returns it and the points of the runs."""
+def test_a_map_marks_outcomes_and_where_a_premise_begins_to_fail(monkeypatch: Patch) -> None:
     figures: list[Any] = []
-    monkeypatch.setattr(
-        "grosmc_mj.results.figure.write_figure", lambda figure, _: figures.append(figure)
-    )
-
-    def draw(**premises: Any) -> Any:
-        x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
-        laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
-        titles = ("mass scale of pole", "start angle [deg]")
-        write_pass_map(Path("map.png"), PassMap(titles, laws, premises), TITLE, NO_PROOF)
-        return figures[-1], np.stack([x, y], axis=1)
-
-    return draw
-
-
-def entries(legend: Any) -> list[str]:
-    """The texts of a legend, a line each."""
-    return [text.get_text().replace("\n", " ") for text in legend.get_texts()]
-
-
-def test_every_run_is_marked_by_its_outcome(drawn: Callable[..., Any]) -> None:
-    figure, points = drawn()
-    first, second = figure.axes
-    marks = {mark.get_label(): mark for mark in first.collections}
-    masks = {
-        "passed": MARGINS >= 0,
-        "failed": (MARGINS < 0) & (MARGINS > -INF),
-        "did not complete": MARGINS == -INF,
-    }
-    assert list(marks) == list(masks)
-    for outcome, mask in masks.items():
-        np.testing.assert_array_equal(marks[outcome].get_offsets(), points[mask])
-    assert len({to_hex(mark.get_facecolor()[0]) for mark in marks.values()}) == 3
-    assert (first.get_title(), second.get_title()) == (
-        "GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed",
-    )  # fmt: skip
-    assert (first.get_xlabel(), first.get_ylabel()) == ("mass scale of pole", "start angle [deg]")
-
-
-def premise(offset: float) -> Any:
-    """A premise that holds up to a mass scale of ``offset``, the rows being start angles."""
-    x, y = np.linspace(1, 4, 13), np.linspace(-20, 20, 5)
-    return x, y, np.tile(offset - x, (5, 1))
-
-
-def test_the_premise_is_drawn_where_it_begins_to_fail(drawn: Callable[..., Any]) -> None:
-    figure, _ = drawn(grosmc=premise(2.1))
-    hatched, line = figure.axes[0].collections[3:]
+    door = "grosmc_mj.results.figure.write_figure"
+    monkeypatch.setattr(door, lambda figure, _: figures.append(figure))
+    x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
+    laws, titles = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}, ("mass scale", "angle [deg]")
+    grid = np.linspace(1, 4, 13), np.linspace(-20, 20, 5)
+    # A premise that holds up to a mass scale of 2.1, with an infinite lack far beyond, and to 9.
+    premises = [np.tile(offset - grid[0], (5, 1)) for offset in (2.1, 9.0)]
+    premises[0][:, -3:] = -INF
+    for premise in premises:
+        shown = PassMap(titles, laws, {"grosmc": (*grid, premise)})
+        write_pass_map(Path("map.png"), shown, "8 of 16 runs", NO_PROOF)
+    (first, second), everywhere = (figure.axes for figure in figures)
+    masks = {"passed": MARGINS >= 0, "failed": MARGINS == -0.5, "did not complete": MARGINS == -INF}
+    for mark, (outcome, mask) in zip(first.collections, masks.items(), strict=False):
+        assert mark.get_label() == outcome
+        np.testing.assert_array_equal(mark.get_offsets(), np.stack([x, y], axis=1)[mask])
+    assert len({to_hex(mark.get_facecolor()[0]) for mark in first.collections[:3]}) == 3
+    kept_by = (first.get_title(), second.get_title())
+    assert kept_by == ("GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed")
+    assert (first.get_xlabel(), first.get_ylabel()) == titles
     # Between the columns of the grid the margin is linear, as the contour is.
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.1, rtol=1e-12)
-    assert hatched.get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
-    everywhere, _ = drawn(grosmc=premise(9.0))
-    assert len(everywhere.axes[0].collections) == 3
-    assert entries(everywhere.legends[0])[-1] == "the premises hold all over the map"
-    endless = premise(2.5)
-    endless[2][:, -3:] = -INF
-    line = drawn(grosmc=endless)[0].axes[0].collections[-1]
-    np.testing.assert_allclose(line.get_paths()[0].vertices[:, 0], 2.5, rtol=1e-12)
+    assert first.collections[3].get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
+    line = first.collections[4].get_paths()[0].vertices
+    np.testing.assert_allclose(line[:, 0], 2.1, rtol=1e-12)
+    assert len(everywhere[0].collections) == 3
+    legend = figures[1].legends[0].get_texts()[-1].get_text()
+    assert legend == "the premises hold\nall over the map"
 
 
-@pytest.mark.parametrize(("promised", "least"), [(1.5, (0.5, 0.1, -0.2, -INF)), (None, (-1, -1))])
-def test_a_radius_is_drawn_beside_the_promise(promised: float | None, least: Any) -> None:
+def test_a_radius_is_drawn_beside_the_promise() -> None:
     """Scales 1, 2 ..., of which those fail whose margin is negative; |s| leaves beyond 2."""
     looks = [
         Look(scale, margin, int(margin < 0), np.zeros(1), leaving=int(scale > 2))
-        for scale, margin in enumerate(least, start=1)
+        for scale, margin in enumerate((0.5, 0.1, -0.2, -INF), start=1)
     ]
-    search = Radius("grosmc", 16, tuple(looks), Promise(promised, "a note", 0.1), largest=8.0)
-    shown = chart(search)
+    shown = chart(Radius("grosmc", 16, tuple(looks), Promise(1.5, "a note", 0.1), largest=8.0))
     (line,) = shown.lines
     # A run that did not complete has no margin.
-    assert [*line.y] == [margin if margin > -INF else None for margin in least]
-    assert [*line.good] == [margin >= 0 for margin in least]
-    if promised is None:
-        assert (shown.name, [*shown.marks]) == ("GROSMC: no failure up to 0", [])
-        return
+    assert ([*line.x], [*line.y]) == ([1, 2, 3, 4], [0.5, 0.1, -0.2, None])
+    assert [*line.good] == [True, True, False, False]
     assert shown.name == "GROSMC: no failure up to 2, promised 1.5"
-    assert ([*line.x], shown.limit, [*shown.marks]) == ([1, 2, 3, 4], 0.0, [2, 1.5])
+    assert (shown.limit, [*shown.marks]) == (0.0, [2, 1.5])
+    nothing = chart(Radius("grosmc", 16, tuple(looks[2:]), Promise(None, "", 0.1), largest=8.0))
+    assert (nothing.name, [*nothing.marks]) == ("GROSMC: no failure up to 0", [])

@@ -1,11 +1,9 @@
 """A requirement means the same in a run, in a campaign and in a study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
-from campaign_cases import INERTIA, LQR
+from campaign_cases import INERTIA, LQR, PUSH, case
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
@@ -14,26 +12,15 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.screening import evaluate
 
 # A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
-AT_REST = f"""
-plant = {{ system = "servo" }}
-run = {{ duration = "3 s", start = {{ "rotor angle" = "1 rad" }} }}
-computing = {{ delay = "2 ms" }}
-{LQR}
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-profile = "pulse"
-start = "0 s"
-stop = "0.1 s"
-{INERTIA}
-[[requirement]]
-settles_within = "2 s"
-"""
+PULSE = 'profile = "pulse"\nstart = "0 s"\nstop = "0.1 s"\n'
+SETTLES = '[computing]\ndelay = "2 ms"\n[[requirement]]\nsettles_within = "2 s"\n'
+AT_REST = case(
+    "servo", INERTIA, duration=3, start='{ "rotor angle" = "1 rad" }', laws=LQR,
+    disturbances=PUSH + PULSE, limits=SETTLES,
+)  # fmt: skip
 
 
-def test_a_settling_time_without_initial_error_is_one_in_run_campaign_and_tolerance(
-    tmp_path: Path,
-) -> None:
+def test_a_settling_time_is_one_in_run_campaign_and_tolerance(tmp_path: Path) -> None:
     file = tmp_path / "at_rest.toml"
     file.write_text(AT_REST, encoding="utf-8")
     for load in (Experiment.load, Campaign.load, setting):

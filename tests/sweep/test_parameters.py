@@ -1,27 +1,14 @@
 """Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import campaign_cases as small
 import mujoco
 import numpy as np
 import pytest
-from campaign_cases import (
-    BOTH,
-    DEVIATION,
-    LOOP,
-    LQR,
-    MACHINE,
-    campaign,
-    case,
-    plain,
-    specification,
-    standing,
-    uncertain,
-)
+from campaign_cases import LQR, MACHINE, campaign, of, plain, standing, uncertain
 
 from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
@@ -50,27 +37,19 @@ def models(tables: str, *values: float) -> tuple[Any, Any]:
     return nominal.model, changed.model
 
 
-@pytest.mark.parametrize(("quantity", "mass", "inertia"), [("mass_scale", 1, 1),
-                                                           ("length_scale", 0, 2)])  # fmt: skip
-def test_a_scale_of_a_body_reaches_mass_and_inertia(quantity: str, mass: int, inertia: int) -> None:
-    """By powers of the scale: a longer body keeps its mass."""
-    nominal, scaled = (
-        model.body("rotor") for model in models(uncertain(ROTOR, f"{quantity} = [1, 2]"), 1.7)
-    )
-    np.testing.assert_allclose(scaled.mass, 1.7**mass * nominal.mass, rtol=1e-14)
-    np.testing.assert_allclose(scaled.inertia, 1.7**inertia * nominal.inertia, rtol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("quantity", "field"),
-    [("damping", "dof_damping"), ("friction", "dof_frictionloss"), ("armature", "dof_armature")],
-)
-def test_a_number_of_a_joint_reaches_the_model(quantity: str, field: str) -> None:
-    _, changed = models(uncertain(SHAFT, f"{quantity} = [0, 1]"), 0.37)
-    assert getattr(changed, field).tolist() == [0.37]
-
-
-def test_an_added_mass_is_where_the_file_has_it() -> None:
+def test_a_number_of_a_body_or_joint_reaches_the_model() -> None:
+    # By powers of the scale: a longer body keeps its mass.
+    for quantity, mass, inertia in (("mass_scale", 1, 1), ("length_scale", 0, 2)):
+        nominal, scaled = (
+            model.body("rotor") for model in models(uncertain(ROTOR, f"{quantity} = [1, 2]"), 1.7)
+        )
+        np.testing.assert_allclose(scaled.mass, 1.7**mass * nominal.mass, rtol=1e-14)
+        np.testing.assert_allclose(scaled.inertia, 1.7**inertia * nominal.inertia, rtol=1e-14)
+    for quantity, field in (("damping", "damping"), ("friction", "frictionloss"),
+                            ("armature", "armature")):  # fmt: skip
+        _, changed = models(uncertain(SHAFT, f"{quantity} = [0, 1]"), 0.37)
+        assert getattr(changed, f"dof_{field}").tolist() == [0.37]
+    # The shaft is the y axis: by an added mass J grows by m r^2.
     tables = uncertain(ROTOR, KILOGRAMS, 'at = ["0.3 m", "0 m", "0.4 m"]')
     inertia = []
     for model in models(tables, 0.2):
@@ -78,7 +57,6 @@ def test_an_added_mass_is_where_the_file_has_it() -> None:
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, matrix)
         inertia.append(matrix.item())
-    # The shaft is the y axis: J grows by m r^2.
     assert inertia[1] - inertia[0] == pytest.approx(0.2 * (0.3**2 + 0.4**2), rel=1e-12)
     assert sample(tables, 0.0).case.edits == ()
 
@@ -89,20 +67,16 @@ def test_uncertain_numbers_merge_with_the_files_edits() -> None:
         BodyEdit("rotor", mass_scale=1.7, length_scale=1.5),
         JointEdit("shaft", damping=0.3, friction=0.1),
     )
+    values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
+    first, second, third = Batch(campaign(plain()), values, [0] * 3).physics
+    assert (first is second, second is third) == (True, False)
     over = sample(uncertain(ROTOR, "length_scale = [1, 2]"), 1.2, more=EDITED)
     assert over.case.edits[0] == BodyEdit("rotor", length_scale=1.2)
     heavier = sample(uncertain(ROTOR, KILOGRAMS), 0.2, more=EDITED).case.edits
     assert heavier[2:] == (AddedMass("rotor", 0.2, (0.0, 0.0, 0.0)),)
-    cart = uncertain('body = "cart"', "mass_scale = [1, 2]")
-    edit = '[[edit]]\nbody = "pole"\nlength_scale = 1.5\n'
-    other = campaign(case("cart_pendulum", cart, laws=LQR) + edit).plant_sample([1.7])
-    assert other.case.edits == (
-        BodyEdit("pole", length_scale=1.5),
-        BodyEdit("cart", mass_scale=1.7),
-    )
 
 
-def test_an_amplitude_or_onset_is_of_one_disturbance() -> None:
+def test_numbers_of_a_disturbance_and_a_start_are_of_that_one() -> None:
     load, hum = sample(uncertain(LOAD, "amplitude = [-2, 2]"), -1.5).case.disturbances
     assert (load.wrench, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
     assert hum.wrench == (0, 0, 0, 0, 0.1, 0)
@@ -110,14 +84,8 @@ def test_an_amplitude_or_onset_is_of_one_disturbance() -> None:
     profile: Any = load.profile
     assert (profile.start, profile.stop) == (0.125, pytest.approx(0.135, rel=1e-12))
     assert hum.profile == SineFrom(2 * np.pi, 0.02)
-
-
-def test_frequency_phase_and_onset_of_a_sine_and_a_start() -> None:
-    numbers = (
-        'frequency = ["1 Hz", "2 Hz"]',
-        'phase = ["0 deg", "9 deg"]',
-        'onset = ["0 s", "1 s"]',
-    )
+    numbers = ('frequency = ["1 Hz", "2 Hz"]', 'phase = ["0 deg", "9 deg"]',
+               'onset = ["0 s", "1 s"]')  # fmt: skip
     tables = "".join(uncertain(HUM, number) for number in numbers)
     tables += uncertain('start = "rotor speed"', 'value = ["-1 rad/s", "1 rad/s"]')
     changed = sample(tables, 7.0, 1.0, 0.5, 0.25).case
@@ -125,75 +93,43 @@ def test_frequency_phase_and_onset_of_a_sine_and_a_start() -> None:
     assert (changed.onset, changed.x0) == (0.02, (0.0, 0.25))
 
 
-def test_plants_with_the_same_edits_are_one() -> None:
-    values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
-    first, second, third = Batch(campaign(plain(BOTH)), values, [0] * 3).physics
-    assert first is second
-    assert third is not first
-
-
-# A machine.
-
-
-def of(kind: str, name: str, *numbers: str) -> str:
-    return uncertain(f'{kind} = "{name}"', *numbers)
-
-
-BUILT = standing(
-    of("transmission", "shaft", 'backlash = ["0 deg", "0.2 deg"]')
-    + of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
-    + of("motor", "current", 'resistance = ["2 ohm", "3 ohm"]')
-    + of("swinging_load", "rotor", 'mass = ["50 g", "150 g"]')
-    + of("stop", "shaft", "restitution = [0.1, 0.5]"),
-    MACHINE,
-)
-FRICTION = '[[lugre]]\njoint = "slider"\ncoulomb = "3 N"\n'
-ELBOW = '[[motor]]\ninput = "elbow torque"\nconstant = "0.1 N m/A"\nresistance = "2 ohm"\n'
-
-
-def test_numbers_of_a_machine_have_the_files_values_and_units() -> None:
-    quantities = campaign(BUILT).family.quantities
-    assert {number.name: (number.nominal, number.unit) for number in quantities} == {
-        "shaft backlash": (pytest.approx(1e-3), "rad"),
-        "shaft coulomb": (pytest.approx(0.05), "N m"),
-        "current resistance": (pytest.approx(2.6), "ohm"),
-        "rotor mass": (pytest.approx(0.1), "kg"),
-        "shaft restitution": (0.3, ""),
-    }
-    drawn = of("lugre", "slider", 'stribeck = ["1 cm/s", "2 cm/s"]', 'nominal = "15 mm/s"')
-    (number,) = campaign(standing(drawn, FRICTION + LQR, "cart_pendulum")).family.quantities
-    assert (number.nominal, number.unit) == (pytest.approx(0.015), "m/s")
-    assert number.distribution.support == pytest.approx((0.01, 0.02))
-
-
-def test_drawn_values_reach_the_compiled_machine() -> None:
-    declared = campaign(BUILT)
+def test_numbers_of_a_machine_have_the_files_values_and_reach_the_compiled_one() -> None:
+    tables = (
+        of("transmission", "shaft", 'backlash = ["0 deg", "0.2 deg"]')
+        + of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
+        + of("motor", "current", 'resistance = ["2 ohm", "3 ohm"]')
+        + of("swinging_load", "rotor", 'mass = ["50 g", "150 g"]')
+        + of("stop", "shaft", "restitution = [0.1, 0.5]")
+    )
+    declared = campaign(standing(tables, MACHINE))
+    quantities = declared.family.quantities
+    assert [f"{number.name} [{number.unit}]" for number in quantities] == [
+        "shaft backlash [rad]", "shaft coulomb [N m]", "current resistance [ohm]",
+        "rotor mass [kg]", "shaft restitution []",
+    ]  # fmt: skip
+    assert declared.family.nominal.tolist() == pytest.approx([1e-3, 0.05, 2.6, 0.1, 0.3])
     nominal: Any = declared.plant
     changed: Any = declared.plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]).plant(nominal)
     model, other = changed.model, nominal.model
     assert model.tendon_lengthspring[0] == pytest.approx([-1e-3, 1e-3])
-    assert other.tendon_lengthspring[0] == pytest.approx([-5e-4, 5e-4])
     assert model.body("rotor swing").mass[0] == 0.12
     # K^2/R of the brake, whatever the unit of voltage.
-    brakes = [motor.gainprm[1] ** 2 / motor.gainprm[0]
-              for motor in (model.actuator("current"), other.actuator("current"))]  # fmt: skip
-    assert brakes[0] / brakes[1] == pytest.approx(2.6 / 2.2, rel=1e-9)
+    brakes = [of.actuator("current").gainprm for of in (model, other)]
+    ratio = brakes[0][1] ** 2 / brakes[0][0] / (brakes[1][1] ** 2 / brakes[1][0])
+    assert ratio == pytest.approx(2.6 / 2.2, rel=1e-9)
     # The contact's damping falls with the restitution; its stiffness is the duration's.
     assert (model.jnt_solref[0] != other.jnt_solref[0]).tolist() == [False, True]
     assert [part.coulomb for part in changed.parts if hasattr(part, "coulomb")] == [0.06]
-    # Numbers that are not drawn are the file's.
-    assert model.body("rotor").mass[0] == other.body("rotor").mass[0]
-    assert model.jnt_range[0].tolist() == [-1.0, 1.0]
 
 
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
     drawn = of("motor", "elbow torque", 'resistance = ["1 ohm", "3 ohm"]')
-    file = specification(standing(drawn, ELBOW + LQR, "two_link_arm")).file
+    motor = '[[motor]]\ninput = "elbow torque"\nconstant = "0.1 N m/A"\nresistance = "2 ohm"\n'
+    file = small.specification(standing(drawn, motor + LQR, "two_link_arm")).file
     edited = replace(campaign(plain()).experiment.case, edits=(Motor("elbow_torque", 0.1, 2.0),))
     (number,) = family_of(file, edited, MujocoPlant.load("two_link_arm")).quantities
-    assert (number.of, number.name, number.nominal) == (
-        "elbow_torque", "elbow torque resistance", 2.0
-    )  # fmt: skip
+    assert (number.of, number.nominal) == ("elbow_torque", 2.0)
+    assert number.name == "elbow torque resistance"
 
 
 def test_searches_scale_to_machines_that_can_be_and_no_farther() -> None:
@@ -204,35 +140,24 @@ def test_searches_scale_to_machines_that_can_be_and_no_farther() -> None:
     assert radius(declared, "lqr").largest == declared.largest_scale
 
 
-# A loop.
-
-LOOPED = standing(
-    uncertain("computing = true", 'delay = ["0 ms", "4 ms"]')
-    + of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
-    + of("estimator", "rotor speed", 'bandwidth = ["50 rad/s", "200 rad/s"]')
-    + of("actuator", "current", 'lag = ["0 ms", "3 ms"]'),
-    LOOP + DEVIATION,
-)
-
-
 def test_numbers_of_a_loop_are_drawn_and_its_times_are_whole_timesteps() -> None:
-    declared = campaign(LOOPED)
+    tables = (
+        uncertain("computing = true", 'delay = ["0 ms", "4 ms"]')
+        + of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
+        + of("estimator", "rotor speed", 'bandwidth = ["50 rad/s", "200 rad/s"]')
+        + of("actuator", "current", 'lag = ["0 ms", "3 ms"]')
+    )
+    declared = campaign(standing(tables, small.LOOP + small.DEVIATION))
     assert {number.name: number.unit for number in declared.family.quantities} == {
-        "computing delay": "s",
-        "rotor angle noise": "rad",
-        "rotor speed bandwidth": "rad/s",
+        "computing delay": "s", "rotor angle noise": "rad", "rotor speed bandwidth": "rad/s",
         "current lag": "s",
-    }
+    }  # fmt: skip
     loop = declared.plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).case.loop
     assert loop is not None
     assert loop.computing.delay == pytest.approx(2e-3)
     assert (loop.sensors[0].noise, loop.estimators[0].bandwidth) == (1e-4, 80.0)
     assert loop.actuators[0].lag == 2e-3
-
-
-def test_numbers_of_a_loop_are_shown_as_they_are_run() -> None:
-    """Of 2.6 ms on a grid of 1 ms, 0.2 mrad, 80 rad/s and 2.4 ms."""
-    declared = campaign(LOOPED)
+    # They are shown as they are run: 2.6 ms on a grid of 1 ms.
     assert declared.words(np.array([2.6e-3, 2e-4, 80.0, 2.4e-3])) == (
         "computing delay 0.003 s, rotor angle noise 0.01146 °, rotor speed bandwidth 80 rad/s, "
         "current lag 0.0024 s"

@@ -1,29 +1,14 @@
 """Repeating one run of a campaign to the last bit."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any
 
+import campaign_cases as small
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import (
-    DEVIATION,
-    LOOP,
-    MACHINE,
-    begun,
-    campaign,
-    falling,
-    forged,
-    kept,
-    refusal,
-    replaced,
-    servo,
-    standing,
-    uncertain,
-)
+from campaign_cases import begun, campaign, falling, forged, kept, refusal, servo
 
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.results.document import json_text
@@ -32,9 +17,6 @@ from grosmc_mj.sweep.replay import replay, replay_document, searched_values
 from grosmc_mj.sweep.store import Folder
 
 ENGINES: list[Any] = ["native", "python"]
-BACKLASH = uncertain('transmission = "shaft"', 'backlash = ["0 deg", "0.2 deg"]')
-DELAY = uncertain("computing = true", 'delay = ["0 ms", "4 ms"]')
-NOISE = uncertain('sensor = "rotor angle"', 'noise = ["0 mrad", "0.3 mrad"]')
 
 
 def servos_of() -> Campaign:
@@ -45,8 +27,7 @@ def assert_repeated(declared: Campaign, folder: Folder, number: str, law: str) -
     for engine in ENGINES:
         run = replay(declared, folder, number, law, engine)
         document = replay_document(declared, run, engine)
-        assert run.differences == []
-        assert document["as_stored"] is True
+        assert (run.differences, document["as_stored"]) == ([], True)
         assert document["status"] == run.outcome["status"][0]
         json_text(document)
         # The metrics that are shown are those that were compared.
@@ -56,40 +37,31 @@ def assert_repeated(declared: Campaign, folder: Folder, number: str, law: str) -
                 assert shown == document["metrics"][name], name
 
 
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
-def test_a_run_is_repeated_bit_for_bit_in_both_engines(servos: Folder, law: str) -> None:
-    for number in ("0", "5"):
+def test_a_run_is_repeated_bit_for_bit_in_both_engines(servos: Folder, tmp_path: Path) -> None:
+    for number, law in (("0", "lqr"), ("5", "grosmc")):
         assert_repeated(servos_of(), servos, number, law)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "text", [standing(BACKLASH, MACHINE), standing(DELAY + NOISE, LOOP + DEVIATION)]
-)
-def test_runs_of_a_machine_and_of_a_loop_with_chance_are_repeated(
-    text: str, tmp_path: Path
-) -> None:
-    declared = campaign(text, runs=4)
-    folder = kept(declared, tmp_path)
-    for law in declared.laws:
-        assert_repeated(declared, folder, "3", law)
-
-
-@pytest.mark.slow
-def test_a_run_that_ended_early_is_repeated(tmp_path: Path) -> None:
-    declared = falling()
-    folder = kept(declared, tmp_path)
-    status = folder.columns(declared, ["status"], [0])["fl-lqr"]["status"]
-    early = str(np.flatnonzero(status == "undefined_law")[0])
-    assert_repeated(declared, folder, early, "fl-lqr")
-    run = replay(declared, folder, early, None, "native")
-    assert run.result.ended
-    assert run.outcome["status"].tolist() == ["undefined_law"]
-
-
-def test_the_last_controller_is_the_default(servos: Folder) -> None:
+    # The last controller is the default.
     outcome = replay(servos_of(), servos, "1", None, "native").outcome
     assert outcome["controller"].tolist() == ["grosmc"]
+    # A run whose part is missing has nothing to compare with.
+    run = replay(servos_of(), begun(servos_of(), tmp_path), "3", "lqr", "native")
+    assert run.differences is None
+    assert replay_document(servos_of(), run, "native")["as_stored"] is None
+
+
+def test_a_run_that_ended_early_is_repeated(tmp_path: Path) -> None:
+    folder = kept(falling(), tmp_path)
+    status = folder.columns(falling(), ["status"], [0])["fl-lqr"]["status"]
+    early = str(np.flatnonzero(status == "undefined_law")[0])
+    assert_repeated(falling(), folder, early, "fl-lqr")
+    assert replay(falling(), folder, early, None, "native").result.ended
+
+
+@pytest.mark.slow
+def test_a_run_of_a_loop_with_chance_is_repeated(tmp_path: Path) -> None:
+    tables = small.of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
+    declared = campaign(small.standing(tables, small.LOOP), runs=4)
+    assert_repeated(declared, kept(declared, tmp_path), "3", "predicting")
 
 
 def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:
@@ -97,48 +69,30 @@ def test_a_tampered_row_is_named(servos: Folder, tmp_path: Path) -> None:
     table = pq.read_table(copy.part(0))
     row = table["controller"].to_pylist().index("grosmc") + 2
     for column, value in (("max_input", 0.0), ("margin deviation_below", 1.0),
-                          ("status", "diverged"), ("ended", 0.04)):  # fmt: skip
-        forged(copy.part(0), replaced(table, column, row, value))
+                          ("status", "diverged")):  # fmt: skip
+        forged(copy.part(0), small.replaced(table, column, row, value))
         lines = replay(servos_of(), copy, "2", "grosmc", "native").differences or []
         assert [line.split(",")[0] for line in lines] == [f"{column}: {value} was stored"]
-        assert replay(servos_of(), copy, "2", "lqr", "native").differences == []
+    assert replay(servos_of(), copy, "2", "lqr", "native").differences == []
 
 
-def test_a_run_whose_part_is_missing_has_nothing_to_compare_with(tmp_path: Path) -> None:
-    run = replay(servos_of(), begun(servos_of(), tmp_path), "3", "lqr", "native")
-    assert run.differences is None
-    assert replay_document(servos_of(), run, "native")["as_stored"] is None
-
-
-@pytest.mark.parametrize(
-    ("which", "controller", "words"),
-    [
+def test_a_run_or_plant_that_is_not_there_is_refused(servos: Folder, tmp_path: Path) -> None:
+    for which, controller, words in (
         ("8", None, "run '8': there are 0 to 7, worst, shrunk, outside"),
         ("-1", None, "run '-1': there are 0 to 7"),
         ("²", None, "run '²'"),
         ("0", "grosm", "unknown controller 'grosm': did you mean 'grosmc'?"),
         ("worst", None, "has no worst.json: run the campaign with --worst"),
         ("outside", None, "has no radius.json: run the campaign with --radius"),
-    ],
-)
-def test_a_run_that_there_is_not(
-    servos: Folder, which: str, controller: str | None, words: str
-) -> None:
-    assert words in refusal(replay, servos_of(), servos, which, controller, "native")
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
+    ):
+        assert words in refusal(replay, servos_of(), servos, which, controller, "native")
+    path = tmp_path / "worst.json"
+    for content in (
         "{",
         '{"controllers": []}',
-        '{"controllers": {}}',
         '{"controllers": {"grosmc": {"worst": {"rotor mass scale": 2.0}}}}',
         '{"controllers": {"grosmc": {"worst": {"rotor mass scale": [], "load amplitude": 1}}}}',
-    ],
-)
-def test_a_plant_that_cannot_be_read_is_refused(tmp_path: Path, content: str) -> None:
-    (tmp_path / "worst.json").write_text(content)
-    line = refusal(searched_values, servos_of(), tmp_path, "worst", "grosmc")
-    path = tmp_path / "worst.json"
-    assert line == f"{path} cannot be read: run the campaign with --worst again"
+    ):
+        path.write_text(content)
+        line = refusal(searched_values, servos_of(), tmp_path, "worst", "grosmc")
+        assert line == f"{path} cannot be read: run the campaign with --worst again"

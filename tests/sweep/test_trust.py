@@ -1,7 +1,5 @@
 """A folder is data: Python is imported from beside a case file that the user names."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys
@@ -9,43 +7,34 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaign_cases import DEVIATION, INERTIA, LQR, begun, refusal, run, servo, specification
+from campaign_cases import DEVIATION, INERTIA, LQR, PUSH, begun, refusal, run, servo, specification
+from case_texts import LEG_MODEL
+from commands import Screen
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.user_code import sources
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_shard
 
-# A module beside the case file, which leaves a trace when it is imported.
-CANARY = """
+BUMP = PUSH.replace("load", "bump") + 'profile = "canary_law:bump"\n'
+# Modules beside the case file, of which the last leaves a trace when it is imported.
+FILES = {
+    "canary_helper.py": "HEIGHT = {height}\n",
+    "canary_law.py": """
 from pathlib import Path
 from canary_helper import HEIGHT
-import canary_package.deep
 Path({trace!r}).touch()
 def bump(t):
     return HEIGHT if t > 0.02 else 0.0
-"""
-BUMP = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-profile = "canary_law:bump"
-label = "bump"
-"""
-FILES = {
-    "canary_helper.py": "HEIGHT = {height}\n",
-    "canary_law.py": CANARY,
-    "canary_package/__init__.py": "from . import sibling\n",
-    "canary_package/deep.py": "from .sibling import NOTHING\n",
-    "canary_package/sibling.py": "NOTHING = 0\n",
+""",
 }
 TEXT = servo(BUMP + INERTIA, laws=LQR, limits=DEVIATION)
 
 
 def forget() -> None:
     """Unload the modules, as in a new process."""
-    for name in [name for name in sys.modules if name.startswith("canary_")]:
-        del sys.modules[name]
+    for name in FILES:
+        sys.modules.pop(name.removesuffix(".py"), None)
 
 
 @pytest.fixture(autouse=True)
@@ -54,141 +43,108 @@ def _forgotten() -> Iterator[None]:
     forget()
 
 
-@pytest.fixture
-def trace(tmp_path: Path) -> Path:
-    """A file that is there once the module was imported."""
-    return tmp_path / "imported"
+def question(file: Path) -> Specification:
+    return specification(file.read_text(), folder=str(file.parent), runs=2, shard=1)
 
 
-def case_beside_python(folder: Path, trace: Path, height: float = 1.0) -> Path:
-    (folder / "canary_package").mkdir(parents=True)
-    for name, content in FILES.items():
-        (folder / name).write_text(content.format(trace=str(trace), height=height))
-    (folder / "not_imported.py").write_text("import canary_law\n")
+def case_beside_python(folder: Path, height: float = 1.0) -> Path:
+    folder.mkdir()
     (folder / "small.toml").write_text(TEXT)
+    for name, content in FILES.items():
+        text = content.format(trace=str(folder / "trace"), height=height)
+        (folder / name).write_text(text)
     return folder / "small.toml"
 
 
 @pytest.fixture
-def file(tmp_path: Path, trace: Path) -> Path:
+def file(tmp_path: Path) -> Path:
     """A case file with Python beside it."""
-    return case_beside_python(tmp_path / "case", trace)
+    return case_beside_python(tmp_path / "case")
 
 
 @pytest.fixture
-def folder(file: Path, trace: Path, tmp_path: Path) -> Folder:
+def folder(file: Path, tmp_path: Path) -> Folder:
     """The manifest of its campaign, of two runs in two parts; nothing is imported yet."""
-    out = begun(Campaign.of(asked(file)), tmp_path / "out")
-    trace.unlink()
+    out = begun(Campaign.of(question(file)), tmp_path / "out")
+    file.with_name("trace").unlink()
     forget()
     return out
 
 
-def asked(file: Path) -> Specification:
-    return specification(file.read_text(), folder=str(file.parent), runs=2, shard=1)
-
-
-def test_all_that_would_be_imported_is_recorded(folder: Folder) -> None:
+def test_a_replay_imports_only_what_lies_beside_a_named_file(folder: Folder, file: Path) -> None:
     assert list(read_manifest(folder.path)["sources"]) == list(FILES)
-
-
-def test_a_replay_imports_nothing_but_what_lies_beside_a_named_file(
-    folder: Folder, file: Path, trace: Path
-) -> None:
     line = refusal(read_campaign, folder.path)
     assert "its case file names Python, canary_law:bump" in line
     assert "--case-file" in line
-    assert not trace.exists()
+    assert not file.with_name("trace").exists()
     replay = ("campaign", folder.path, "--replay", "0", "--no-figures", "--case-file", file)
     assert run(*replay) == cli.DONE
-    assert trace.exists()
+    assert file.with_name("trace").exists()
 
 
-@pytest.mark.parametrize("name", ["canary_law.py", "canary_package/deep.py"])
-def test_python_that_is_not_the_recorded_one_is_not_imported(
-    folder: Folder, file: Path, trace: Path, name: str, capsys: pytest.CaptureFixture[str]
+def test_python_that_is_not_the_recorded_one_is_refused(
+    folder: Folder, file: Path, capsys: Screen
 ) -> None:
-    path = file.parent / name
-    path.write_text(f"{path.read_text()}# changed\n")
-    words = f"was begun with other Python: sources.{name}: "
+    bound_to, path = read_manifest(folder.path)["hash"], file.with_name("canary_helper.py")
+    path.write_text("HEIGHT = 1.0  # changed\n")
+    words = "was begun with other Python: sources.canary_helper.py: "
     again = ("campaign", file, "--runs", "2", "--shard", "1", "--out", folder.path, "--resume")
     assert run(*again, "--no-figures") == cli.WRONG
     assert words in capsys.readouterr().err
     assert words in refusal(read_campaign, folder.path, file)
-    bound_to = read_manifest(folder.path)["hash"]
-    assert "other Python" in refusal(run_shard, str(folder.path), asked(file), bound_to, 1)
-    assert not trace.exists()
-    assert not folder.part(1).exists()
-
-
-def test_a_case_file_of_another_text_is_refused(folder: Folder, file: Path, trace: Path) -> None:
+    assert "other Python" in refusal(run_shard, str(folder.path), question(file), bound_to, 1)
+    path.write_text("HEIGHT = 1.0\n")
     file.write_text(TEXT.replace('duration = "', 'duration = "1'))
     line = refusal(read_campaign, folder.path, file)
-    assert "is not the case file of" in line
+    assert f"{file} is not the case file of" in line
     assert "its text is another" in line
-    assert not trace.exists()
-
-
-def test_a_worker_builds_its_own_campaign_and_not_the_folders(
-    file: Path, trace: Path, tmp_path: Path
-) -> None:
+    # A worker builds its own campaign: all of a folder may be another's, but where it is built.
     declared = Campaign.of(specification(servo(INERTIA, laws=LQR, limits=DEVIATION), runs=2))
-    folder = begun(declared, tmp_path / "out")
-    manifest = read_manifest(folder.path)
-    # All of it is the campaign's own, but not where it would be built from.
+    other = begun(declared, folder.path / "other")
+    manifest = read_manifest(other.path)
     manifest["question"] |= {"text": TEXT, "folder": str(file.parent)}
-    (folder.path / "manifest.json").write_text(json.dumps(manifest))
-    run_shard(str(folder.path), declared.specification, manifest["hash"], 0)
-    assert not trace.exists()
-    assert folder.part(0).exists()
+    (other.path / "manifest.json").write_text(json.dumps(manifest))
+    run_shard(str(other.path), declared.specification, manifest["hash"], 0)
+    assert (folder.part(1).exists(), other.part(0).exists()) == (False, True)
+    assert not file.with_name("trace").exists()
 
 
-MODEL = """<mujoco model="link"><worldbody><body name="link"><joint name="pivot" axis="0 1 0"/>
-<geom name="rod" type="capsule" fromto="0 0 0 0 0 -0.5" size="0.02" mass="1"/></body></worldbody>
-<actuator><motor name="motor" joint="pivot"/></actuator></mujoco>"""
 MODEL_CASE = """
-[plant]
-model = "arm.xml"
-[run]
-duration = "0.02 s"
-start = { pivot = "0.1 rad" }
-[task]
-Q = [1, 1]
-R = 1
+plant = { model = "leg.xml" }
+run = { duration = "0.02 s", start = { hip = "0.1 rad" } }
+task = { Q = [1, 1, 1, 1], R = 1 }
 [[controller]]
 law = "lqr"
 [[requirement]]
 input_below = "100 N m"
 [[uncertain]]
-body = "link"
+body = "thigh"
 mass_scale = [1, 2]
 """
 
 
 def test_a_model_is_read_from_where_it_was_or_from_beside_the_case_file(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
-    file = tmp_path / "there" / "arm.toml"
+    file = tmp_path / "there" / "leg.toml"
     file.write_text(MODEL_CASE)
-    (file.parent / "arm.xml").write_text(MODEL)
+    file.with_suffix(".xml").write_text(LEG_MODEL)
     out = begun(Campaign.load(str(file), runs=1), tmp_path / "out").path
     read_campaign(out)
     moved = Path(shutil.move(tmp_path / "there", tmp_path / "moved"))
-    assert "arm.xml" in refusal(read_campaign, out)
-    read_campaign(out, moved / "arm.toml")
-    (moved / "arm.xml").write_text(MODEL.replace('mass="1"', 'mass="2"'))
-    assert "with something else: model: " in refusal(read_campaign, out, moved / "arm.toml")
+    assert "leg.xml" in refusal(read_campaign, out)
+    read_campaign(out, moved / "leg.toml")
+    (moved / "leg.xml").write_text(LEG_MODEL.replace('mass="1"', 'mass="2"'))
+    assert "with something else: model: " in refusal(read_campaign, out, moved / "leg.toml")
 
 
-def test_modules_of_two_folders_do_not_mix_in_one_worker(tmp_path: Path, trace: Path) -> None:
+def test_modules_of_two_folders_do_not_mix_in_one_worker(tmp_path: Path) -> None:
     """A worker of a cluster outlives campaigns; another has helpers of the same names."""
-    heights = []
     for height in (1.0, 3.0):
-        file = case_beside_python(tmp_path / str(height), trace, height)
-        out = begun(Campaign.of(asked(file)), tmp_path / f"out {height}").path
-        opened = open_campaign(str(out), asked(file), read_manifest(out)["hash"])
+        file = case_beside_python(tmp_path / str(height), height)
+        out = begun(Campaign.of(question(file)), tmp_path / f"out {height}").path
+        opened = open_campaign(str(out), question(file), read_manifest(out)["hash"])
         (bump,) = (of for of in opened.experiment.case.disturbances if of.label == "bump")
-        heights.append(bump.profile(0.1))
-    assert heights == [1.0, 3.0]
+        assert bump.profile(0.1) == height
 
 
 def test_sources_follow_imports_as_python_would(tmp_path: Path) -> None:

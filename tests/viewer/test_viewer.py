@@ -14,20 +14,17 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from commands import assert_one_line, run
+from commands import Patch, Screen, assert_one_line, run
 from conftest import held
 from shipped import find_case, nominal_controller
 
 from grosmc_mj import cli, viewer
-from grosmc_mj.arrays import Array
 from grosmc_mj.cli.commands.film import FilmCommand
-from grosmc_mj.cli.commands.view import ViewCommand
 from grosmc_mj.cli.program import parse
-from grosmc_mj.machine import LuGre, MachinePart, SlidingLoad, Stop, SwingingLoad, Transmission
+from grosmc_mj.machine import LuGre, Stop, SwingingLoad, Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.viewer import JUMP, LENGTH, PICTURE, Live, RecordedRun, play
 
 SPACE, PLUS, MINUS, BACKSPACE, RIGHT, LEFT, DOWN, UP = 32, 61, 45, 259, 262, 263, 264, 265
@@ -35,51 +32,38 @@ SPACE, PLUS, MINUS, BACKSPACE, RIGHT, LEFT, DOWN, UP = 32, 61, 45, 259, 262, 263
 Run = dict[str, Any]
 
 
+def of(plant: MujocoPlant, law: Any, x0: Any, **more: Any) -> Run:
+    return {"plant": plant, "controller": law, "x0": x0, **more}
+
+
 def experiment(system: str, name: str = "nominal", **changes: Any) -> Run:
     case = find_case(system, name)
     law = nominal_controller(system, "grosmc", "corrected", design=case.controllers)
     plant = MujocoPlant.load(system, edits=case.edits)
-    run = {"x0": case.x0, "disturbances": case.disturbances}
-    return {"plant": plant, "controller": law, **run, **changes}
-
-
-def machine(*parts: MachinePart) -> Run:
-    """A pendulum that moves already, with parts of a machine."""
-    law = nominal_controller("cart_pendulum", "lqr", "corrected")
-    plant = MujocoPlant.load("cart_pendulum", edits=parts)
-    return {"plant": plant, "controller": law, "x0": [0.3, -0.1, 0.2, 0.0]}
+    return of(plant, law, **({"x0": case.x0, "disturbances": case.disturbances} | changes))
 
 
 def live_of(run: Run) -> Live:
     return Live(**run, duration=1.0)
 
 
-def recorded(run: Run, duration: float = 0.5) -> Trajectory:
+def recorded(run: Run, duration: float = 0.5) -> Any:
     return simulate(**run, duration=duration, engine="python")
-
-
-def physics(run: Run, duration: float = 0.5) -> Array:
-    """States of the recorded run, (N + 1, size)."""
-    states = recorded(run, duration).physics
-    assert states is not None
-    return states
 
 
 class Fake:
     """A window that stays open for some pictures, with a clock that only waiting moves."""
 
-    def __init__(self, count: int, at: Callable[[Fake], None]) -> None:
+    def __init__(self, count: int, at: Callable[[Fake], object]) -> None:
         self.now, self.pictures, self.count, self.at = 0.0, 0, count, at
         self.closed, self.texts = False, list[Any]()
+        self.is_running = lambda: self.pictures < self.count
 
     @contextmanager
     def open(self, model: mujoco.MjModel, data: mujoco.MjData, key: Any) -> Iterator[Fake]:
         self.model, self.data, self.key = model, data, key
         yield self
         self.closed = True
-
-    def is_running(self) -> bool:
-        return self.pictures < self.count
 
     def sync(self) -> None:
         self.pictures += 1
@@ -92,53 +76,43 @@ class Fake:
         self.now += seconds
 
 
-def shown(
-    motion: Any, *codes: int, picture: int = 1, count: int = 3, speed: float = 1.0,
-    at: Callable[[Fake], object] = lambda _: None,
-) -> Fake:  # fmt: skip
-    """The window after some pictures; keys are pressed when one has been drawn."""
+def shown(motion: Any, *codes: int, at: Any = None, count: int = 3, speed: float = 1.0) -> Fake:
+    """The window after some pictures; keys are pressed when the first has been drawn."""
 
     def press(fake: Fake) -> None:
-        for code in codes if fake.pictures == picture else ():
+        for code in codes if fake.pictures == 1 else ():
             fake.key(code)
-        at(fake)
 
-    fake = Fake(count, press)
+    fake = Fake(count, at or press)
     play(motion, window=fake.open, clock=lambda: fake.now, wait=fake.wait, speed=speed)
     assert fake.closed
     return fake
 
 
-# The live loop
+BUILT = (
+    Transmission("shoulder", 0.1, stiffness=1e4, backlash=1e-3), Stop("shoulder", -0.5, 0.5),
+    SwingingLoad("lower", 0.1, 0.3), LuGre("elbow", 0.5),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: experiment("arm", "case1"),
-        lambda: {
-            "plant": MujocoPlant.load("two_link_arm"),
-            "controller": held((1.0, -0.5)),
-            "x0": [0.1, 0.2, 0.0, 0.0],
-        },
+        # A disturbance under a slower law, and a machine of two inputs.
         lambda: experiment("cart_pendulum", "case1", control_period=5e-3),
-        lambda: machine(
-            Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3), Stop("slider", -0.5, 0.5)
-        ),
-        lambda: machine(
-            SwingingLoad("cart", 0.1, 0.3), SlidingLoad("pole", 0.1, 50.0), LuGre("slider", 0.5)
+        lambda: of(
+            MujocoPlant.load("two_link_arm", edits=BUILT), held((1.0, -0.5)), [0.1, 0.2, 0.0, 0.0]
         ),
     ],
-    ids=["disturbed", "two inputs", "a slower law", "a belt", "loads"],
 )
 def test_live_and_replay_are_the_recorded_run_bit_by_bit(make: Callable[[], Run]) -> None:
     """However the time is cut into pictures, and once more after a restart."""
     case, random = make(), np.random.default_rng(0)
-    states, live = physics(case, 0.2), live_of(case)
-    replay = RecordedRun(case["plant"].model, recorded(case, 0.2))
+    run, live = recorded(case, 0.2), live_of(case)
+    replay = RecordedRun(case["plant"].model, run)
     for _ in range(2):
         while live.time < 0.15:
-            np.testing.assert_array_equal(live.state, states[round(live.time / 1e-3)])
+            np.testing.assert_array_equal(live.state, run.physics[round(live.time / 1e-3)])
             replay.advance(live.time - replay.time)
             np.testing.assert_array_equal(replay.state, live.state)
             live.advance(random.uniform(0, 0.05))
@@ -146,21 +120,16 @@ def test_live_and_replay_are_the_recorded_run_bit_by_bit(make: Callable[[], Run]
         live.advance(0.01)
         live.restart()
         replay.restart()
-
-
-def test_parts_of_a_timestep_are_owed() -> None:
-    """Ten times 0.01 are a little less than 0.1."""
-    for part in (1e-4, 0.01):
-        live = live_of(experiment("servo"))
+    # Parts of a timestep are owed; ten times 0.01 are a little less than 0.1.
+    for part in (2e-4, 0.01):
         for _ in range(round(0.1 / part)):
             live.advance(part)
         assert live.time == pytest.approx(0.1, abs=1e-12)
+        live.restart()
 
 
 @pytest.mark.parametrize(("system", "force"), [("cart_pendulum", 2.0), ("servo", -2.0)])
-def test_a_push_is_a_disturbance_of_its_length_beside_the_case_s_own(
-    system: str, force: float
-) -> None:
+def test_a_push_is_a_disturbance_beside_the_case_s_own(system: str, force: float) -> None:
     body = MujocoPlant.load(system).system.uncertain_body or ""
     load = Disturbance(body, (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
     case = experiment(system, disturbances=(load,))
@@ -171,29 +140,24 @@ def test_a_push_is_a_disturbance_of_its_length_beside_the_case_s_own(
     live.sideways(int(np.sign(force * axis[1])))
     live.advance(0.4)
     push = Disturbance(body, (0, 0, 0, 0, force, 0), Pulse(0.1, 0.1 + LENGTH))
-    end = physics({**case, "disturbances": (load, push)})[-1]
+    end = recorded({**case, "disturbances": (load, push)}).physics[-1]
     np.testing.assert_array_equal(live.state, end)
-    assert np.abs(end - physics(case)[-1]).max() > 1e-3
+    assert np.abs(end - recorded(case).physics[-1]).max() > 1e-3
 
 
-def test_an_undefined_law_is_named_and_stops_until_a_restart() -> None:
+def test_an_undefined_law_and_a_diverging_run_are_named_and_stop_until_a_restart() -> None:
     """From 80 degrees the pole falls below the horizontal under pushes to the right."""
     live = live_of(experiment("cart_pendulum", x0=(0.0, -1.4, 0.0, 0.0)))
     live.stronger(64.0)
-    while not live.note and live.time < 5.0:
+    for _ in range(100):
         live.sideways(-1)
         live.advance(0.05)
-    stopped = live.time
-    assert f"at t = {stopped:g} s: the law is undef" in live.note
-    live.advance(1.0)
-    assert live.time == stopped
+    assert f"at t = {live.time:g} s: the law is undef" in live.note
+    assert live.time < 4.9
     live.restart()
     live.advance(0.01)
     assert (live.note, live.time) == ("", 0.01)
-
-
-def test_a_diverging_run_is_named_and_its_last_good_state_is_drawn() -> None:
-    """The servo under a push of 1e300 N m, if there were one."""
+    # The last good state is drawn of the servo under a push of 1e300 N m, if there were one.
     live = live_of(experiment("servo"))
     live.size = 1e300
     live.sideways(1)
@@ -204,43 +168,43 @@ def test_a_diverging_run_is_named_and_its_last_good_state_is_drawn() -> None:
 
 def test_a_replay_goes_back_and_on_and_says_why_its_run_ended() -> None:
     case = experiment("servo")
-    model, run = case["plant"].model, recorded(case, 1.5)
+    run = recorded(case, 1.5)
     for *ended, note in (("the end of the run",), ("the law is undefined",) * 2):
-        replay = RecordedRun(model, run, *ended)
+        replay = RecordedRun(case["plant"].model, run, *ended)
         replay.sideways(1)
         assert (replay.time, replay.note) == (JUMP, "")
         replay.advance(9.0)
-        np.testing.assert_array_equal(replay.state, physics(case, 1.5)[-1])
+        np.testing.assert_array_equal(replay.state, run.physics[-1])
         assert replay.note == note
-        replay.stronger(2.0)
-        replay.sideways(-1)
-        assert replay.time == 0.5
+        shown(replay, SPACE, UP, LEFT, LEFT, RIGHT)
+        assert replay.time == JUMP
         replay.restart()
         assert (replay.note, replay.time) == ("", 0.0)
 
 
-# The window
-
-
-@pytest.mark.parametrize("speed", [0.5, 4.0])
-def test_the_motion_keeps_step_with_the_clock_and_is_drawn(speed: float) -> None:
-    live = live_of(experiment("servo"))
-    fake = shown(live, count=30, speed=speed)
+def test_the_motion_keeps_step_with_the_clock_and_is_drawn() -> None:
+    live, other, paused, late = (live_of(experiment("servo")) for _ in range(4))
+    fake = shown(live, count=30, speed=4.0)
     # 29 pictures after the first; the last timestep may not be over.
-    assert 29 * PICTURE * speed - live.time == pytest.approx(5e-4, abs=5.1e-4)
+    assert 29 * PICTURE * 4.0 - live.time == pytest.approx(5e-4, abs=5.1e-4)
     drawn = np.concatenate([[live.time], fake.data.qpos, fake.data.qvel])
     np.testing.assert_allclose(drawn, live.state[:3], rtol=1e-12)
     assert list(fake.texts[-1]) == ["time", "current", "push", "speed", "stopped"]
-    assert (fake.texts[-1]["speed"], fake.texts[-1]["stopped"]) == (f"{speed:g}x", "-")
+    assert (fake.texts[-1]["speed"], fake.texts[-1]["stopped"]) == ("4x", "-")
+    # What the window does to its data never reaches the physics, and Ctrl-C closes it.
+    shown(other, count=30, speed=4.0, at=lambda fake: mujoco.mj_resetData(fake.model, fake.data))
+    np.testing.assert_array_equal(live.state, other.state)
 
+    def interrupt(_: Fake) -> None:
+        raise KeyboardInterrupt
 
-def test_neither_a_pause_nor_a_window_that_stood_still_is_caught_up_with() -> None:
-    live, other = live_of(experiment("servo")), live_of(experiment("servo"))
-    fake = shown(live, SPACE, picture=10, count=20)
-    assert live.time == pytest.approx(9 * PICTURE, abs=1.1e-3)
+    assert shown(other, at=interrupt).pictures == 1
+    # Neither a pause nor a window that stood still is caught up with.
+    fake = shown(paused, count=20, at=lambda fake: fake.pictures == 10 and fake.key(SPACE))
+    assert paused.time == pytest.approx(9 * PICTURE, abs=1.1e-3)
     assert fake.texts[-1]["speed"] == "1x paused"
-    shown(other, count=2, at=lambda fake: fake.wait(100.0))
-    assert other.time == pytest.approx(viewer.LONGEST, abs=1.1e-3)
+    shown(late, count=2, at=lambda fake: fake.wait(100.0))
+    assert late.time == pytest.approx(viewer.LONGEST, abs=1.1e-3)
 
 
 def test_keys_do_what_they_say_and_sizes_stay_within_their_bounds() -> None:
@@ -255,40 +219,16 @@ def test_keys_do_what_they_say_and_sizes_stay_within_their_bounds() -> None:
         live = live_of(experiment("servo"))
         fake = shown(live, SPACE, *[code] * 30)
         assert (fake.texts[-1]["speed"], live.size) == (f"{speed:g}x paused", size)
-    case = experiment("servo")
-    replay = RecordedRun(case["plant"].model, recorded(case, 2.5))
-    shown(replay, SPACE, RIGHT, RIGHT, LEFT, RIGHT)
-    assert replay.time == 2 * JUMP
 
 
-def test_the_codes_of_keys_are_glfw_s_and_stand_in_the_help() -> None:
+def test_the_codes_of_keys_are_glfw_s() -> None:
     glfw = pytest.importorskip("glfw", exc_type=ImportError)
     names = ("SPACE", "EQUAL", "MINUS", "BACKSPACE", "RIGHT", "LEFT", "DOWN", "UP")
     codes = [getattr(glfw, f"KEY_{name}") for name in names]
     assert codes == [SPACE, PLUS, MINUS, BACKSPACE, RIGHT, LEFT, DOWN, UP]
-    text = (ViewCommand.__doc__ or "").split("Keys:")[1].split("Attributes:")[0].lower()
-    words = {"space", "+", "-", "backspace", "left", "right", "up", "down"}
-    assert words <= set(text.replace(",", " ").replace(":", " ").split())
 
 
-def test_neither_the_window_s_data_nor_ctrl_c_reach_the_physics() -> None:
-    one, other = live_of(experiment("servo")), live_of(experiment("servo"))
-    shown(one, count=20)
-    shown(other, count=20, at=lambda fake: mujoco.mj_resetData(fake.model, fake.data))
-    np.testing.assert_array_equal(one.state, other.state)
-
-    def interrupt(_: Fake) -> None:
-        raise KeyboardInterrupt
-
-    assert shown(one, at=interrupt).pictures == 1
-
-
-# The command
-
-
-def test_without_a_display_the_command_offers_the_film(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -300,9 +240,7 @@ def test_without_a_display_the_command_offers_the_film(
     command = parse(film.split()[1:])
     assert isinstance(command, FilmCommand)
     assert (command.target, command.controllers) == ("arm/case2", ("lqr",))
-
-
-def test_a_case_is_live_or_recorded_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A case is live, or recorded first.
     motions: list[Any] = []
     monkeypatch.setattr(viewer, "play", lambda motion, **_: motions.append(motion))
     for more in ([], ["--replay"]):
@@ -332,21 +270,15 @@ print(live.time)
 @pytest.mark.slow
 @pytest.mark.render
 def test_mujocos_window_opens_after_an_import_without_graphics() -> None:
-    """On a virtual display, and not on one that nobody serves."""
     if shutil.which("Xvfb") is None:
         pytest.skip("Xvfb is not installed: apt-get install xvfb")
-    name = f":{900 + os.getpid() % 90}"
-    server = ["Xvfb", name, "-screen", "0", "320x240x24"]
-    with subprocess.Popen(server, stderr=subprocess.DEVNULL) as display:
+    display = f":{900 + os.getpid() % 90}"
+    environment = {**os.environ, "DISPLAY": display}
+    server = ["Xvfb", display, "-screen", "0", "320x240x24"]
+    with subprocess.Popen(server, stderr=subprocess.DEVNULL) as process:
         time.sleep(2)
-        served, alone = (
-            subprocess.run(
-                [sys.executable, "-c", PROGRAM], env={**os.environ, "DISPLAY": where},
-                capture_output=True, text=True, check=False, timeout=200,
-            )
-            for where in (name, ":987")
-        )  # fmt: skip
-        display.terminate()
+        program = [sys.executable, "-c", PROGRAM]
+        served = subprocess.run(program, env=environment, capture_output=True, check=False)
+        process.terminate()
     assert served.returncode == 0, served.stderr
     assert float(served.stdout.split()[-1]) > 0.3
-    assert "SetupError: there is no display" in alone.stderr
