@@ -66,25 +66,12 @@ print(json.dumps(ends))
 """
 
 
-@pytest.fixture(scope="module")
-def ends(project: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, str]]:
-    """Exit codes and words of all commands, one after another in a process with that project."""
+def test_a_new_plant_is_run_compared_and_audited(project: Path, tmp_path: Path) -> None:
+    """All commands, one after another in a process with that project."""
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *COMMANDS],
-        cwd=tmp_path_factory.mktemp("working"),
-        env={**os.environ, "PYTHONPATH": str(project)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_new_plant_is_run_compared_and_audited(
-    command: str, ends: dict[str, tuple[int, str]]
-) -> None:
-    code, said = ends[command]
-    assert code == 0, said
-    assert re.search(COMMANDS[command], said)
+        [sys.executable, "-c", PROGRAM, *COMMANDS], cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(project)}, check=True,
+    )  # fmt: skip
+    for command, (code, words) in json.loads(done.stdout).items():
+        assert code == 0, words
+        assert re.search(COMMANDS[command], words)

@@ -1,19 +1,19 @@
-"""The documentation's site: links lead somewhere, nothing comes from elsewhere."""
+"""The documentation's site: links lead somewhere, and the map has every equation."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-import colours
 import pytest
 import repository
 
-from grosmc_mj.results import palette
+from grosmc_mj import control, environments, films, loop, machine, physics, simulation, sweep
 
 ROOT = Path(__file__).parents[1]
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")}
@@ -62,10 +62,7 @@ def test_every_link_leads_to_a_file_and_a_place_in_it(site: dict[Path, Links]) -
             if not file.exists() or (anchor and anchor not in site[file].anchors):
                 broken.append((page.name, target))
     assert not broken
-
-
-@pytest.mark.slow
-def test_nothing_is_loaded_from_elsewhere(site: dict[Path, Links]) -> None:
+    # Nothing is loaded from elsewhere.
     assert not [each for links in site.values() for each in links.loaded if "//" in each]
 
 
@@ -73,17 +70,15 @@ def test_nothing_is_loaded_from_elsewhere(site: dict[Path, Links]) -> None:
 def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
     (page,) = (links for page, links in site.items() if page.name == "map.html")
     lines = [target for target in page.targets if "codelineno" in target]
-    law = "def grosmc"
-    number = repository.line_of((ROOT / "grosmc_mj/control/laws.py").read_text(), "grosmc")
-    assert (ROOT / "grosmc_mj/control/laws.py").read_text().splitlines()[number - 1].startswith(law)
+    text = (ROOT / "grosmc_mj/control/laws.py").read_text()
+    number = repository.line_of(text, "grosmc")
+    assert text.splitlines()[number - 1].startswith("def grosmc")
     assert f"repository/grosmc_mj/control/laws.py.html#__codelineno-0-{number}" in lines
     assert len(lines) > 50
 
 
 @pytest.mark.slow
 def test_every_public_name_is_on_the_pages_of_the_site(site: dict[Path, Links]) -> None:
-    from grosmc_mj import control, environments, films, loop, machine, physics, simulation, sweep
-
     anchors = set().union(*(links.anchors for links in site.values()))
     for module in (sweep, control, environments, films, loop, machine, physics, simulation):
         missing = [n for n in module.__all__ if f"{module.__name__}.{n}" not in anchors]
@@ -92,23 +87,19 @@ def test_every_public_name_is_on_the_pages_of_the_site(site: dict[Path, Links]) 
 
 def test_the_summary_of_the_ladder_agrees_with_its_tables() -> None:
     """The first step on which a law fails, of each machine; a cell above 1 has an x."""
-    names = {
+    labels = {
         "LQR": ["lqr"],
         "LQI, as quick as the actuator allows": ["lqi, quick"],
-        "PID, as quick as the actuator allows": ["pid, quick"],
         "ADRC": ["adrc"],
-        "ADRC, as quick as the actuator allows": ["adrc, quick"],
         "GROSMC, sign function as printed": ["sign"],
-        "GROSMC, boundary layer": ["boundary-layer"],
         "GROSMC, implicit": ["implicit"],
-        "GROSMC, implicit with estimate": ["implicit-estimate"],
         "GROSMC, super-twisting": ["super-twisting"],
         "GROSMC, adaptive gain": ["grosmc adaptive", "adaptive"],
     }
     tables = (ROOT / "docs/ladder_tables.md").read_text(encoding="utf-8")
     summary = (ROOT / "docs/ladder.md").read_text(encoding="utf-8")
     systems = ("servo", "cart_pendulum", "arm", "two_link_arm")
-    for label, laws in names.items():
+    for label, laws in labels.items():
         shown = next(row for row in rows(summary) if row[0] == label)[1:]
         assert len(shown) == len(systems)
         for system, failing in zip(systems, shown, strict=True):
@@ -126,15 +117,24 @@ def rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def test_a_line_is_that_of_the_definition() -> None:
-    text = "call(law)\n\nclass laws: ...\ndef law(): ...\nLAW = 1\n"
-    assert [repository.line_of(text, name) for name in ("law", "LAW", "laws", "")] == [4, 5, 3, 1]
+MAP = (ROOT / "docs" / "map.md").read_text(encoding="utf-8")
+# The chapter numbers its equations from (1) to (58).
+EQUATIONS = 58
+PLACES = re.findall(r"`([\w/]+\.(?:py|xml)|[\w/]+/)(?:::(\w+))?`", MAP)
 
 
-def test_a_link_has_a_path_and_perhaps_an_anchor() -> None:
-    (first, second) = repository.links("[a](../x.md#b), [c](d.md) and [e](https://f.g/h.md)")
-    assert (first["path"], first["anchor"], second["path"]) == ("../x.md", "#b", "d.md")
+def test_every_equation_is_on_the_map() -> None:
+    numbers: set[int] = set()
+    for first, last in re.findall(r"\((\d+)\)(?:-\((\d+)\))?", MAP):
+        numbers.update(range(int(first), int(last or first) + 1))
+    assert numbers == set(range(1, EQUATIONS + 1))
 
 
-def test_the_site_has_the_colours_of_the_figures() -> None:
-    assert f"--md-primary-fg-color: {palette.BLUE};" in colours.style()
+@pytest.mark.parametrize(("place", "name"), PLACES, ids=["::".join(one) for one in PLACES])
+def test_every_place_on_the_map_is_there(place: str, name: str) -> None:
+    roots = [ROOT / "grosmc_mj", ROOT / "tests", ROOT]
+    found = next((root / place for root in roots if (root / place).exists()), None)
+    assert found is not None
+    if name:
+        text = found.read_text(encoding="utf-8")
+        assert re.search(rf"^ *(def|class) {name}\b|^{name}\b", text, re.MULTILINE)

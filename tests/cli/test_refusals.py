@@ -14,45 +14,31 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
     ("frobnicate", "validate, claims, study, identify, compare, report, diff, list"),
-    ("validate servoo", "did you mean 'servo'?"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),
-    ("film servo --speed soon", "could not convert"),
-    ("validate --colour red", "--colour"),
     ("run servo --no-figure", "unknown option --no-figure: did you mean --no-figures?; for help"),
     ("report --worst", "unknown option --worst; for help: grosmc-mj report --help"),
     ("report --out x", "unknown option --out: did you mean --output?"),
     ("report nowhere", "nowhere does not exist"),
     ("report .", "no results in ."),
     ("report . -o page.pdf", "-o page.pdf must end in .html"),
-    ("claims servoo", "did you mean 'servo'?"),
     ("claims arm-epsilonn", "did you mean 'arm-epsilon'?"),
-    ("claims arm/case1", "unknown claim 'arm/case1'"),
     ("claims servo --page page.md", "--page page.md is about all claims: leave out servo"),
     ("claims --page docs", "must end in .md"),
     ("claims sweep servo --record", "leave out servo"),
     ("claims premises", "SYSTEM|SYSTEM/CASE"),
-    ("claims premises armm", "did you mean 'arm'?"),
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
     ("claims premises arm --controller grosmk", "did you mean 'grosmc'?"),
-    ("study tolerance arm --seeds 0", "must be from 1 to 1000"),
     ("study tolerance maglev", "there is no loop"),
     ("study switching two_link_arm/case1", "has 2 inputs"),
     ("campaign servo --film", "--film is for --replay only"),
-    ("campaign servo --case-file x.toml", "--case-file is for --replay only"),
     ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
     ("view nothing.toml", "there is no such file"),
-    ("film", "SYSTEM"),
     ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
-    ("film leg/case1", "unknown case 'leg/case1'"),
-    ("film servo/case9", "did you mean 'servo/case2'"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
-    ("film servo --size 641x480", "641 x 480 pixels: both must be even"),
-    ("film servo --size 640x-480", "--size"),
     ("film servo --fps 30.5", "--fps"),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
-    ("film servo --to 100", "from 0 s to 100 s shows nothing"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
     # Of which there would be more than any memory holds.
     ("film servo --speed 1e-12", "speed = 1e-12 must be from 0.015625 to 64"),
@@ -60,7 +46,6 @@ REFUSALS = [
     ("film servo -o f.avi", "must end in .mp4"),
     ("film small.toml --controllers mpc", "unknown law 'mpc': valid: lqr"),
     ("film small.toml --controllers", "1 to 4 controllers, not 0"),
-    ("film servo --controllers pid lqr fl-lqr grosmc smc", "1 to 4 controllers, not 5"),
     ("film small.toml --to 0.1", "no OpenGL backend renders off-screen (glfw: no display ("),
 ]
 
@@ -90,23 +75,18 @@ def test_wrong_use_is_one_line_and_leaves_no_file(
 
 
 @pytest.mark.parametrize("name", ["a\0b", "a\x1b[31mb.toml", "\udcff", "x" * 5000, "a/" * 999])
-@pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "campaign --replay 0"])
-def test_odd_names_are_one_line(
-    command: str, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*command.split(), name) == cli.WRONG
-    assert_one_line(capsys.readouterr().err)
+def test_odd_names_are_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("run", "campaign", "view", "new", "campaign --replay 0"):
+        assert run(*command.split(), name) == cli.WRONG
+        assert_one_line(capsys.readouterr().err)
 
 
-@pytest.mark.parametrize("command", ["run", "view", "campaign"])
-def test_no_command_executes_a_formula(
-    command: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_command_executes_a_formula(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     canary, file = folder / "canary", folder / "small.toml"
     program = f"__import__('pathlib').Path({str(canary)!r}).touch()"
     octal = "".join(f"\\{ord(letter):o}" for letter in program)
     text = '[plant]\nsystem = "arm"\n[run]\nduration = "1 s"\n[[controller]]\nlaw = "lqr"\n'
     file.write_text(f"{text}[task]\nreference = ['''sin(\"{octal}\")''']\n")
-    assert run(command, file) == cli.WRONG
+    assert run("run", file) == cli.WRONG
     assert "is no formula in t" in capsys.readouterr().err
     assert not canary.exists()

@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from shipped import case_plant, find_case, nominal_controller, of_case
@@ -39,7 +38,6 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.machine import Stop
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.simulate import simulate
 
@@ -81,9 +79,8 @@ def stepped(
 
 @pytest.mark.parametrize(
     ("target", "factor"),
-    [("servo/case2", 1), ("servo/case2", 7), ("cart_pendulum/case1", 7), ("arm/case1", 1),
-     ("two_link_arm/case2", 7), ("furuta/heavier", 1), ("own_laws/pid", 1), ("maglev/warm", 1),
-     ("ball_beam/sine", 1)],
+    [("servo/case2", 7), ("two_link_arm/case2", 7), ("furuta/heavier", 1), ("own_laws/pid", 1),
+     ("maglev/warm", 1)],
 )  # fmt: skip
 def test_a_law_in_an_environment_gets_simulate_s_numbers_to_the_last_bit(
     target: str, factor: int
@@ -118,15 +115,21 @@ def test_a_law_in_an_environment_gets_simulate_s_numbers_to_the_last_bit(
 
 def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
     """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
-    environment = load("servo", of_case(cut("servo", "nominal", 0.005)), control_period=2e-3)
+    case = of_case(cut("servo", "nominal", 0.005))
+    face = CaseEnv("servo", case, control_period=2e-3)
+    environment = load("servo", case, control_period=2e-3)
     design, step, u = law("servo").designed.lqr, environment.reset(), np.array([3.0])
+    face.reset()
     for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):
         z = step.observation["error"]
         step = environment.step(u)
         expected = -length * 0.5 * float(z @ design.Q @ z + u @ design.R @ u)
         assert step.reward == pytest.approx(expected, rel=1e-12)
         assert step.observation["time"][0] == pytest.approx(end, rel=1e-12)
-    assert step.last()
+        # Truncated at the duration of its case.
+        assert face.step(u)[2:4] == (False, step.last()) == (False, end == 5e-3)
+    with pytest.raises(ArgumentError, match="the episode is over: reset it"):
+        face.step(u)
 
 
 def test_the_reward_of_equations_is_that_of_their_index() -> None:
@@ -149,16 +152,13 @@ def test_observations_have_names_units_and_exact_times() -> None:
     step, spec = environment.reset(), environment.observation_spec()
     names = ["cart position", "pole angle", "cart speed", "pole rate", "time", "error", "reference"]
     assert list(step.observation) == list(spec) == names
-    assert [spec[name].name for name in ("pole angle", "error")] == [
-        "pole angle [rad]", "error [rad, rad/s]",
-    ]  # fmt: skip
+    assert spec["pole angle"].name == "pole angle [rad]"
+    assert spec["error"].name == "error [rad, rad/s]"
+    assert environment.action_spec().name.endswith("force [N]")
     for k in range(1, 41):
         step = environment.step(np.zeros(1))
         # Which the number of timesteps would not always give.
         assert step.observation["time"][0] == k * 1.1e-2
-    seen = step.observation
-    assert seen["error"].tolist() == [seen["pole angle"][0], seen["pole rate"][0]]
-    assert seen["reference"].tolist() == [0.0, 0.0]
     assert environment.physics.time() == 40 * 1.1e-2
     arm = load("arm", control_period=0.1)
     arm.reset()
@@ -170,103 +170,48 @@ def test_observations_have_names_units_and_exact_times() -> None:
     assert seen["error"] == pytest.approx(np.subtract(state, seen["reference"]), abs=1e-15)
 
 
-def test_an_episode_begins_in_the_state_of_a_run_of_simulate(name: str) -> None:
-    """All that MuJoCo integrates from, warm start and applied wrenches included."""
-
-    def everything(model: mujoco.MjModel, data: mujoco.MjData) -> list[float]:
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        state = np.zeros(mujoco.mj_stateSize(model, kind))
-        mujoco.mj_getState(model, data, state, kind)
-        return state.tolist()
-
-    environment, plant = load(name, "case1"), MujocoPlant.load(name)
-    fresh, x0 = mujoco.MjData(plant.model), find_case(name, "case1").x0
-    n, m = SYSTEMS[name].degrees_of_freedom, len(SYSTEMS[name].inputs)
-    fresh.qpos[:], fresh.qvel[:] = x0[:n], x0[n:]
-    spec = environment.action_spec()
-    assert spec.shape == (m,)
-    assert np.all([spec.minimum == -np.inf, spec.maximum == np.inf])
-    assert spec.name.endswith(f"{SYSTEMS[name].inputs[-1].name} [{SYSTEMS[name].input.unit}]")
-    for _ in range(2):
-        environment.reset()
-        episode = environment.physics.episode
-        stepper = episode._steppers.of(episode.plant)
-        assert everything(stepper.model, stepper.data) == everything(plant.model, fresh)
-        for _ in range(5):
-            environment.step(np.ones(m))
-
-
-def test_actions_beyond_the_bounds_are_clamped_and_paid_for_as_applied(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A pendulum whose force is limited to 2 N, in the place of the shipped one."""
-    plant = MujocoPlant.load("cart_pendulum")
-    spec = plant.spec.copy()
-    spec.actuator("force").ctrlrange, spec.actuator("force").ctrllimited = (-2.0, 2.0), True
-    limited = replace(plant, spec=spec)
-    monkeypatch.setattr(Experiment, "plant", lambda *_: limited)
-    case, controller = cut("cart_pendulum", "nominal", 0.1), law("cart_pendulum", "lqr")
-    environment = load("cart_pendulum", of_case(case))
-    bounds = environment.action_spec()
-    assert (bounds.minimum.tolist(), bounds.maximum.tolist()) == ([-2.0], [2.0])
-    states, inputs, _ = stepped(environment, law_policy(controller))
-    run = simulate(limited, controller, case.x0, duration=0.1, engine="python")
-    assert np.abs(inputs).max() > 2
-    assert np.array_equal(states, run.state)
-    assert np.array_equal(inputs[:, 0], run.command)
-    rewards = []
-    for action in (5.0, 2.0):
-        environment.reset()
-        rewards.append(environment.step([action]).reward)
-    assert rewards[0] == rewards[1]
-
-
 def test_a_normalized_action_is_a_part_of_its_limits() -> None:
     plain, parts = (CaseEnv("servo", action_limit=4.0, normalized=one) for one in (False, True))
-    bounds = [(env.action_space.low, env.action_space.high) for env in (plain, parts)]  # pyright: ignore
-    assert bounds == [(-4.0, 4.0), (-1.0, 1.0)]
+    # The actuators' own limits; those of one without limits; declared ones.
+    for environment, bound in ((CaseEnv("furuta/heavier"), 0.15), (CaseEnv("arm"), np.inf),
+                               (plain, 4.0), (parts, 1.0)):  # fmt: skip
+        space = environment.action_space
+        assert (space.low, space.high) == (-bound, bound)  # pyright: ignore
     results = []
     for environment, action in ((plain, 3.0), (parts, 0.75), (plain, 9.0), (plain, 4.0)):
         environment.reset()
         seen, reward, *_ = environment.step(np.array([action]))
         results.append((reward, float(seen["rotor speed"][0])))
     assert results[0] == results[1]
+    wrong: tuple[Any, ...] = ([math.nan], 1.0, [1.0, 2.0], None)
+    for action in wrong:
+        with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): current \[A\]$"):
+            plain.step(action)
     # An action beyond the declared limit is cut, as an actuator does.
     assert results[2] == results[3] != results[0]
 
 
-# Starts
+def test_starts_are_drawn_within_their_widths_by_a_seed_where_the_plant_is_defined() -> None:
+    def starts(target: Any, seed: int, spread: Any, count: int = 20) -> Array:
+        environment = load(*target, spread=spread, seed=seed)
+        resets = [list(environment.reset().observation.values()) for _ in range(count)]
+        return np.array([[value[0] for value in seen] for seen in resets])
 
-
-def test_starts_are_drawn_within_their_widths_by_a_seed() -> None:
-    def starts(seed: int | None, spread: Any) -> list[list[float]]:
-        environment = load("cart_pendulum", spread=spread, seed=seed)
-        resets = [environment.reset().observation for _ in range(20)]
-        return [[float(value[0]) for value in list(seen.values())[:4]] for seen in resets]
-
-    widths, x0 = [0.1, 0.2, 0.0, 0.3], find_case("cart_pendulum", "nominal").x0
-    assert starts(3, widths) == starts(3, widths) != starts(4, widths)
-    off = np.array(starts(5, widths)) - x0
+    cart, widths = ("cart_pendulum",), [0.1, 0.2, 0.0, 0.3]
+    drawn = starts(cart, 3, widths)
+    assert np.array_equal(starts(cart, 3, widths), drawn)
+    assert not np.array_equal(starts(cart, 4, widths), drawn)
+    off = starts(cart, 5, widths)[:, :4] - find_case(*cart, "nominal").x0
     assert np.all(np.abs(off) <= widths)
     # Twenty draws that all stay in the middle half, or to one side, have a chance of 1e-6.
     assert np.all(off.max(axis=0) >= [0.01, 0.02, 0.0, 0.03])
     assert np.all(off.min(axis=0) <= [-0.01, -0.02, 0.0, -0.03])
-    assert starts(5, 0.0) == [list(x0)] * 20
-
-
-def test_starts_where_the_plant_is_undefined_or_beyond_a_stop_are_not_drawn() -> None:
-    environment = load("arm", spread=[2.0, 0.0], seed=0)
-    angles = [environment.reset().observation["joint angle"][0] for _ in range(60)]
     # A third of the box lies beyond pi/2, where the arm's cable has length zero.
-    assert 1.2 < max(angles) < math.pi / 2
-    case = replace(find_case("servo", "nominal"), edits=(Stop("shaft", -0.5, 0.2),))
-    environment = load("servo", of_case(case), spread=[1.0, 0.0], seed=0)
-    angles = [environment.reset().observation["rotor angle"][0] for _ in range(60)]
-    assert -0.5 <= min(angles) < -0.4
-    assert 0.1 < max(angles) <= 0.2
-
-
-# Ends
+    assert 1.2 < starts(("arm",), 0, [2.0, 0.0], 60)[:, 0].max() < math.pi / 2
+    case = of_case(replace(find_case("servo", "nominal"), edits=(Stop("shaft", -0.5, 0.2),)))
+    angles = starts(("servo", case), 0, [1.0, 0.0], 60)[:, 0]
+    assert -0.5 <= angles.min() < -0.4
+    assert 0.1 < angles.max() <= 0.2
 
 
 @pytest.mark.parametrize(
@@ -297,42 +242,20 @@ def test_an_episode_ends_when_and_where_simulate_says_so(
     assert environment.task.ended == ""
 
 
-@pytest.mark.parametrize(
-    ("target", "action", "words"),
-    [("maglev/warm", -4.0, "the index is undefined outside gap and current positive"),
-     ("ball_beam/sine", 1e100, "the state grew without bound"),
-     ("cart_pendulum/nominal", -20.0, "the index is undefined outside |theta| < pi/2")],
-)  # fmt: skip
-def test_an_episode_terminates_where_no_next_step_is_defined(
-    target: str, action: float, words: str
-) -> None:
-    environment = CaseEnv(target)
+def test_an_episode_terminates_where_no_next_step_is_defined() -> None:
+    environment = CaseEnv("cart_pendulum/nominal")
     seen, info = environment.reset()
-    terminated = truncated = False
-    angles = []
+    terminated, truncated, angles = False, False, []
     while not terminated:
-        angles.append(abs(float(seen.get("pole angle", [0.0])[0])))
-        seen, _, terminated, truncated, info = environment.step(np.array([action]))
+        angles.append(abs(float(seen["pole angle"][0])))
+        seen, _, terminated, truncated, info = environment.step(np.array([-20.0]))
     assert not truncated
-    assert words in info["ended"]
+    assert "the index is undefined outside |theta| < pi/2" in info["ended"]
     assert info["units"]["time"] == "s"
     # The last valid state is seen.
-    assert all(np.all(np.isfinite(value)) for value in seen.values())
-    assert "pole angle" not in seen or abs(seen["pole angle"][0]) >= math.pi / 2 > angles[-1]
+    assert abs(seen["pole angle"][0]) >= math.pi / 2 > angles[-1]
     with pytest.raises(ArgumentError, match=r"the episode is over at t = .*: reset it"):
         environment.step(np.zeros(1))
-
-
-def test_an_episode_is_truncated_at_the_duration_of_its_case() -> None:
-    environment = CaseEnv("servo", of_case(cut("servo", "nominal", 0.002)))
-    environment.reset()
-    ends = [environment.step(np.zeros(1))[2:4] for _ in range(2)]
-    assert ends == [(False, False), (False, True)]
-    with pytest.raises(ArgumentError, match="the episode is over: reset it"):
-        environment.step(np.zeros(1))
-
-
-# The libraries' own tests
 
 
 class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
@@ -346,7 +269,7 @@ class TestSpecification(test_utils.EnvironmentTestMixin, unittest.TestCase):
         return np.array([0.1])
 
 
-@pytest.mark.parametrize("target", ["servo", "two_link_arm", "maglev/warm", "servo/bench"])
+@pytest.mark.parametrize("target", ["two_link_arm", "maglev/warm"])
 def test_gymnasium_s_checker_has_nothing_to_say(target: str) -> None:
     """It makes an environment again from its spec, too."""
     numbers = {"spread": 1e-4, "action_limit": 10.0, "normalized": True}
@@ -367,9 +290,6 @@ def test_every_system_has_an_id_that_can_name_the_module_which_registers_it(
 ) -> None:
     assert register() == tuple(IDS)
     assert set(IDS.values()) == set(SYSTEMS)
-    before = [gymnasium.spec(name) for name in IDS]
-    assert register() == tuple(IDS)
-    assert [gymnasium.spec(name) for name in IDS] == before
     module = "grosmc_mj.environments.gymnasium_ids"
     monkeypatch.delitem(gymnasium.registry, "grosmc_mj/Arm-v0")
     monkeypatch.delitem(sys.modules, module, raising=False)
@@ -401,76 +321,20 @@ def test_it_draws_what_it_is_at() -> None:
     subprocess.run([sys.executable, "-c", DRAWN], check=True, env=own)
 
 
-def test_dm_control_s_physics_can_be_reset_set_and_stepped_by_hand(
-    open_loop: Callable[[Any], Controller],
-) -> None:
-    environment = load("maglev/warm", control_period=1e-3)
-    experiment, physics = Experiment.load("maglev/warm"), environment.physics
-    assert (physics.timestep(), environment.control_timestep()) == (0.5e-3, 1e-3)
-    for voltage in (4.0, 4.0, 0.0):
-        environment.reset()
-        # A reset lets go of the input that was held.
-        if voltage:
-            physics.set_control(voltage)
-        physics.step(20)
-        run = simulate(
-            experiment.plant("corrected"), open_loop(voltage), experiment.case.x0, duration=0.01,
-            timestep=0.5e-3, engine="python",
-        )  # fmt: skip
-        assert physics.time() == 10 * 1e-3
-        assert np.array_equal(physics.episode.x, run.state[-1])
-
-
-# In a loop
-
-
-def bench() -> tuple[Experiment, Episode]:
-    """The pendulum's bench without chance in it, for a quarter of a second."""
-    experiment = Experiment.load("cart_pendulum/bench")
-    assert experiment.case.loop is not None
-    loop = experiment.case.loop.changed("computing", "", missed=0.0)
-    experiment = experiment.varied(loop=loop, duration=0.25)
-    return experiment, Episode("cart_pendulum", experiment)
-
-
-def seen_by(agent: Episode) -> Array:
-    """The state that the agent sees, (n,)."""
-    seen = agent.observation()
-    return np.concatenate([seen[state.name] for state in agent.plant.system.states])
-
-
-def test_a_law_as_an_agent_does_what_it_does_in_its_loop() -> None:
-    experiment, agent = bench()
-    law_in_loop = experiment.law("physics", "implicit")
-    run, bare = experiment.run("physics", "implicit").trajectory, replace(law_in_loop, loop=None)
-    memory, _kept_alive = bare.begin()
-    stride, states = agent.problem.stride, [agent.x]
-    assert stride == 2
-    while not agent.over:
-        # Looking twice changes nothing.
-        assert np.array_equal(seen_by(agent), seen_by(agent))
-        agent.hold(bare.input_at(agent.time, seen_by(agent), memory))
-        agent.advance(stride)
-        states.append(agent.x)
-    np.testing.assert_allclose(np.array(states), run.state[::stride], rtol=0, atol=1e-9)
-
-
 def test_sensors_quantize_observations_and_actions_arrive_after_the_delay() -> None:
-    (_, agent), (_, idle), resolution = bench(), bench(), 0.314e-3
-    for one, action in ((agent, 5.0), (idle, 0.0)):
-        one.hold([action])
-        one.advance(2)
-    np.testing.assert_array_equal(agent.x, idle.x)
-    agent.advance(2)
-    idle.advance(2)
-    assert agent.x[2] > idle.x[2]
+    """On the pendulum's bench."""
+    agent, idle = Episode("cart_pendulum", "bench"), Episode("cart_pendulum", "bench")
+    agent.hold([5.0])
+    idle.hold([0.0])
+    for steps, moved in ((2, False), (2, True)):
+        agent.advance(steps)
+        idle.advance(steps)
+        assert np.array_equal(agent.x, idle.x) != moved
     agent.advance(36)
-    steps = seen_by(agent)[1] / resolution
-    assert abs(steps - round(steps)) < 1e-9
-    assert seen_by(agent)[1] != agent.x[1]
-
-
-# Wrong use
+    # Looking twice changes nothing.
+    first, second = (agent.observation()["pole angle"][0] for _ in range(2))
+    assert first == second != agent.x[1]
+    assert first / 0.314e-3 == pytest.approx(round(first / 0.314e-3), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -481,13 +345,9 @@ def test_sensors_quantize_observations_and_actions_arrive_after_the_delay() -> N
         (("servo", of_case(find_case("arm", "case1"))), {}, ArgumentError, "'case1' is one of arm"),
         (("arm", of_case(replace(find_case("arm", "nominal"), x0=(1.6, 0.0)))), {}, ArgumentError,
          "arm/nominal can't start: the plant is singular at q"),
-        (("servo",), {"control_period": 1.5e-3}, ArgumentError, "0.0015 s is no multiple of the"),
-        (("servo",), {"timestep": -1.0}, ModelError, "timestep = -1 must be from"),
         (("servo",), {"spread": [0.1] * 3}, ArgumentError, "must be one number or 2, finite and"),
         (("servo",), {"spread": -1}, ArgumentError, "not negative: rotor angle [rad], rotor speed"),
-        (("servo",), {"spread": "wide"}, ArgumentError, "spread = 'wide' must be one number"),
-        *((("servo",), {"action_limit": limit}, ArgumentError, "one number or 1, finite and posi")
-          for limit in (0.0, math.nan, [1.0, 2.0], "ten")),
+        (("servo",), {"action_limit": 0.0}, ArgumentError, "one number or 1, finite and positive"),
         (("servo",), {"normalized": True}, ArgumentError, "normalized actions need limits, curr"),
         (("servo",), {"render_mode": "human"}, ArgumentError, "'human': valid: rgb_array"),
         (("maglev/warm",), {"render_mode": "rgb_array"}, ArgumentError, "maglev is given by equa"),
@@ -500,15 +360,6 @@ def test_wrong_use_is_refused_in_one_line(
     with pytest.raises(error) as refused:
         face(*arguments, **options)
     assert words in str(refused.value)
-    assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("action", [[math.nan], [math.inf], 1.0, [1.0, 2.0], ["a"], None])
-def test_an_action_that_is_none_is_refused(action: Any) -> None:
-    environment = load("cart_pendulum")
-    environment.reset()
-    with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): force \[N\]$"):
-        environment.step(action)
 
 
 def test_a_law_needs_its_states_by_name_its_system_and_its_sampling_time(
@@ -516,11 +367,7 @@ def test_a_law_needs_its_states_by_name_its_system_and_its_sampling_time(
 ) -> None:
     policy = law_policy(law("cart_pendulum"))
     observation: dict[str, Any] = load("cart_pendulum").reset().observation
-    for wrong in (
-        {name: value for name, value in observation.items() if name != "pole angle"},
-        {name: np.zeros((2, 1)) for name in observation},
-        np.zeros(9),
-    ):
+    for wrong in ({}, {name: np.zeros((2, 1)) for name in observation}, np.zeros(9)):
         with pytest.raises(ArgumentError, match="must map time, cart position, pole angle, cart"):
             policy(wrong)  # pyright: ignore[reportArgumentType]
     observation["pole angle"][:] = 2.0

@@ -60,9 +60,8 @@ def as_policy(controller: Controller) -> Controller:
 
 @pytest.mark.parametrize(
     ("system", "name", "plant"),
-    [("servo", "case2", "physics"), ("cart_pendulum", "case1", "physics"),
-     ("cart_pendulum", "case1", "corrected"), ("arm", "case1", "corrected"),
-     ("two_link_arm", "case1", "physics"), ("two_link_arm", "regulation1", "physics")],
+    [("servo", "case2", "physics"), ("arm", "case1", "corrected"),
+     ("two_link_arm", "regulation1", "physics")],
 )  # fmt: skip
 def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     system: str, name: str, plant: str
@@ -85,36 +84,23 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
             assert number == expected[metric]
 
 
-def test_every_run_of_a_batch_begins_anew() -> None:
+def test_every_run_of_a_batch_begins_anew_and_a_model_that_predicts_is_a_policy_too() -> None:
     controller, case = law("arm"), find_case("arm", "nominal")
     starts = [case.x0, (0.3, 3.0)]
     direct, other = (run(case, one, starts=starts) for one in (controller, as_policy(controller)))
     assert np.array_equal(other.state, direct.state)
 
     class Counting:
-        count = 0
-
         def reset(self) -> None:
             self.count = 0
 
-        def __call__(self, observation: Any) -> float:
+        def predict(self, observation: Any) -> tuple[Any, None]:
             self.count += 1
-            return float(self.count)
+            return observation["error"][:1] * 0 + self.count, None
 
     counting = asking(Counting())
     for _ in range(2):
         assert run(PENDULUM, counting, duration=0.004).command.tolist() == [1.0, 2.0, 3.0, 4.0]
-
-
-def test_a_model_that_predicts_is_given_the_same_observation() -> None:
-    class Model:
-        def predict(self, observation: Any) -> tuple[Any, None]:
-            return 30.0 * observation["error"][:1] + 5.0 * observation["error"][1:], None
-
-    case = find_case("cart_pendulum", "case1")
-    policies = (Model(), lambda observation: Model().predict(observation)[0])
-    one, other = (run(case, asking(policy)).state for policy in policies)
-    assert np.array_equal(one, other)
 
 
 def test_a_policy_is_undefined_where_its_index_or_its_law_is() -> None:
@@ -134,19 +120,11 @@ def missing(observation: Any) -> Any:
     return observation["pole angel"]
 
 
-def calling(observation: Any) -> Any:
-    return np.linalg.inv(np.zeros((2, 2)))
-
-
-@pytest.mark.parametrize(
-    ("policy", "words"),
-    [(missing, "KeyError: 'pole angel'"), (calling, "LinAlgError: Singular matrix")],
-)
-def test_an_error_in_a_policy_points_to_its_line(policy: Any, words: str) -> None:
-    line = inspect.getsourcelines(policy)[1] + 1
+def test_an_error_in_a_policy_points_to_its_line() -> None:
+    line = inspect.getsourcelines(missing)[1] + 1
     with pytest.raises(ArgumentError) as error:
-        run(PENDULUM, asking(policy))
-    expected = f"{Path(__file__).name}:{line}: {words} ({policy.__name__} at t = 0 s)"
+        run(PENDULUM, asking(missing))
+    expected = f"{Path(__file__).name}:{line}: KeyError: 'pole angel' (missing at t = 0 s)"
     assert str(error.value) == expected
 
 
@@ -154,33 +132,15 @@ def test_an_error_in_a_policy_points_to_its_line(policy: Any, words: str) -> Non
     ("wrong", "words"),
     [
         (lambda: asking(1.0), "a float is no policy: give a function of an obs"),
-        (lambda: run(PENDULUM, asking(lambda: 0.0)), r"TypeError: .*takes 0 positional"),
         (lambda: run(PENDULUM, asking(lambda _: [1.0, 2.0])),
          r"returned \[1.0, 2.0\], must return 1 number\(s\): force \[N\]"),
-        (lambda: run(PENDULUM, asking(lambda _: None)), "returned None, must return 1 number"),
         (lambda: judge_policy("servo", missing, ["arm-index"]),
          "claim arm-index is about arm, not about servo"),
-        (lambda: judge_policy("servo", missing, ["servo-load"]), "unknown claim 'servo-load'"),
     ],
 )  # fmt: skip
 def test_wrong_use_is_refused_in_one_line(wrong: Callable[[], Any], words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         wrong()
-
-
-# Verdicts
-
-
-def test_a_law_as_a_policy_gets_the_law_s_verdicts() -> None:
-    names, laboratory = ["servo-index", "servo-whole-cost"], Laboratory(COARSE)
-    results = judge_policy("servo", law_policy(law("servo")), names, settings=COARSE, refine=False)
-    for name, result in zip(names, results, strict=True):
-        expected = judge(laboratory, find_claim(name), refine=False)
-        assert result.claim.id == name
-        for plant, one in result.plants.items():
-            assert one.verdict is expected.plants[plant].verdict
-            value = expected.plants[plant].measured.value
-            assert one.measured.value == pytest.approx(value, rel=1e-11)
 
 
 def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
@@ -190,25 +150,15 @@ def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
     assert [result.claim.id for result in results] == [c.id for c in select_claims("servo")]
     judged = {result.claim.id: result for result in results}
     for name, verdict, note in (
-        ("servo-before-load", Verdict.REFUTED, ""),
         ("servo-load-grosmc", Verdict.REFUTED, ""),
         ("theorem-1", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
         ("servo-sliding", Verdict.INCONCLUSIVE, "not judged: it asks for the law's sliding varia"),
-        ("servo-index-minimal", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
     ):
         assert judged[name].verdict is verdict
         assert judged[name].plants["corrected"].measured.note.startswith(note)
     # A claim about another law does not become one about the policy.
     assert judged["servo-load-lqr"].verdict is Verdict.SUPPORTED
-    assert judged["servo-load-lqr"].plants["corrected"].measured.note == ""
     # These run it in a batch and by hand.
     usual = judge(Laboratory(settings), find_claim("servo-unmatched"), refine=False)
     for plant, one in usual.plants.items():
         assert judged["servo-unmatched"].plants[plant].measured.value != one.measured.value
-
-    def broken(*_: Any) -> Any:
-        raise AssertionError("a slip of ours")
-
-    claim = replace(find_claim("servo-load-grosmc"), measure=broken)
-    with pytest.raises(AssertionError, match="a slip of ours"):
-        judge_policy("servo", lambda _: 0.0, [claim], settings=COARSE, refine=False)

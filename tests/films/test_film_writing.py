@@ -11,24 +11,19 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import mediapy
 import mujoco
 import numpy as np
 import pytest
 from commands import assert_one_line, run
-from conftest import hear_interrupts
-from PIL import Image
+from PIL import Image, ImageSequence
 from shipped import find_case, run_case
 
-import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
@@ -36,7 +31,7 @@ from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
 from grosmc_mj.experiments.runs import RunResult, Settings
-from grosmc_mj.films.film import Film, Format, Take
+from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import find_backend, find_ffmpeg, probe
 from grosmc_mj.films.storyboard import storyboard
@@ -44,17 +39,11 @@ from grosmc_mj.films.write import Written, draw_frames, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
-# Far above what these films take; one that hangs is to be told from one that is slow.
-PATIENCE = 300.0
-WORKER = "popen_loky"
-# One picture of 320 x 240 at 0, 0.25, ... 1.0 s.
+# One picture at 0, 0.25, ... 1.0 s.
 LOOK = Format(320, 480, fps=4, stop=1.25)
 # Two pictures, to be written as a file: five frames, one second.
 PAIR = Format(480, 320, fps=5, stop=1.0)
 TINY = Format(320, 240, fps=4, stop=0.5)
-FILM = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--workers",
-        "1")  # fmt: skip
-INTERRUPTED = "grosmc-mj: interrupted; run the same command again to start over\n"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -80,18 +69,12 @@ def result(system: str, case: str, controller: str = "lqr") -> RunResult:
     return run_case(find_case(system, case), "physics", controller, Settings())
 
 
-def film_under_lqr(system: str, case: str, form: Format, *, ghost: bool = True) -> Film:
-    film = film_of([result(system, case)], form)
-    (take,) = film.takes
-    return film if ghost else replace(film, takes=(replace(take, ghost=None),))
+def under_lqr(system: str, case: str, form: Format) -> Film:
+    return film_of([result(system, case)], form)
 
 
-Shot = tuple[Storyboard, list[np.ndarray]]
-
-
-def shoot(film: Film, backend: str, workers: int = 1) -> Shot:
-    board = storyboard(film)
-    return board, list(draw_frames(board, backend, workers))
+def without_ghost(film: Film) -> Film:
+    return replace(film, takes=tuple(replace(take, ghost=None) for take in film.takes))
 
 
 @pytest.fixture(scope="module")
@@ -100,18 +83,9 @@ def pair() -> Film:
 
 
 @pytest.fixture(scope="module")
-def edited(backend: str) -> Shot:
-    """The pole of four times the mass and the length, without its ghost."""
-    return shoot(film_under_lqr("cart_pendulum", "case1", LOOK, ghost=False), backend)
-
-
-@pytest.fixture(scope="module")
 def written(pair: Film, backend: str, tmp_path_factory: pytest.TempPathFactory) -> Written:
     path = tmp_path_factory.mktemp("written") / "new" / "pair.mp4"
     return write_film(pair, path, backend=backend, workers=2, gif=True)
-
-
-# The files
 
 
 def test_the_file_is_one_that_every_browser_plays_as_long_as_the_data(written: Written) -> None:
@@ -131,11 +105,8 @@ def test_the_file_is_one_that_every_browser_plays_as_long_as_the_data(written: W
     assert written.gif is not None
     with Image.open(written.gif) as gif:
         assert (gif.size, gif.info["loop"]) == ((PAIR.width, PAIR.height), 0)
-        pictures, shown = [], 0.0
-        for index in range(getattr(gif, "n_frames", 1)):
-            gif.seek(index)
-            shown += gif.info["duration"] / 1000
-            pictures.append(np.asarray(gif.convert("RGB")).astype(int))
+        pictures = [np.array(one.convert("RGB"), int) for one in ImageSequence.Iterator(gif)]
+        shown = sum(one.info["duration"] for one in ImageSequence.Iterator(gif)) / 1000
     assert shown == pytest.approx(1.0, abs=0.15)
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
 
@@ -143,7 +114,7 @@ def test_the_file_is_one_that_every_browser_plays_as_long_as_the_data(written: W
 def test_decoded_frames_are_the_drawn_ones_whoever_draws_and_writes_them(
     written: Written, pair: Film, backend: str, tmp_path: Path
 ) -> None:
-    _, frames = shoot(pair, backend)
+    frames = list(draw_frames(storyboard(pair), backend, 1))
     decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
     for decoded_frame, frame in zip(decoded, frames, strict=True):
         # Lossy, and colours at half the resolution; a wrong colour matrix alone costs more.
@@ -159,11 +130,40 @@ def test_decoded_frames_are_the_drawn_ones_whoever_draws_and_writes_them(
     assert again.gif is None
 
 
-def test_a_frame_depends_neither_on_those_before_it_nor_on_the_backend(
-    edited: Shot, backend: str
-) -> None:
-    """Else it would depend on which worker happens to draw it."""
-    board, frames = edited
+def pole_ends(board: Storyboard, index: int) -> Iterator[np.ndarray]:
+    """Column and row of the hinge and of the tip, by the model's own camera and its placement."""
+    data = mujoco.MjData(board.model)
+    state = board.scenes[0].physics[index]
+    mujoco.mj_setState(board.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    mujoco.mj_forward(board.model, data)
+    height, width = board.chart.empty[board.chart.pictures[0]].shape[:2]
+    axes = data.cam_xmat[board.camera].reshape(3, 3)
+    focal = height / 2 / math.tan(math.radians(board.model.cam_fovy[board.camera]) / 2)
+    for point in (data.body("pole").xpos, data.site("tip").xpos):
+        right, up, back = (point - data.cam_xpos[board.camera]) @ axes - board.placement
+        yield np.array([width / 2, height / 2]) + focal * np.array([right, -up]) / -back
+
+
+def drawn_tip(shown: np.ndarray, hinge: np.ndarray) -> np.ndarray:
+    """Outermost point of the pole's vermilion cap; the rail's mark is below the hinge."""
+    red, green, blue = np.moveaxis(shown.astype(int), 2, 0)
+    rows, columns = np.nonzero((red > 1.5 * green) & (green > 1.2 * blue) & (red > 60))
+    pixels = np.column_stack([columns, rows])[rows < hinge[1]] + 0.5
+    along = pixels.mean(axis=0) - hinge
+    along /= np.linalg.norm(along)
+    return hinge + along * (((pixels - hinge) @ along).max() + 0.5)
+
+
+def test_a_frame_shows_its_recorded_state_whoever_draws_it_and_after_which(backend: str) -> None:
+    """A pole of four times the mass and the length."""
+    board = storyboard(without_ghost(under_lqr("cart_pendulum", "case1", LOOK)))
+    frames, tips = list(draw_frames(board, backend, 1)), []
+    for index, frame in enumerate(frames):
+        hinge, tip = pole_ends(board, index)
+        assert np.linalg.norm(drawn_tip(frame[board.chart.pictures[0]], hinge) - tip) < 2
+        tips.append(tip)
+    # Else it would be a still.
+    assert np.ptp(tips, axis=0).max() > 10
     scenes = tuple(scene._replace(physics=scene.physics[::-1]) for scene in board.scenes)
     backwards = replace(board, times=board.times[::-1], scenes=scenes)
     for one, other in zip(frames, list(draw_frames(backwards, backend, 2))[::-1], strict=True):
@@ -177,138 +177,24 @@ def test_a_frame_depends_neither_on_those_before_it_nor_on_the_backend(
             assert np.percentile(differences, 99.9) < 16
 
 
-# The pictures against the recorded states
-
-
-def pose(board: Storyboard, index: int, *, ghost: bool = False) -> mujoco.MjData:
-    """The recorded pose of a frame, or its ghost's."""
-    scene, data = board.scenes[0], mujoco.MjData(board.model)
-    mujoco.mj_setState(board.model, data, scene.physics[index], mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    if ghost:
-        data.qpos[:] = np.asarray(scene.ghost)[index]
-    mujoco.mj_forward(board.model, data)
-    return data
-
-
-def project(board: Storyboard, data: mujoco.MjData, point: np.ndarray) -> np.ndarray:
-    """Column and row of a point of the world, by the model's own camera and its placement."""
-    height, width = board.chart.empty[board.chart.pictures[0]].shape[:2]
-    axes = data.cam_xmat[board.camera].reshape(3, 3)
-    right, up, back = (point - data.cam_xpos[board.camera]) @ axes - board.placement
-    focal = height / 2 / math.tan(math.radians(board.model.cam_fovy[board.camera]) / 2)
-    return np.array([width / 2, height / 2]) + focal * np.array([right, -up]) / -back
-
-
-def ends_of_the_pole(board: Storyboard, index: int, *, ghost: bool = False) -> list[np.ndarray]:
-    """Where hinge and tip must be in the picture."""
-    data = pose(board, index, ghost=ghost)
-    pole, tip = board.model.body("pole").id, board.model.site("tip").id
-    return [project(board, data, point) for point in (data.xpos[pole], data.site_xpos[tip])]
-
-
-def picture(shot: Shot, index: int) -> np.ndarray:
-    board, frames = shot
-    return frames[index][board.chart.pictures[0]].astype(int)
-
-
-def drawn_tip(shown: np.ndarray, hinge: np.ndarray) -> np.ndarray:
-    """Outermost point of the pole's vermilion cap; the rail's mark is below the hinge."""
-    red, green, blue = np.moveaxis(shown, 2, 0)
-    rows, columns = np.nonzero((red > 1.5 * green) & (green > 1.2 * blue) & (red > 60))
-    pixels = np.column_stack([columns, rows])[rows < hinge[1]] + 0.5
-    along = pixels.mean(axis=0) - hinge
-    along /= np.linalg.norm(along)
-    return hinge + along * (((pixels - hinge) @ along).max() + 0.5)
-
-
-def test_the_drawn_tip_is_where_the_recorded_state_puts_it(edited: Shot, backend: str) -> None:
-    """Of an edited pole, and of a cart behind a belt with a load that swings below it."""
-    parts = (
-        gm.machine.Transmission("slider", 0.1, stiffness=1e4, backlash=1e-3),
-        gm.machine.SwingingLoad("cart", 0.2, 0.3),
-    )
-    case = replace(find_case("cart_pendulum", "nominal"), edits=parts, duration=1.5)
-    geared = film_of([run_case(case, "physics", "lqr", Settings())], LOOK)
-    bare = replace(geared, takes=(replace(geared.takes[0], ghost=None),))
-    for shot in (edited, shoot(bare, backend)):
-        tips = []
-        for index in range(len(shot[1])):
-            hinge, tip = ends_of_the_pole(shot[0], index)
-            assert np.linalg.norm(drawn_tip(picture(shot, index), hinge) - tip) < 2
-            tips.append(tip)
-        # Else it would be a still.
-        assert np.ptp(tips, axis=0).max() > 10
-    own, ghost = (pose(storyboard(geared), 4, ghost=one).qpos for one in (False, True))
-    assert np.flatnonzero(own != ghost).tolist() == [1]
-
-
-def test_the_ghost_stands_where_the_optimum_is(edited: Shot, backend: str) -> None:
-    ghosted = shoot(film_under_lqr("cart_pendulum", "case1", LOOK), backend)
-    (hinge, tip), (_, own) = (ends_of_the_pole(ghosted[0], 4, ghost=one) for one in (True, False))
-    # The LQR of the nominal pole is far behind: the two can be told apart.
-    assert np.linalg.norm(tip - own) > 6
-    column, row = (tip + 0.04 * (hinge - tip)).astype(int)
-    patch = slice(row - 1, row + 2), slice(column - 1, column + 2)
-    with_it, without = (picture(shot, 4)[patch].mean(axis=(0, 1)) for shot in (ghosted, edited))
-    assert np.all(with_it < without - 25)
-    # Grey, and the background shines through.
-    assert np.ptp(with_it) < 20
-    assert with_it.mean() > 60
-
-
-def test_marks_are_there_while_a_wrench_acts_and_point_where_it_does(backend: str) -> None:
-    """Of the servo's load from 10 s to 13 s, and of a push of a cart."""
-
-    def green(shot: Shot, index: int) -> np.ndarray:
-        """Pixels of the disturbance's colour; nothing in the models is green."""
-        red, level, blue = np.moveaxis(picture(shot, index), 2, 0)
-        return (level > 1.5 * red + 10) & (level > 1.15 * blue)
-
-    form = replace(LOOK, fps=1, start=9.0, stop=14.0)
-    loaded = shoot(film_under_lqr("servo", "case1", form, ghost=False), backend)
-    counts = [int(green(loaded, index).sum()) for index in range(5)]
-    assert counts[0] == counts[4] == 0
-    assert min(counts[1:4]) > 200
-    plant = gm.MujocoPlant.load("cart_pendulum")
-    law = gm.chapter_controller("lqr", plant.analytic())
-    push = gm.Disturbance("cart", (8.0, 0.0, 0.0, 0.0, 0.0, 0.0), gm.Pulse(0.25, 0.75))
-    run = gm.simulate(plant, law, [0.0, 0.0, 0.0, 0.0], duration=1.0, disturbances=[push])
-    form = replace(LOOK, stop=1.0, camera="fixed")
-    pushed = shoot(Film("A push", plant.model, (Take("A", "#56B4E9", run),), form), backend)
-    masks = [green(pushed, index) for index in range(4)]
-    assert [bool(mask.any()) for mask in masks] == [False, True, True, False]
-    for index in (1, 2):
-        data = pose(pushed[0], index)
-        centre = project(pushed[0], data, data.xipos[plant.model.body("cart").id])
-        rows, columns = np.nonzero(masks[index])
-        # From the centre of mass to the right, level, 0.30 of the picture's height long.
-        assert (columns.min() + 0.5, rows.mean() + 0.5) == pytest.approx(centre, abs=2)
-        assert np.ptp(columns) + 1 == pytest.approx(0.3 * masks[index].shape[0], abs=4)
-
-
-# What lies beside a film
-
-
 def test_a_film_is_current_for_the_same_runs_in_the_same_format_alone(
     backend: str, tmp_path: Path
 ) -> None:
-    path, film = tmp_path / "tiny.mp4", film_under_lqr("servo", "nominal", TINY)
+    path, film = tmp_path / "tiny.mp4", under_lqr("servo", "nominal", TINY)
     case = find_case("servo", "nominal")
     write_case_film(case, film, path, settings=Settings(), backend=backend, workers=1)
     assert is_current(film_of([run_case(case, "physics", "lqr", Settings())], TINY), path)
     for other in (
-        film_under_lqr("servo", "nominal", TINY, ghost=False),
-        film_under_lqr("servo", "nominal", replace(TINY, speed=0.9)),
-        film_under_lqr("servo", "nominal", replace(TINY, camera="follow")),
+        without_ghost(film),
+        under_lqr("servo", "nominal", replace(TINY, speed=0.9)),
         film_of([result("servo", "nominal", "grosmc")], TINY),
     ):
         assert not is_current(other, path)
-    for suffix in (".mp4", ".png", ".json"):
+    for suffix, damage in ((".mp4", b"less"), (".png", None), (".json", b"less"), (".json", None)):
         part = path.with_suffix(suffix)
         content = part.read_bytes()
-        for damage in (b"", content[:-100]) if suffix != ".png" else (b"",):
-            part.write_bytes(damage) if damage else part.unlink()
-            assert not is_current(film, path)
+        part.write_bytes(damage) if damage else part.unlink()
+        assert not is_current(film, path)
         part.write_bytes(content)
     assert is_current(film, path)
 
@@ -320,9 +206,8 @@ def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
     Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
     size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--controllers", "lqr", "--gif")
     assert run("film", "small.toml", *size) == cli.DONE
-    output, folder = capsys.readouterr(), Path("renders") / "films"
-    assert output.out.startswith("2 frames, 0.5 s, ")
-    assert (len(output.out.splitlines()), output.err) == (2, "")
+    folder = Path("renders") / "films"
+    assert capsys.readouterr().out.startswith("2 frames, 0.5 s, ")
     names = {f"small.{suffix}" for suffix in ("mp4", "png", "gif", "json")}
     assert {path.name for path in folder.iterdir()} == names
     document = json.loads((folder / "small.json").read_text(encoding="utf-8"))
@@ -334,69 +219,16 @@ def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
     assert configuration["film"] == {**shown, "camera": "fixed"}
 
 
-# Interrupts, deaths and full disks
-
-
-@pytest.fixture
-def older(tmp_path: Path) -> dict[str, bytes]:
-    """An older film that lies there."""
-    for suffix in ("mp4", "png", "json"):
-        (tmp_path / f"f.{suffix}").write_bytes(f"an older {suffix}".encode())
-    return contents(tmp_path)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-def processes(parent: int | None = None, session: int | None = None) -> dict[int, str]:
-    """Command lines of the living children of a process, or members of its session."""
-    lines = {}
-    for folder in Path("/proc").iterdir():
-        with contextlib.suppress(OSError, ValueError):
-            pid = int(folder.name)
-            state, *numbers = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
-            if state != "Z" and (int(numbers[0]) == parent or int(numbers[2]) == session):
-                lines[pid] = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-    return lines
-
-
 def children(word: str) -> list[int]:
-    return [pid for pid, line in processes(parent=os.getpid()).items() if word in line]
-
-
-def wait_for(holds: Callable[[], Any], patience: float = PATIENCE) -> None:
-    end = time.monotonic() + patience
-    while not holds():
-        assert time.monotonic() < end, f"not so within {patience} s"
-        time.sleep(0.02)
-
-
-@pytest.mark.parametrize("whom", ["group", "killed"])
-def test_an_interrupt_leaves_an_older_film_and_no_process(
-    whom: str, tmp_path: Path, older: dict[str, bytes]
-) -> None:
-    """A terminal sends it to the whole group; a process that is killed cannot clean up itself."""
-    path = tmp_path / "f.mp4"
-    long = (*FILM, "--fps", "60", "--speed", "0.2", "-o", str(path))
-    with subprocess.Popen(
-        [sys.executable, "-m", "grosmc_mj.cli", *long], stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=hear_interrupts,
-    ) as process:  # fmt: skip
-        # Frames are being encoded.
-        wait_for(lambda: any(part.stat().st_size for part in tmp_path.glob(".f.*.part.mp4")))
-        if whom == "group":
-            os.killpg(process.pid, signal.SIGINT)
-        else:
-            process.kill()
-        output, error = process.communicate(timeout=PATIENCE)
-        wait_for(lambda: not processes(session=process.pid), 10.0)
-    if whom == "killed":
-        assert path.read_bytes() == older["f.mp4"]
-    else:
-        lines = [line for line in error.splitlines(keepends=True) if " frames in " not in line]
-        assert (process.returncode, output, lines) == (cli.INTERRUPTED, "", [INTERRUPTED])
-        assert contents(tmp_path) == older
+    """Living children of this process with a word in their command line."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            state, parent = (folder / "stat").read_text().rpartition(")")[2].split()[:2]
+            mine = (state != "Z", int(parent)) == (True, os.getpid())
+            if mine and word.encode() in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+    return found
 
 
 def interrupt() -> None:
@@ -411,14 +243,14 @@ def kill(word: str) -> None:
 @pytest.mark.parametrize(
     ("event", "code", "words"),
     [
-        (interrupt, cli.INTERRUPTED, INTERRUPTED),
-        (lambda: kill(WORKER), cli.WRONG, "a rendering process ended unexpectedly"),
+        (interrupt, cli.INTERRUPTED, "interrupted; run the same command again to start over"),
+        (lambda: kill("popen_loky"), cli.WRONG, "a rendering process ended unexpectedly"),
         (lambda: kill("ffmpeg"), cli.WRONG, "f.mp4: ffmpeg stopped"),
     ],
     ids=["interrupt", "worker", "ffmpeg"],
 )
-def test_the_end_of_a_process_ends_the_film_in_one_line(
-    event: Callable[[], None], code: int, words: str, tmp_path: Path, older: dict[str, bytes],
+def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_process(
+    event: Callable[[], None], code: int, words: str, tmp_path: Path,
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     @contextlib.contextmanager
@@ -427,34 +259,15 @@ def test_the_end_of_a_process_ends_the_film_in_one_line(
         yield lambda _text="": (next(frames) == 2 and event(), None)[1]
 
     monkeypatch.setattr(screen, "progress", progress)
-    assert run(*FILM, "--fps", "10", "-o", tmp_path / "f.mp4") == code
+    older = {f"f.{suffix}": f"an older {suffix}" for suffix in ("mp4", "png", "json")}
+    for name, content in older.items():
+        (tmp_path / name).write_text(content)
+    film = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--fps",
+            "10", "--workers", "1", "-o")  # fmt: skip
+    assert run(*film, tmp_path / "f.mp4") == code
     output = capfd.readouterr()
     assert_one_line(output.err)
     assert words in output.err
-    assert output.out == ""
     assert ".part" not in output.err
-    assert contents(tmp_path) == older
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == older
     assert not children("ffmpeg")
-
-
-@pytest.mark.parametrize("suffix", ["mp4", "png", "json"])
-def test_a_full_disk_is_one_line_and_nothing_is_left(
-    suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened = os.open
-
-    def open_full(path: Any, flags: int, *more: Any, **further: Any) -> int:
-        if flags & os.O_EXCL and Path(path).suffix == f".{suffix}":
-            Path(path).symlink_to("/dev/full")
-            path, flags = "/dev/full", os.O_WRONLY
-        return opened(path, flags, *more, **further)
-
-    monkeypatch.setattr("grosmc_mj.files.os.open", open_full)
-    path = tmp_path / "f.mp4"
-    assert run(*FILM, "--fps", "10", "--to", "0.1", "-o", path) == cli.WRONG
-    line = capfd.readouterr().err
-    assert_one_line(line)
-    assert "No space left on device" in line
-    assert "free the disk or choose another place" in line
-    assert not list(tmp_path.glob(".*"))
-    assert path.exists() == (suffix == "json")

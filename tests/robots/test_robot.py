@@ -14,7 +14,6 @@ import pytest
 from mjcf import ONE, TREE
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import (
     computed_torque_pd,
@@ -26,7 +25,7 @@ from grosmc_mj.control.design import (
 from grosmc_mj.control.references import FourierSeries, Setpoints, fourier_series, setpoints
 from grosmc_mj.control.task import Task
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, ModelError, UndefinedLawError
+from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import load_spec
@@ -34,11 +33,8 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
-from grosmc_mj.simulation.simulate import simulate
 
 N = 3
-FLUID = ('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"')
-COMPENSATED = ('name="tool"', 'name="tool" gravcomp="1"')
 
 
 @cache
@@ -62,14 +58,8 @@ def tree_task() -> Task:
     return tree().task(fourier_series(N, 1), series, *weights(N))
 
 
-@cache
 def two_link_task() -> Task:
     return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
-
-
-@cache
-def two_link_law() -> Controller:
-    return tracking_grosmc(two_link_task(), 10.0, 30.0)
 
 
 def states(n: int, count: int = 5) -> Array:
@@ -77,66 +67,36 @@ def states(n: int, count: int = 5) -> Array:
 
 
 def at(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
-    """MuJoCo's forward dynamics of a model in a state, with its energies."""
+    """MuJoCo's forward dynamics of a model in a state."""
     data, n = mujoco.MjData(model), len(x) // 2
     data.qpos[:], data.qvel[:] = x[:n], x[n:]
     for name, value in fields.items():
         getattr(data, name)[:] = value
     mujoco.mj_forward(model, data)
-    mujoco.mj_energyPos(model, data)
-    mujoco.mj_energyVel(model, data)
     return data
 
 
-# The dynamics
-
-
-def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
-    """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping; by central differences."""
-    robot, model, unit, e = tree(), tree().plant.model, np.eye(N), 1e-5
-    damping = np.array([joint.damping[0] for joint in robot.plant.spec.joints])
-
-    def energy(q: Array, dq: Array) -> Array:
-        return at(model, np.append(q, dq)).energy.copy()
-
-    for x in states(N):
-        q, dq = x[:N], x[N:]
-        # (a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of it.
-        twice = [[energy(q, a + b)[1] - energy(q, a - b)[1] for b in unit] for a in unit]
-        M = inertia(robot.nominal, q)
-        np.testing.assert_allclose(M, np.array(twice) / 2, rtol=0, atol=1e-13)
-        ends = [(q + e * row, q - e * row) for row in unit]
-        slopes = [
-            np.subtract(*(inertia(robot.nominal, q) for q in pair)) / (2 * e) for pair in ends
-        ]
-        # The springs' energy is part of MuJoCo's potential.
-        force = [np.subtract(*(energy(q, 0 * q)[0] for q in pair)) / (2 * e) for pair in ends]
-        coriolis = np.einsum("kij,k,j->i", slopes, dq, dq)
-        coriolis -= 0.5 * np.einsum("ijk,j,k->i", slopes, dq, dq)
-        # The differences' rounding is eps/e of the energy, their curvature e^2.
-        expected = coriolis + force + damping * dq
-        np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize("change", [COMPENSATED, FLUID], ids=["gravcomp", "fluid"])
-def test_gravity_compensation_and_fluid_are_part_of_the_nominal_dynamics(
-    change: tuple[str, str],
-) -> None:
+def test_inertia_and_bias_are_mujocos_with_gravity_compensation_and_fluid() -> None:
     """Bodies are not fused then: a body's own force would be lost."""
-    robot = tree(*change)
-    for x in states(N, 2):
-        data = at(robot.plant.model, x)
-        expected = data.qfrc_bias - data.qfrc_passive
-        np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, rtol=0, atol=1e-12)
+    for robot in (
+        tree(),
+        tree('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"'),
+        tree('name="tool"', 'name="tool" gravcomp="1"'),
+    ):
+        for x in states(N, 2):
+            data, M = at(robot.plant.model, x), np.zeros((N, N))
+            expected = data.qfrc_bias - data.qfrc_passive
+            np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, atol=1e-12)
+            mujoco.mj_fullM(robot.plant.model, data, M)
+            np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
 
 
 def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
     """Beyond its limit and within the floor, which a fluid's model keeps as it keeps all geoms."""
     floor = "<worldbody><geom type='plane' size='9 9 1'/>"
+    limited = one_joint("range='-1 1' limited='true'")
     for fluid in ("", "<option density='1'/>"):
-        robot = Robot.from_mjcf(
-            one_joint("range='-1 1' limited='true'").replace("<worldbody>", fluid + floor)
-        )
+        robot = Robot.from_mjcf(limited.replace("<worldbody>", fluid + floor))
         for model, constrained in ((robot.plant.model, True), (robot.nominal, False)):
             assert bool(at(model, np.array([1.5, 0.0])).nefc) is constrained
 
@@ -156,11 +116,10 @@ def test_computed_torque_gives_the_acceleration_that_it_is_computed_for() -> Non
 
 
 def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
-    ours, p = two_link_law().coordinates, two_link_law().parameters
-    plant, theirs = (
-        MujocoPlant.load("two_link_arm"),
-        ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2)),
-    )
+    law = tracking_grosmc(two_link_task(), 10.0, 30.0)
+    ours, p = law.coordinates, law.parameters
+    plant = MujocoPlant.load("two_link_arm")
+    theirs = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
     symbolic = replace(p, plant=plant.analytic().parameters)
     heavier, w = BodyEdit("payload", mass_scale=3.0), np.random.default_rng(1).uniform(-5, 5, 18)
     true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
@@ -177,36 +136,15 @@ def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
             ours.error_dynamics([1.0], x[None], p, true, w[None], more) for more in (None, u)
         ]
         other = theirs.error_dynamics([1.0], x[None], symbolic, twin, w[None])
-        for motion in motions:
-            pairs += zip(motion, other, strict=True)
+        pairs += (pair for motion in motions for pair in zip(motion, other, strict=True))
         for a, b in pairs:
             np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12)
         np.testing.assert_allclose(ours.unmatched(z, motions[0][0][0]), 0, atol=1e-15)
 
 
-def test_an_input_tells_the_acceleration_that_it_was_computed_for() -> None:
-    for law in (two_link_law(), reversed_law()):
-        n = law.coordinates.inputs
-        v, (memory, _kept) = np.linspace(1.5, -0.7, n), law.begin()
-        for x in states(n, 2):
-            u, back = np.zeros(n), np.zeros(n)
-            law.coordinates.feedback(0.3, x, v, memory, law.parameters, u)
-            law.coordinates.virtual_input(0.3, x, u, memory, law.parameters, back)
-            np.testing.assert_allclose(back, v, rtol=1e-10)
-            # z'' = alpha + E u is v.
-            alpha, E = law.coordinates.dynamics(0.3, x, law.parameters)
-            np.testing.assert_allclose(alpha + E @ u, v, rtol=1e-9, atol=1e-10)
-
-
-@cache
-def reversed_law() -> Controller:
-    """One that steers against a moving reference, and whose error is reversed."""
-    task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
-    return computed_torque_pd(task, 9.0, 6.0)
-
-
 def test_the_design_model_moves_by_mujocos_accelerations() -> None:
-    law, h, u = reversed_law(), 1e-3, np.array([0.4, -0.3, 0.2])
+    task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
+    law, h, u = computed_torque_pd(task, 9.0, 6.0), 1e-3, np.array([0.4, -0.3, 0.2])
     (memory, _kept), moves = law.begin(), design_model(law, "this test")
     for x in states(N):
         moved, qacc = x.copy(), at(tree().plant.model, x, ctrl=u).qacc
@@ -215,25 +153,13 @@ def test_the_design_model_moves_by_mujocos_accelerations() -> None:
         np.testing.assert_allclose(moved, [*q, *(x[N:] + h * qacc)], rtol=1e-9)
 
 
-def test_a_law_without_its_workspace_is_undefined_and_touches_no_memory() -> None:
-    law = two_link_law()
-    memory = law.memory()
-    assert np.all(np.array(law.input_at(0.0, np.zeros(4), memory)) == 0)
-    assert memory.undefined == 1
-    with pytest.raises(UndefinedLawError):
-        simulate(two_link().plant, replace(law, design=None), np.zeros(4), duration=0.01)
-
-
-# What is converted
-
-
 def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> None:
     robot = tree()
     system, model = robot.plant.system, robot.plant.model
     assert system.joints == ("turn", "lift", "push")
     assert system.actuators == ("turn_servo", "lift_servo", "push_force")
-    assert [signal.unit for signal in system.inputs] == ["N m", "N m", "N"]
-    assert [signal.unit for signal in system.states] == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
+    units = [signal.unit for signal in (*system.inputs, *system.states)]
+    assert units == ["N m", "N m", "N", "rad", "rad", "m", "rad/s", "rad/s", "m/s"]
     limits = [[-30, 30], [-math.inf, math.inf], [-10, 20]]
     np.testing.assert_array_equal(robot.plant.input_limits.T, limits)
     assert np.all(model.actuator_gear[:, 0] == 1)
@@ -274,9 +200,6 @@ def underactuated() -> Robot:
     return Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
 
 
-# What is refused
-
-
 def one_joint(joint: str = "", actuator: str = "<motor joint='j'/>", more: str = "") -> str:
     return (
         f"<mujoco><worldbody><body name='link'><joint name='j' {joint}/>"
@@ -306,24 +229,14 @@ MODELS: list[tuple[Any, str]] = [
         ("<motor joint='j' armature='1'/>", "belongs to its joint"),
     )),
     (one_joint(actuator="<motor tendon='t'/>", more=TENDON.format("")), "pulls a tendon"),
-    *((one_joint(more=TENDON.format(numbers)), "tendons with stiffness")
-      for numbers in ("damping='2'", "limited='true' range='-1 1'")),
+    (one_joint(more=TENDON.format("damping='2'")), "tendons with stiffness"),
     *((LINK.replace(good, bad), words) for good, bad, words in (
         ('timestep="0.001"', 'timestep="0"', "one: its timestep is 0 s, must lie between"),
-        ('timestep="0.001"', 'timestep="1e9"', r"timestep is 1e\+09 s"),
-        ('timestep="0.001"', 'gravity="0 0 nan"', r"gravity\[2\] = nan must be finite"),
-        ('gear="1"', 'gear="nan"', r"actuator_gear\[0, 0\] = nan must be finite"),
         ('"-20 20"', '"-20 inf"', r"actuator_ctrlrange\[0, 1\] = inf must be finite"),
-        ('damping="0.1"', 'damping="nan"', r"dof_damping\[0\] = nan must be finite"),
-        ('mass="1"', 'mass="inf"', "one: .*'link'"),
     )),
-    ("<mujoco><nonsense/></mujoco>", "cannot be read"),
     ("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml"),
-    (mujoco.MjModel.from_xml_string(one_joint()), "a MjModel cannot be edited"),
-    (3, "a int cannot be edited"),
 ]  # fmt: skip
 WRONG_NAMES: list[tuple[dict[str, Any], str]] = [
-    ({"joints": ["lif"]}, "did you mean 'lift'"),
     ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
     ({"joints": ["lift", "lift"]}, "named twice"),
     ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
@@ -342,9 +255,6 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
-def test_what_is_no_robot_or_no_design_for_one_is_refused(
-    call: Callable[[], Any], words: str
-) -> None:
-    with pytest.raises((ModelError, ArgumentError), match=words) as refused:
+def test_no_robot_or_no_design_for_one_is_refused(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises((ModelError, ArgumentError), match=words):
         call()
-    assert "\n" not in str(refused.value)

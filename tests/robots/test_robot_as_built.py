@@ -7,16 +7,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import commands
 import mujoco
 import numpy as np
 import pytest
-from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, STIFF, TWO
+from mjcf import DELAY, LAG, ONE, SECOND, STIFF, TWO
 
-from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import tracking_grosmc
-from grosmc_mj.control.references import Setpoint, setpoints
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -30,22 +27,11 @@ SERVO = (
     '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
     'ctrlrange="-1 1" forcerange="-4 4"/>'
 )
-# A servo as a general actuator, whose activation's range is one of places.
-GENERAL = (
-    '<general name="drive" joint="hinge" gainprm="30" biastype="affine" biasprm="0 -30 -2" '
-    'gear="2" ctrlrange="-1 1" forcerange="-4 4" dyntype="filterexact" dynprm="0.02" '
-    'actlimited="true" actrange="-0.1 0.1"/>'
-)
-of_all = pytest.mark.parametrize("actuator", [LAG, DELAY], ids=["lag", "delay"])
 
 
 @cache
 def robot(actuator: str, joint: str = "", integrator: Any = None) -> Robot:
     return Robot.from_mjcf(ONE.format(joint, actuator), integrator=integrator)
-
-
-def law_of(one: Robot) -> Controller:
-    return tracking_grosmc(one.task(setpoints(2), Setpoint(0.3), np.diag([100.0, 0.0]), 1.0), 10, 5)
 
 
 def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float = 0.0) -> Array:
@@ -70,26 +56,9 @@ def waved(model: mujoco.MjModel, size: float, steps: int) -> Array:
     return np.array(rows)
 
 
-# The built plant
-
-
-@pytest.mark.parametrize(("actuator", "unit"), [(LAG, 4 * -2), (DELAY, 2)])
-def test_a_built_drive_moves_its_joint_as_the_models_own_did(actuator: str, unit: float) -> None:
-    """The same motion, once with a command in the model's own unit and once in N m."""
-    original = mujoco.MjModel.from_xml_string(ONE.format("", actuator))
-    original.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    theirs = waved(original, 12 / unit, 400)
-    ours = waved(robot(actuator, integrator="implicitfast").built.model, 12.0, 400)
-    assert np.abs(theirs[:, 0]).max() > 0.1
-    np.testing.assert_allclose(ours, theirs, rtol=1e-7, atol=1e-8)
-
-
 PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
-INTEGRAL = '<intvelocity name="drive" joint="hinge" kp="30" actrange="-1 1"/>'
-LAGS, DELAYS = (
-    "the plant has a lag of 0.02 s, which no law knows",
-    "a delay of 0.012 s, which no law",
-)
+LAGS = "the plant has a lag of 0.02 s, which no law knows"
+DELAYS = "a delay of 0.012 s, which no law"
 BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
 
 
@@ -100,11 +69,7 @@ BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
         (DELAY, "", -20, 20, DELAYS),
         (BOTH, "", -40, 24, f"a lag of 0.02 s and {DELAYS}"),
         (LIMITED.format("-1 2"), "", -16, 8, LAGS),
-        (LIMITED.format("-9 9"), "", -40, 24, LAGS),
         (SERVO, "", -8, 8, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
-        (GENERAL, "", -8, 8, "instead of the position servo (kp 30, kv 2)"),
-        (SERVO.replace("timeconst=\"0.02\"", 'delay="0.012" nsample="15"'), "", -8, 8, DELAYS),
-        (INTEGRAL, "", -math.inf, math.inf, "position servo (kp 30"),
         (PID, "", -math.inf, math.inf, "position servo (kp 30"),
         (DELAY, " actuatorfrcrange='-2 3'", -2, 3, DELAYS),
     ],
@@ -117,11 +82,15 @@ def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
     RK4 looks beyond an activation's limits within a step, and reads a delayed input there.
     """
     one, u = robot(actuator, joint, integrator="implicitfast"), 1.5
+    # The nominal plant is ideal, and laws know nothing else.
+    assert (one.plant.model.na, one.plant.hidden_states) == (0, ())
+    names = [state.name for state in one.built.hidden_states]
+    assert names == (["drive lag"] if one.built.model.na else [])
+    mine, ideal = (inertia(which.nominal, [0.2]) for which in (one, robot(IDEAL)))
+    assert mine == ideal
     assert one.notes[0].startswith("actuator 'drive': ")
     assert words in one.notes[0]
     np.testing.assert_allclose(one.plant.input_limits.T, [[low, high]], rtol=1e-12)
-    if actuator in (LAG, DELAY) and not joint:
-        np.testing.assert_array_equal(one.built.input_limits, one.plant.input_limits)
     demands = ((u, u), (1e3, high), (-1e3, low)) if math.isfinite(high) else ((u, u),)
     # Neither place nor speed pulls, and a torque is not a place.
     for q, v in ((0.0, 0.0), (0.6, 3.0)):
@@ -135,30 +104,6 @@ def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
             np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
         else:
             assert first[late:].tolist() == [first[-1]] * (30 - late)
-
-
-# What laws know
-
-
-@of_all
-def test_the_nominal_plant_is_ideal_and_laws_know_nothing_else(actuator: str) -> None:
-    one, ideal, x, inputs = robot(actuator), robot(IDEAL), np.array([0.2, -0.4]), []
-    assert ideal.built is ideal.plant
-    model = one.plant.model
-    assert (model.na, model.actuator_dyntype[0], model.actuator_gear[0, 0]) == (0, 0, 1)
-    assert one.plant.hidden_states == ()
-    names = [state.name for state in one.built.hidden_states]
-    assert names == (["drive lag"] if actuator == LAG else [])
-    for which in (one, ideal):
-        (memory, _kept), terms = law_of(which).begin(), inertia(which.nominal, x[:1])
-        terms = np.append(terms, bias(which.nominal, x[:1], x[1:])).tolist()
-        inputs.append([*terms, law_of(which).input_at(0.0, x, memory)])
-    assert inputs[0] == inputs[1]
-    law = law_of(one)
-    plain, built = (
-        simulate(plant, law, [0.1, 0.0], duration=0.05) for plant in (one.plant, one.built)
-    )
-    assert not np.array_equal(plain.state, built.state)
 
 
 CASE = """
@@ -191,20 +136,15 @@ def test_a_file_runs_on_the_built_plant_and_says_what_no_law_knows(
     run = experiment.run("physics", "grosmc").trajectory
     same = simulate(one.built, experiment.law("physics", "grosmc"), [0.1, 0.0], duration=0.1)
     np.testing.assert_array_equal(run.state, same.state)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["run", str(file), "--out", str(tmp_path), "--no-figures"])
-    assert stop.value.code == 0
+    assert commands.run("run", file, "--out", tmp_path, "--no-figures") == 0
     assert "which no law knows; torque control" in " ".join(capsys.readouterr().out.split())
 
-
-# Coupled joints
 
 WELD = '<weld body1="a" body2="b"/>'
 
 
-@pytest.mark.parametrize(("coupled", "share"), [(STIFF, 0.01), (COMPLIANT, 0.5)])
-def test_coupled_joints_are_the_plants_and_no_laws(coupled: str, share: float) -> None:
-    text = TWO.format(SECOND, coupled)
+def test_coupled_joints_are_the_plants_and_no_laws() -> None:
+    text = TWO.format(SECOND, STIFF)
     one, free = Robot.from_mjcf(text), Robot.from_mjcf(TWO.format(SECOND, ""))
     assert (one.plant.model.neq, one.nominal.neq, one.built.model.neq) == (0, 0, 1)
     assert one.notes == (
@@ -221,7 +161,7 @@ def test_coupled_joints_are_the_plants_and_no_laws(coupled: str, share: float) -
     )
     np.testing.assert_array_equal(theirs, built)
     slip, free_slip = (np.abs(run[:, 0] - 2 * run[:, 1]).max() for run in (built, plain))
-    assert slip < share * free_slip
+    assert slip < 0.01 * free_slip
 
 
 def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_held() -> None:
@@ -232,9 +172,6 @@ def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_hel
     held = '<joint joint1="first" polycoef="0.1 0 0 0 0" solref="-40 -2"/>'
     note = Robot.from_mjcf(TWO.format(SECOND, held)).notes[0]
     assert note.startswith("the plant holds the joint 'first' (equality), which no")
-
-
-# What is refused
 
 
 @pytest.mark.parametrize(
@@ -259,6 +196,5 @@ def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_hel
 def test_drives_and_constraints_that_no_torque_stands_for_are_refused(
     text: str, words: str
 ) -> None:
-    with pytest.raises(ModelError, match=words) as refused:
+    with pytest.raises(ModelError, match=words):
         Robot.from_mjcf(text)
-    assert "\n" not in str(refused.value)
