@@ -8,28 +8,22 @@ from grosmc_mj.experiments.experiment import Experiment
 
 ARM = """
 title = "sound"
-
 [plant]
 system = "arm"
-
 [run]
 start = { "joint angle" = "10 deg" }
 duration = "1 s"
-
 [[edit]]
 body = "link"
 mass_scale = 2
-
 [[disturbance]]
 body = "link"
 torque = ["0 N m", "0.1 N m", "0 N m"]
 profile = "sine"
 frequency = "1 Hz"
-
 [[controller]]
 law = "grosmc"
 k = 18
-
 [[requirement]]
 deviation_below = "10 mrad"
 """
@@ -39,45 +33,33 @@ import math
 import numpy as np
 import sympy as sp
 import grosmc_mj as gm
-
 q, w = sp.symbols("q w")
 m = sp.Symbol("m")
-
 def pendulum():
     return gm.affine_plant("pendulum", states={"q": "rad", "w": "rad/s"}, inputs={"u": "N m"},
         f=[w, -m * sp.sin(q)], g=[0, 1], h=[q], parameters={"m": 2.0})
-
 def law(t, x, memory, p):
     return p.plant.m * math.sin(x[0]) - p.a * x[0] - p.b * x[1]
-
 def made(plant, epsilon=5.0):
     error = gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2))
     task = gm.Task(plant, error, gm.control.Setpoint(0.0), Q=np.eye(2), R=1.0)
     return gm.tracking_grosmc(task, k=5.0, epsilon=epsilon)
-
-def gust(t):
-    return math.exp(-t)
-
 pair = (gm.control.reference([sp.sin(gm.control.TIME)]), gm.control.Setpoint())
 wrong = 3
 """
 OWN = """
 [plant]
 plant = "own:pendulum"
-
 [run]
 start = { q = "10 deg" }
 duration = "0.2 s"
 engine = "python"
-
 [[edit]]
 parameter = "m"
 scale = 1.5
-
 [task]
 Q = [1, 1]
 R = 1
-
 [[controller]]
 law = "own:law"
 a = 4
@@ -87,57 +69,43 @@ b = 4
 LEG_MODEL = """
 <mujoco model="leg">
   <option timestep="0.001" integrator="RK4"><flag contact="disable"/></option>
-  <worldbody>
-    <body name="thigh" pos="0 0 1">
-      <joint name="hip" axis="0 -1 0" damping="0.1"/>
-      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
-      <body name="shank" pos="0.4 0 0">
-        <joint name="knee" axis="0 -1 0"/>
-        <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>
-    <motor name="hip" joint="hip" gear="10"/>
-    <position name="knee" joint="knee" kp="50"/>
-  </actuator>
+  <worldbody><body name="thigh" pos="0 0 1">
+    <joint name="hip" axis="0 -1 0" damping="0.1"/>
+    <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/>
+    <body name="shank" pos="0.4 0 0"><joint name="knee" axis="0 -1 0"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03" mass="1"/></body>
+  </body></worldbody>
+  <actuator><motor name="hip" joint="hip" gear="10"/>
+    <position name="knee" joint="knee" kp="50"/></actuator>
 </mujoco>
 """
 LEG = """
 [plant]
 model = "leg.xml"
-
 [run]
 start = { hip = "10 deg" }
 duration = "1 s"
-
 [[edit]]
 body = "shank"
 added_mass = "0.5 kg"
 at = ["0.4 m", "0 m", "0 m"]
-
 [[edit]]
 joint = "hip"
 damping = 0.5
-
 [task]
 reference = ["0.3*sin(2*t)", "-1"]
 Q = [100, 1, 100, 1]
 R = 1
-
 [[controller]]
 law = "lqr"
-
 [[controller]]
 law = "grosmc"
 k = 5
 epsilon = 60
 switching = "implicit"
-
 [[controller]]
 law = "leg_law:law"
 stiffness = 50
-
 [[requirement]]
 of = ["grosmc"]
 deviation_below = "10 mrad"
@@ -150,12 +118,10 @@ def law(t, x, memory, p):
 PARTS_OF = """
 [plant]
 system = "{}"
-
 [run]
 duration = "20 ms"
 control_period = "1 ms"
 timestep = "0.25 ms"
-
 [[controller]]
 law = "lqr"
 """
@@ -178,41 +144,22 @@ constant = "7.68 mN m/A"
 resistance = "2.6 ohm"
 """
 # Plants at operating points, and their laws.
-MAGLEV = """
+POINT = """
 [plant]
-plant = "grosmc_mj.cases.maglev.maglev:plant"
-at = { gap = "10 mm" }
+{}
 [run]
 duration = "0.01 s"
 [task]
-Q = [1e8, 1e5, 10]
-R = 1e-3
+Q = {}
+R = {}
 [[controller]]
-law = "lqr"
+law = "{}"
 """
+LEVITATED = 'plant = "grosmc_mj.cases.maglev.maglev:plant"\nat = { gap = "10 mm" }'
+MAGLEV = POINT.format(LEVITATED, "[1e8, 1e5, 10]", "1e-3", "lqr")
 BALL = "grosmc_mj.cases.ball_beam.ball_beam"
-BEAM = f"""
-[plant]
-plant = "{BALL}:plant"
-[run]
-duration = "0.01 s"
-[task]
-Q = [10, 10, 1, 1]
-R = 0.1
-[[controller]]
-law = "fl-lqr"
-"""
-FURUTA = """
-[plant]
-model = "furuta.xml"
-[run]
-duration = "0.01 s"
-[task]
-Q = [1, 5, 0.02, 0.02]
-R = 100
-[[controller]]
-law = "grosmc"
-"""
+BEAM = POINT.format(f'plant = "{BALL}:plant"', "[10, 10, 1, 1]", "0.1", "fl-lqr")
+FURUTA = POINT.format('model = "furuta.xml"', "[1, 5, 0.02, 0.02]", "100", "grosmc")
 # One law with its numbers, which stand at the end.
 RIVAL = """
 [plant]

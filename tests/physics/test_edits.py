@@ -3,32 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec, load_model
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.physics.template import can_constrain
-from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.steppers import Steppers
 
-MOVING = [
-    ("servo", "rotor"),
-    ("cart_pendulum", "cart"),
-    ("cart_pendulum", "pole"),
-    ("arm", "link"),
-    ("two_link_arm", "payload"),
-]
+MOVING = [("servo", "rotor"), ("cart_pendulum", "cart"), ("cart_pendulum", "pole"),
+          ("arm", "link"), ("two_link_arm", "payload")]  # fmt: skip
 
 
 def edited(name: str, *edits: Edit) -> mujoco.MjModel:
@@ -42,16 +31,12 @@ def saved(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-# The body stays similar to itself, and the others as they are
-
-
 @pytest.mark.parametrize(("name", "body"), MOVING)
-def test_a_body_is_scaled_with_what_is_drawn_and_attached_and_nothing_else(
-    name: str, body: str
-) -> None:
-    before, index = load_model(name), load_model(name).body(body).id
+def test_a_body_stays_similar_to_itself_and_the_others_and_the_plant_as_they_are(name, body):
+    before, index, plant = load_model(name), load_model(name).body(body).id, MujocoPlant.load(name)
+    text, bits = plant.spec.to_xml(), saved(plant.model)
     for a, b in ((4.0, 4.0), (0.3, 1.0), (2.5, 0.4)):
-        after = edited(name, BodyEdit(body, a, b))
+        after = plant.edited(BodyEdit(body, a, b)).model
         factors = {"body_mass": a, "body_inertia": a * b**2, "body_ipos": b, "body_pos": 1.0,
                    "geom_size": b, "geom_pos": b, "site_pos": b}  # fmt: skip
         for field, factor in factors.items():
@@ -68,19 +53,11 @@ def test_a_body_is_scaled_with_what_is_drawn_and_attached_and_nothing_else(
                 others = owner != index
                 np.testing.assert_array_equal(getattr(after, field)[others], values[others])
         np.testing.assert_allclose(after.geom_quat, before.geom_quat, rtol=0, atol=1e-12)
-        for field in ("body_iquat", "geom_type", "dof_damping", "dof_armature", "tendon_armature",
-                      "actuator_gear"):  # fmt: skip
+        for field in ("body_iquat", "dof_damping", "dof_armature", "actuator_gear"):
             np.testing.assert_array_equal(getattr(after, field), getattr(before, field))
-
-
-def test_edits_touch_neither_the_spec_nor_the_nominal_plant(name: str) -> None:
-    plant, body = MujocoPlant.load(name), dict(MOVING)[name]
-    text, bits = plant.spec.to_xml(), saved(plant.model)
-    assert saved(plant.edited(BodyEdit(body, 4.0, 4.0)).model) != bits
     plant.analytic()
     assert plant.spec.to_xml() == text
-    for one in (plant, plant.edited(), MujocoPlant.load(name)):
-        assert saved(one.model) == bits
+    assert saved(plant.model) == saved(plant.edited().model) == bits
 
 
 def test_a_mass_and_an_inertia_replace_the_nominal_ones() -> None:
@@ -97,275 +74,183 @@ def test_a_mass_and_an_inertia_replace_the_nominal_ones() -> None:
 # Loads, joints and meshes
 
 LOADED = """
-<mujoco>
-  <asset>
-    <mesh name="wedge" scale="2 2 2" vertex="0 0 0  0.2 0 0  0 0.1 0  0 0 0.3"/>
-    <mesh name="shared" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
-  </asset>
-  <worldbody>
-    <body name="link">
-      <joint name="j" damping="0.5" frictionloss="0.1" armature="0.2"/>
-      <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.2" euler="10 20 30" mass="2"/>
-      <body name="horn" pos="0 0 0.4"><geom type="mesh" mesh="wedge" density="500"/></body>
-      <body name="one"><geom type="mesh" mesh="shared" density="500"/></body>
-      <body name="two"><geom type="mesh" mesh="shared" density="500"/></body>
-    </body>
-  </worldbody>
-</mujoco>
+<mujoco>{}<asset><mesh name="wedge" scale="2 2 2" vertex="0 0 0  0.2 0 0  0 0.1 0  0 0 0.3"/>
+  <mesh name="shared" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/></asset>
+  <worldbody><body name="link">
+    <joint name="j" damping="0.5" frictionloss="0.1" armature="0.2"/>
+    <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.2" euler="10 20 30" mass="2"/>
+    <body name="horn" pos="0 0 0.4"><geom type="mesh" mesh="wedge" density="500"/></body>
+    <body name="one"><geom type="mesh" mesh="shared" density="500"/></body>
+    <body name="two"><geom type="mesh" mesh="shared" density="500"/></body>
+  </body></worldbody></mujoco>
 """
 
 
 def changed(*edits: Edit, compiler: str = "") -> tuple[mujoco.MjModel, mujoco.MjModel]:
-    spec = mujoco.MjSpec.from_string(LOADED.replace("<asset>", f"{compiler}<asset>"))
+    spec = mujoco.MjSpec.from_string(LOADED.format(compiler))
     return compile_spec(spec), compile_spec(apply_edits(spec, edits))
 
 
-def about_origin(model: mujoco.MjModel, name: str) -> tuple[float, Array, Array]:
-    """A body's mass, moment and inertia about its own origin in its own axes: what adds up."""
+def about_origin(model: mujoco.MjModel, name: str) -> list[Any]:
+    """A body's mass, moment and inertia about its own origin in its own axes: they add up."""
     body, rotation = model.body(name), np.zeros(9)
     mujoco.mju_quat2Mat(rotation, body.iquat)
     axes, m = rotation.reshape(3, 3), body.mass[0]
-    return m, m * body.ipos, axes @ np.diag(body.inertia) @ axes.T + m * steiner(body.ipos)
+    return [m, m * body.ipos, axes @ np.diag(body.inertia) @ axes.T + m * steiner(body.ipos)]
 
 
-def steiner(r: Any) -> Array:
+def steiner(r: Any) -> Any:
     return np.dot(r, r) * np.eye(3) - np.outer(r, r)
 
 
-def test_a_load_adds_its_mass_its_moment_and_its_inertia() -> None:
-    """Where its position says, in a scaled body too."""
+@pytest.mark.parametrize(
+    "compiler", ["", '<compiler inertiafromgeom="true"/>', '<compiler settotalmass="7"/>']
+)
+def test_loads_add_mass_moment_and_inertia_whoever_sets_the_masses(compiler) -> None:
+    """Where their positions say, in a scaled body too."""
     loads = AddedMass("link", 0.7, (0.1, -0.3, 0.5)), AddedMass("link", 0.2, (-0.2, 0.0, 0.1))
+    horn = BodyEdit("horn", 3.0, 2.0)
     for a, b in ((1.0, 1.0), (2.0, 1.5)):
-        before, after = changed(*loads, BodyEdit("link", a, b))
-        parts = about_origin(before, "link")
-        expected = [scale * part for scale, part in zip((a, a * b, a * b * b), parts, strict=True)]
-        for load in loads:
-            r = np.array(load.position)
-            for i, more in enumerate((load.mass, load.mass * r, load.mass * steiner(r))):
-                expected[i] = expected[i] + more
-        for actual, right in zip(about_origin(after, "link"), expected, strict=True):
-            np.testing.assert_allclose(actual, right, rtol=1e-14, atol=1e-14)
+        before, after = changed(*loads, BodyEdit("link", a, b), horn, compiler=compiler)
+        for body, (c, d), items in (("link", (a, b), loads), ("horn", (3, 2), ()),
+                                    ("one", (1, 1), ())):  # fmt: skip
+            for i, part in enumerate(about_origin(before, body)):
+                right = c * d**i * part
+                for load in items:
+                    r = np.array(load.position)
+                    right = right + load.mass * [1, r, steiner(r)][i]
+                actual = about_origin(after, body)[i]
+                np.testing.assert_allclose(actual, right, rtol=1e-12, atol=1e-14)
         assert after.ngeom == before.ngeom + 2
         assert not after.geom_contype[after.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE].any()
+        # A mesh of the body's own is scaled; vertices are float32.
+        own = np.arange(before.nmeshvert)[:, None] < before.mesh_vertnum[0]
+        vertices = np.where(own, 2.0, 1.0) * before.mesh_vert
+        np.testing.assert_allclose(after.mesh_vert, vertices, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("compiler", ["", 'inertiafromgeom="true"', 'settotalmass="7"'])
-def test_a_model_that_sets_its_masses_itself_has_those_of_the_edits(compiler: str) -> None:
-    edits = BodyEdit("horn", 3.0, 2.0), AddedMass("link", 0.7, (0.1, 0.0, 0.0))
-    before, after = changed(*edits, compiler=compiler and f"<compiler {compiler}/>")
-    for body, factors, load in (("link", (1, 1, 1), 0.7), ("horn", (3, 6, 12), 0.0),
-                                ("one", (1, 1, 1), 0.0)):  # fmt: skip
-        mass, _, inertia = about_origin(before, body)
-        actual = about_origin(after, body)
-        assert actual[0] == pytest.approx(factors[0] * mass + load, rel=1e-12)
-        if not load:
-            np.testing.assert_allclose(actual[2], factors[2] * inertia, rtol=1e-12, atol=1e-18)
-    # A mesh of the body's own is scaled; vertices are float32.
-    own = np.arange(before.nmeshvert)[:, None] < before.mesh_vertnum[0]
-    vertices = np.where(own, 2.0, 1.0) * before.mesh_vert
-    np.testing.assert_allclose(after.mesh_vert, vertices, rtol=1e-6, atol=1e-9)
-
-
-def test_a_joint_edit_sets_what_it_names_only() -> None:
-    for edit, numbers in (
-        (JointEdit("j", damping=3.0, friction=0.0), (3.0, 0.0, 0.2)),
-        (JointEdit("j", armature=0.9), (0.5, 0.1, 0.9)),
-    ):
+def test_a_joint_edit_sets_its_own_numbers_only() -> None:
+    for edit, numbers in ((JointEdit("j", damping=3.0, friction=0.0), (3.0, 0.0, 0.2)),
+                          (JointEdit("j", armature=0.9), (0.5, 0.1, 0.9))):  # fmt: skip
         after = changed(edit)[1]
         fields = after.dof_damping, after.dof_frictionloss, after.dof_armature
         assert tuple(field[0] for field in fields) == numbers
 
 
 @pytest.mark.parametrize("tilt", [math.radians(60), -0.4])
-@pytest.mark.parametrize(
-    ("axis", "towards"),
-    [((0, -1, 0), (0, 0, 1)), ((1, 2, -2), (0, 0, 1)), ((0, 0, 1), (1, 0, 0)),
-     ((0, 0, -1), (1, 0, 0))],
-)  # fmt: skip
-def test_a_tilt_turns_an_axis_by_its_angle_towards_z_or_from_z_towards_x(
-    axis: tuple[float, ...], towards: tuple[float, ...], tilt: float
-) -> None:
-    """Against MuJoCo's own rotation by a quaternion."""
-    before, turn, expected = np.array(axis) / np.linalg.norm(axis), np.zeros(4), np.zeros(3)
-    spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(name="b", mass=1.0, inertia=[1, 1, 1], explicitinertial=True)
-    body.add_joint(name="j", axis=before)
-    after = compile_spec(apply_edits(spec, [JointEdit("j", tilt=tilt)])).jnt_axis[0]
-    about = np.cross(before, towards)
-    mujoco.mju_axisAngle2Quat(turn, about / np.linalg.norm(about), tilt)
-    mujoco.mju_rotVecQuat(expected, before, turn)
-    np.testing.assert_allclose(after, expected, rtol=0, atol=1e-12)
+def test_a_tilt_turns_an_axis_by_its_angle_towards_z_or_from_z_towards_x(tilt) -> None:
+    s, c, level = math.sin(tilt), math.cos(tilt), 1 / math.sqrt(2)
+    for axis, expected in (((0, -1, 0), (0, -c, s)), ((2, 2, 0), (c * level, c * level, s)),
+                           ((0, 0, 1), (s, 0, c)), ((0, 0, -1), (s, 0, -c))):  # fmt: skip
+        spec = mujoco.MjSpec()
+        body = spec.worldbody.add_body(name="b", mass=1.0, inertia=[1, 1, 1], explicitinertial=True)
+        body.add_joint(name="j", axis=axis)
+        after = compile_spec(apply_edits(spec, [JointEdit("j", tilt=tilt)])).jnt_axis[0]
+        np.testing.assert_allclose(after, expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: BodyEdit("pole", mass_scale=0.0), "edit of 'pole': mass_scale = 0 must be"),
-        (lambda: BodyEdit("pole", length_scale=math.inf), "length_scale = inf must be finite"),
-        (lambda: AddedMass("link", math.nan), "mass = nan must be finite and positive"),
-        (lambda: AddedMass("link", 1.0, (0.0, math.inf, 0.0)), "3 finite numbers"),
-        (lambda: JointEdit("j", damping=-1.0), "damping = -1 must be finite"),
-        (lambda: changed(BodyEdit("world", 2.0)),
-         "unknown body 'world'.*valid: link, horn, one, two"),
-        (lambda: changed(AddedMass("lnk", 1.0)), "unknown body 'lnk': did you mean 'link'"),
-        (lambda: changed(JointEdit("k", damping=1.0)), "unknown joint 'k'"),
-        (lambda: changed(BodyEdit("one", 2.0), BodyEdit("one", 3.0)), "'one' has two of the kind"),
+        (lambda: BodyEdit("pole", inertia=(1, 0, 1)), "must be positive"),
+        (lambda: changed(BodyEdit("world", 2.0)), "body 'world'.*valid: link, horn, one, two"),
         (lambda: changed(BodyEdit("one", length_scale=2.0)), "geom 'shared' of body 'one'"),
         (lambda: edited("servo", BodyEdit("rotor", 1e-16)), "mass and inertia of moving bodies"),
     ],
-)  # fmt: skip
-def test_an_edit_that_cannot_be_is_refused(call: Callable[[], Any], words: str) -> None:
-    with pytest.raises(ModelError, match=words) as refused:
+)
+def test_an_edit_that_cannot_be_is_refused(call, words) -> None:
+    with pytest.raises(ModelError, match=words):
         call()
-    assert "\n" not in str(refused.value)
 
 
 # Edits written into a compiled model: the same model as a compiler makes, or none
 
-SCALES = st.floats(0.1, 10.0)
 PLAIN = MujocoPlant.load("cart_pendulum")
-
-
-def differences(one: mujoco.MjModel, other: mujoco.MjModel) -> list[str]:
-    """Names of the arrays in which two models differ."""
-    arrays = {name: getattr(one, name) for name in dir(one) if not name.startswith("_")}
-    return [
-        name for name, a in arrays.items() if isinstance(a, np.ndarray)
-        and not np.array_equal(a, getattr(other, name), equal_nan=a.dtype.kind == "f")
-    ]  # fmt: skip
+HEAVIER = (BodyEdit("pole", 2.0),)
 
 
 def numbers(plant: MujocoPlant) -> Any:
-    """What its equations are made with, or why it has none."""
+    """The numbers of its equations, or why it has none."""
     try:
         return plant.analytic().parameters
     except ModelError as error:
         return str(error)
 
 
-@st.composite
-def families(draw: Any) -> list[MujocoPlant]:
-    """Plants of one system, edited at random."""
-    nominal = MujocoPlant.load(draw(st.sampled_from([*SYSTEMS])))
-    model, plants = nominal.model, []
-    bodies = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0]
-    for _ in range(draw(st.integers(2, 3))):
-        chosen = draw(st.lists(st.sampled_from(bodies), unique=True))
-        edits: list[Edit] = [BodyEdit(name, draw(SCALES), draw(SCALES)) for name in chosen]
-        if draw(st.booleans()):
-            edits.append(InputEdit(model.actuator(0).name, draw(SCALES)))
-        plants.append(nominal.edited(*edits))
-    return plants
-
-
-def as_run(plants: list[MujocoPlant]) -> Iterator[mujoco.MjModel]:
-    """Models that one thread's runs of these plants compute with, one after the other."""
-    steppers = Steppers(1e-3)
-    return (steppers.of(plant).model for plant in plants)
-
-
-@settings(max_examples=15)
-@given(families())
-def test_a_written_model_is_the_compiled_one_bit_for_bit(plants: list[MujocoPlant]) -> None:
+def test_a_written_model_is_the_compiled_one_bit_for_bit(name: str) -> None:
     """Whatever has been written into it before."""
-    plants = [*plants, plants[0]]
-    for plant, model in zip(plants, as_run(plants), strict=True):
-        # Read before anything is compiled, and afterwards.
-        again = plant.edited(*plant.edits)
-        before, written = numbers(again), plant.template.written(plant.edits)
+    nominal, random, steppers = MujocoPlant.load(name), np.random.default_rng(0), Steppers(1e-3)
+    model = nominal.model
+    bodies = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0]
+    for gear, chosen in ((0, []), (0, bodies[:1]), (3, []), (0, bodies), (2, bodies[-1:]), (0, [])):
+        edits = [BodyEdit(body, *random.uniform(0.1, 10, 2).tolist()) for body in chosen]
+        gears = [InputEdit(model.actuator(0).name, gear)] if gear else []
+        plant, again = (nominal.edited(*edits, *gears) for _ in range(2))
+        run, before = steppers.of(plant).model, numbers(again)
+        written, compiled = plant.template.written(plant.edits), again.undrawn_model
         assert written is not None
-        for one in (model, written):
-            assert differences(one, again.undrawn_model) == []
+        for field in (name for name in dir(compiled) if name[0] != "_"):
+            value = getattr(compiled, field)
+            if isinstance(value, np.ndarray):
+                np.testing.assert_array_equal(getattr(run, field), value)
+                np.testing.assert_array_equal(getattr(written, field), value)
         assert numbers(again) == before
 
 
-def test_a_family_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its runs share one mjModel and one mjData."""
-    nominal = MujocoPlant.load("cart_pendulum")
-    assert nominal.template is nominal.edited().template
-    plants = [nominal.edited(BodyEdit("pole", scale, scale)) for scale in (0.5, 1.5, 2.0)]
-    monkeypatch.setattr(MujocoPlant, "_compiled", lambda *_: pytest.fail("compiled"))
-    steppers, used = Steppers(1e-3), set[int]()
-    for plant, mass in zip(plants, (0.1, 0.3, 0.4), strict=True):
-        stepper = steppers.of(plant)
-        assert stepper.model.body("pole").mass[0] == pytest.approx(mass, rel=1e-12)
-        used.add(stepper.data._address)
-    assert len(used) == 1
-
-
-def other(change: Callable[[mujoco.MjSpec], Any]) -> MujocoPlant:
+def other(change: Any) -> MujocoPlant:
     """The pendulum with a change of its model."""
     spec = PLAIN.spec.copy()
     change(spec)
     return MujocoPlant(PLAIN.system, spec)
 
 
-def sense_the_rod(spec: mujoco.MjSpec) -> None:
-    """So that it is no mere look."""
-    spec.add_sensor(name="seen", type=mujoco.mjtSensor.mjSENS_FRAMEPOS,
-                    objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="rod")  # fmt: skip
-
-
 def limit_the_hinge(spec: mujoco.MjSpec) -> None:
     spec.joints[1].range, spec.joints[1].limited = np.array([-1.0, 1.0]), 1
 
 
-HEAVIER = (BodyEdit("pole", 2.0),)
+ROD = {"type": mujoco.mjtSensor.mjSENS_FRAMEPOS, "objtype": mujoco.mjtObj.mjOBJ_GEOM}
+HINGED = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT, "name1": "hinge"}
 
 
 @pytest.mark.parametrize(
     ("plant", "edits"),
     [
-        (other(sense_the_rod), (BodyEdit("pole", 1.0, 2.0),)),
+        # A geom that a sensor refers to is no mere look.
+        (other(lambda spec: spec.add_sensor(objname="rod", **ROD)), (BodyEdit("pole", 1.0, 2.0),)),
         (other(lambda spec: spec.body("pole").add_body(name="mount")), (BodyEdit("mount", 2.0),)),
         # Constraints are solved by a mean inertia that a compiler alone computes.
-        (other(limit_the_hinge), HEAVIER),
-        (other(lambda spec: setattr(spec.joints[1], "frictionloss", 0.1)), HEAVIER),
+        *((other(change), HEAVIER) for change in (
+            limit_the_hinge, lambda spec: setattr(spec.joints[1], "frictionloss", 0.1),
+            lambda spec: spec.add_equality(**HINGED),
+        )),
         *((PLAIN, edits) for edits in (
             (JointEdit("hinge", damping=1.0),), (AddedMass("pole", 0.1),), 2 * HEAVIER,
-            (BodyEdit("nobody", 2.0),), (InputEdit("nothing", 2.0),), (BodyEdit("pole", 1e-300),),
-            (BodyEdit("pole", 1e200, 1e200),),
+            (BodyEdit("pole", mass=1.0),), (BodyEdit("nobody", 2.0),), (InputEdit("nothing", 2.0),),
+            (BodyEdit("pole", 1e-300),), (BodyEdit("pole", 1e200, 1e200),),
         )),
     ],
 )  # fmt: skip
-def test_a_change_that_only_a_compiler_can_tell_is_left_to_it(
-    plant: MujocoPlant, edits: tuple[Edit, ...]
-) -> None:
+def test_a_change_that_only_a_compiler_can_tell_is_left_to_it(plant, edits) -> None:
     assert plant.template.changes(edits) is None
     assert plant.template.written(edits) is None
 
 
-# Plants without what is only drawn
-
-
-def test_models_that_run_have_nothing_that_is_only_drawn(plant: MujocoPlant) -> None:
-    """A load is drawn as a sphere."""
-    body = dict(MOVING)[plant.system.name]
-    for edits in ((), (BodyEdit(body, 2.0, 1.5), AddedMass(body, 0.1))):
-        one = plant.edited(*edits)
-        model = one.undrawn_model
-        left = (model.ngeom, model.nmat, model.ntex, model.nmesh, model.ncam, model.nlight)
-        assert left == (len(edits) // 2, 0, 0, 0, 0, 0)
-        assert mujoco.mj_sizeModel(model) < mujoco.mj_sizeModel(one.model) / 100
+# Plants without their looks
 
 
 # A ball that falls on a floor, with a part that is only drawn and gives the ball its inertia, and
-# what sensors see.
+# objects of sensors.
 FALLING = """
-<mujoco model="falling"><compiler angle="radian"/><option density="1000"/>
-  <asset><material name="red" rgba="1 0 0 1"/></asset>
+<mujoco><option density="1000"/><asset><material name="red" rgba="1 0 0 1"/></asset>
   <default><default class="air"><geom contype="0" conaffinity="0"/></default></default>
-  <worldbody>
-    <camera name="seen"/> <camera name="film"/> <light name="sun"/>
+  <worldbody><camera name="seen"/> <camera name="film"/> <light name="sun"/>
     <geom name="floor" type="plane" size="1 1 1" material="red"/>
-    <geom name="picture" class="air" type="box" size="1 1 1" material="red"/>
     <body name="ball" pos="0 0 0.4"><joint name="slide" type="slide" axis="0 0 1"/>
       <geom name="touching" size="0.1" mass="0.3"/>
       <geom name="drawn" class="air" type="box" size="0.1 0.2 0.3" euler="1 2 3"/>
       <geom name="fin" class="air" type="ellipsoid" size="0.1 0.2 0.3" fluidshape="ellipsoid"/>
       <geom name="felt" class="air" size="0.1"/> <site name="site" material="red"/>
-    </body>
-  </worldbody>
+  </body></worldbody>
   <actuator><motor name="motor" joint="slide"/></actuator>
   <sensor><framepos objtype="geom" objname="felt"/>
     <camprojection site="site" camera="seen"/></sensor>
@@ -373,15 +258,8 @@ FALLING = """
 """
 
 
-def fallen(model: mujoco.MjModel) -> mujoco.MjData:
-    data = mujoco.MjData(model)
-    data.qvel[0] = -1.0
-    mujoco.mj_step(model, data, nstep=400)
-    return data
-
-
-def test_what_acts_stays() -> None:
-    """Contacts, a fin in water, what sensors refer to, and the inertia of what is dropped."""
+def test_parts_that_act_stay() -> None:
+    """Contacts, a fin in water, objects of sensors, and the inertia of dropped geoms."""
     plant = Robot.from_mjcf(FALLING).plant
     full, bare = plant.model, plant.undrawn_model
     names = [bare.geom(i).name for i in range(bare.ngeom)]
@@ -390,40 +268,9 @@ def test_what_acts_stays() -> None:
     assert (bare.nlight, bare.nmat) == (0, 0)
     for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
         np.testing.assert_array_equal(getattr(bare, field), getattr(full, field))
-    one, other = fallen(full), fallen(bare)
+    one, other = mujoco.MjData(full), mujoco.MjData(bare)
+    mujoco.mj_step(full, one, nstep=400)
+    mujoco.mj_step(bare, other, nstep=400)
     assert one.ncon == other.ncon > 0
     for field in ("qpos", "qvel", "sensordata"):
         np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
-
-
-# A slide and what might hold it.
-HELD = """<mujoco>{beside}<worldbody><geom name="floor" type="plane" size="1 1 1" {floor}/>
-<body name="part" pos="0 0 0.4"><joint name="slide" type="slide" axis="0 0 1" {joint}/>
-<geom name="touching" size="0.1" mass="0.3"/><site name="top"/></body>
-<site name="hook" pos="0 0 1"/></worldbody>{after}</mujoco>"""
-TENDON = '<tendon><spatial {}><site site="top"/><site site="hook"/></spatial></tendon>'
-PAIR = '<contact><pair geom1="floor" geom2="touching"/></contact>'
-
-
-@pytest.mark.parametrize(
-    ("constrained", "parts"),
-    [
-        (False, {"floor": 'contype="2" conaffinity="4"'}),
-        (False, {"after": TENDON.format("")}),
-        (False, {"joint": 'damping="1" stiffness="2"'}),
-        (True, {"beside": ""}),
-        (True, {"joint": 'range="-0.1 0.1" limited="true"'}),
-        (True, {"joint": 'frictionloss="0.1"'}),
-        (True, {"after": TENDON.format('frictionloss="0.1"')}),
-        (True, {"after": TENDON.format('limited="true" range="0 1"')}),
-        (True, {"after": '<equality><joint joint1="slide"/></equality>'}),
-        (True, {"beside": "", "floor": 'contype="0" conaffinity="0"', "after": PAIR}),
-    ],
-)
-def test_what_can_constrain(constrained: bool, parts: dict[str, str]) -> None:
-    holes = {"beside": '<option><flag contact="disable"/></option>', "floor": "", "joint": ""}
-    model = mujoco.MjModel.from_xml_string(HELD.format(**{**holes, "after": "", **parts}))
-    assert can_constrain(model) is constrained
-    free = fallen(model)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    assert constrained or fallen(model).qpos.tolist() == free.qpos.tolist()

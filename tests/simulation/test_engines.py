@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pytest
 from conftest import held
-from looped import Noticed, applied, seen
+from looped import Noticed, seen
 from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, TREE, TWO
 from shipped import find_case
 
@@ -24,8 +24,8 @@ from grosmc_mj.control.references import FourierSeries, fourier_series
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop, relooped
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.physics.edits import AddedMass, BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.robots.robot import Robot
@@ -40,7 +40,10 @@ FIELDS = (
 )  # fmt: skip
 ENGINES: tuple[Engine, Engine] = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)
-each_kind = pytest.mark.parametrize("kind", ["equations", "RK4", "implicitfast"])
+H = 1e-3
+ROBOTS = {"tree": TREE, "lag": ONE.format("", LAG), "delay": ONE.format("", DELAY),
+          "coupled": TWO.format(SECOND, COMPLIANT)}  # fmt: skip
+SHIPPED = ("servo", "cart_pendulum", "arm", "two_link_arm")
 
 
 def assert_equal(a: Trajectory, b: Trajectory, fields: tuple[str, ...] = FIELDS) -> None:
@@ -50,16 +53,6 @@ def assert_equal(a: Trajectory, b: Trajectory, fields: tuple[str, ...] = FIELDS)
 
 
 # Plant, integrator, law and loop
-
-H = 1e-3
-ROBOTS = {
-    "tree": TREE,
-    "lag": ONE.format("", LAG),
-    "delay": ONE.format("", DELAY),
-    "coupled": TWO.format(SECOND, COMPLIANT),
-}
-SHIPPED = ("servo", "cart_pendulum", "arm", "two_link_arm")
-INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 
 
 @cache
@@ -74,14 +67,13 @@ def plant_of(system: str, integrator: Any) -> Plant:
         return plant.edited(AddedMass("tool", 0.5, (0.1, 0.0, 0.0))) if system == "tree" else plant
     if system == "machine":
         return Experiment.load("servo/machine").plant("physics")
-    if integrator in ("equations", "printed"):
-        variant = "printed" if integrator == "printed" else "corrected"
-        return MujocoPlant.load(system).analytic(variant)
+    if integrator in ("corrected", "printed"):
+        return MujocoPlant.load(system).analytic(integrator)
     return MujocoPlant.load(system, timestep=H, integrator=integrator)
 
 
 @cache
-def law_of(system: str, law: str) -> Controller:
+def law_of(system: str, law: str = "grosmc") -> Controller:
     if system not in ROBOTS:
         case = "servo/nominal" if system == "machine" else f"{system}/nominal"
         return Experiment.load(case).law("corrected", law)
@@ -95,13 +87,10 @@ def law_of(system: str, law: str) -> Controller:
 
 
 ESTIMATORS: dict[str, dict[str, Any]] = {
-    "difference": {"law": "difference"},
-    "filtered": {"law": "filtered", "time_constant": 3e-3},
-    "levant": {"law": "levant", "slope": 40.0},
-    "high-gain": {"law": "high-gain", "bandwidth": 150.0},
-    "eso": {"law": "eso", "bandwidth": 150.0},
-    "kalman": {"law": "kalman", "load": 1.0},
-}
+    "difference": {"law": "difference"}, "filtered": {"law": "filtered", "time_constant": 3e-3},
+    "levant": {"law": "levant", "slope": 40.0}, "high-gain": {"law": "high-gain", "bandwidth": 150},
+    "eso": {"law": "eso", "bandwidth": 150.0}, "kalman": {"law": "kalman", "load": 1.0},
+}  # fmt: skip
 
 
 @cache
@@ -125,17 +114,16 @@ def law_in_loop(system: str, integrator: str, law: str, loop: str) -> Controller
 
 
 MATRIX = [
-    *itertools.product(itertools.product(SHIPPED, ("equations", *INTEGRATORS)), ("lqr", "grosmc"),
-                       ("ideal", "eso")),
-    *itertools.product(itertools.product(("cart_pendulum", "arm"), ["printed"]), ["grosmc"],
-                       ("ideal", "eso")),
-    *itertools.product([("machine", "own"), ("lag", "RK4"), ("delay", "RK4"), ("coupled", None),
-                        ("tree", "Euler"), ("tree", "RK4")], ["grosmc"], ["ideal"]),
-    (("machine", "own"), "lqr", "ideal"),
+    *itertools.product(itertools.product(SHIPPED, ("corrected", "implicitfast", "RK4")),
+                       ["grosmc"], ("ideal", "eso")),
+    *itertools.product([("cart_pendulum", "printed"), ("arm", "printed"), ("arm", "Euler"),
+                        ("arm", "implicit"), ("machine", "own"), ("lag", "RK4"), ("delay", "RK4"),
+                        ("coupled", None), ("tree", "RK4")], ["grosmc"], ["ideal"]),
     *((("tree", "Euler"), law, "ideal") for law in ("lqr", "adaptive")),
     (("tree", "implicitfast"), "grosmc", "eso"),
-    (("two_link_arm", "equations"), "pd", "ideal"),
-    *((("servo", "equations"), "grosmc", kind) for kind in ESTIMATORS if kind != "eso"),
+    *((("cart_pendulum", "RK4"), "lqr", loop) for loop in ("ideal", "eso")),
+    (("two_link_arm", "corrected"), "pd", "ideal"),
+    *((("servo", "corrected"), "grosmc", kind) for kind in ESTIMATORS if kind != "eso"),
 ]  # fmt: skip
 
 
@@ -162,9 +150,7 @@ def test_both_engines_agree_in_every_bit(plant: tuple[str, str], law: str, loop:
 
 # Batches
 
-# An edited body of each system, its parameter in the equations, and what acts on it.
-BATCHES = [("servo", "equations"), ("cart_pendulum", "RK4"), ("arm", "implicitfast"),
-           ("delay", "RK4")]  # fmt: skip
+# An edited body of each system, its parameter in the equations, and its pushes.
 EDITED = {"servo": ("rotor", "J"), "cart_pendulum": ("pole", "m"), "arm": ("link", "m")}
 PUSHES = {
     "servo": [("rotor", (0, 0, 0, 0, -0.7, 0), SineFrom(9.0, 0.05))],
@@ -175,25 +161,21 @@ PUSHES = {
     ],
     "arm": [("link", (0.05, 0, -0.2, 0, 0.1, 0), SineFrom(20.0, phase=0.3))],
     "delay": [("link", (0.05, 0, -0.2, 0, 0.1, 0), Pulse(0.0, 0.05))],
-}
+}  # fmt: skip
 
 
 def batch(system: str, kind: str, count: int = 4) -> dict[str, Any]:
     """Simulations that differ in plant, controller, start and number of disturbances."""
-    scales, law, plant = (
-        1 + 0.1 * np.arange(count),
-        law_of(system, "grosmc"),
-        plant_of(system, kind),
-    )
+    scales, law, plant = 1 + 0.1 * np.arange(count), law_of(system), plant_of(system, kind)
     plants: list[Plant] = [plant] * count
     if system in EDITED:
         body, name = EDITED[system]
         plants = [
-            plant.changed(scales={name: a}) if kind == "equations"
+            plant.changed(scales={name: a}) if kind == "corrected"
             else plant.changed([BodyEdit(body, a, a)]) for a in scales.tolist()
         ]  # fmt: skip
-    numbers = [replace(law.parameters, k=a * 5.0) if system in ROBOTS
-               else replace(law.parameters, K=a * law.parameters.K) for a in scales]  # fmt: skip
+    key = "k" if system in ROBOTS else "K"
+    numbers = [replace(law.parameters, **{key: a * getattr(law.parameters, key)}) for a in scales]
     x0 = [0.1, 0.0] if system in ROBOTS else find_case(system, "nominal").x0
     pushes = [Disturbance(*push) for push in PUSHES[system]]
     return {
@@ -204,16 +186,24 @@ def batch(system: str, kind: str, count: int = 4) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(("system", "kind"), BATCHES)
+@pytest.mark.parametrize(
+    ("system", "kind"),
+    [("servo", "corrected"), ("cart_pendulum", "RK4"), ("arm", "implicitfast"), ("delay", "RK4")],
+)
 def test_a_batch_is_its_single_runs_on_any_threads_in_either_engine(system: str, kind: str) -> None:
     runs = batch(system, kind)
     options: dict[str, Any] = {"duration": 0.1, "control_period": 2e-3}
     together = simulate(**runs, engine="python", **options)
-    assert len(together) == 4
     for i in range(4):
         alone = simulate(**{name: items[i] for name, items in runs.items()}, **options)
         # A batch with any disturbance has a table for each run; a free run has none.
         assert_equal(together[i], alone, tuple(f for f in FIELDS if i < 3 or f != "wrench"))
+    # An argument that stands once serves every run.
+    once = {name: items[1] for name, items in runs.items()}
+    for name in ("plant", "controller", "x0", "disturbances"):
+        alone = simulate(**{**once, name: runs[name][2]}, **options)
+        shared = simulate(**{**once, name: runs[name]}, **options)
+        assert_equal(shared[2], alone, ("state", "command", "sliding"))
     many: Any = {name: [item for _ in range(8) for item in items] for name, items in runs.items()}
     for threads in (1, 3):
         repeated = simulate(**many, threads=threads, **options)
@@ -224,33 +214,10 @@ def test_a_batch_is_its_single_runs_on_any_threads_in_either_engine(system: str,
                 np.testing.assert_array_equal(getattr(repeated, name), expected, err_msg=name)
 
 
-def test_an_argument_that_stands_once_serves_every_run() -> None:
-    runs = batch("servo", "RK4", 3)
-    base = {name: items[1] for name, items in runs.items()}
-    for name, items in runs.items():
-        together = simulate(**{**base, name: items}, duration=0.05)
-        for i, item in enumerate(items):
-            alone = simulate(**{**base, name: item}, duration=0.05)
-            assert_equal(together[i], alone, ("state", "command", "sliding"))
-
-
-def test_runs_on_several_threads_of_python_do_not_meet() -> None:
-    cases: list[tuple[str, Engine]] = [(s, e) for s in EDITED for e in ENGINES] * 2
-
-    def run(case: tuple[str, Engine]) -> Trajectory:
-        plant, law = plant_of(case[0], "RK4"), law_of(case[0], "grosmc")
-        x0 = find_case(case[0], "nominal").x0
-        return simulate(plant, law, x0, duration=0.1, engine=case[1])
-
-    expected = [run(case) for case in cases]
-    with ThreadPoolExecutor(len(cases)) as pool:
-        for one, other in zip(pool.map(run, cases), expected, strict=True):
-            assert_equal(one, other)
-
-
 @each_engine
-@pytest.mark.parametrize("kind", ["equations", "RK4"])
-def test_without_recording_the_rows_are_the_first_and_the_last(kind: str, engine: Engine) -> None:
+@pytest.mark.parametrize("kind", ["corrected", "RK4"])
+def test_ends_are_those_of_the_record_and_pieces_have_no_seam(kind, engine, monkeypatch) -> None:
+    """Where Python looks for Ctrl-C, the held input and the wrench stay."""
     runs = batch("cart_pendulum", kind, 2)
     options: dict[str, Any] = {"duration": 0.1, "control_period": 3e-3, "engine": engine}
     full, short = (simulate(**runs, record=record, **options) for record in (True, False))
@@ -260,49 +227,37 @@ def test_without_recording_the_rows_are_the_first_and_the_last(kind: str, engine
         if rows is not None:
             last = [0, -1] if field in ("state", "physics") else [-1]
             np.testing.assert_array_equal(ends, rows[:, last], err_msg=field)
-
-
-@pytest.mark.parametrize("record", [False, True])
-def test_a_run_is_cut_into_pieces_without_a_seam(
-    record: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where Python looks for Ctrl-C, the held input and the wrench stay."""
-    runs = batch("servo", "RK4", 2)
-    options: dict[str, Any] = {"duration": 0.25, "record": record, "control_period": 3e-3}
-    unbroken = simulate(**runs, **options)
     monkeypatch.setattr(native_engine, "_FIRST", 2)
     monkeypatch.setattr(native_engine, "_PAUSE", 1e-5)
-    assert_equal(unbroken, simulate(**runs, **options))
+    for unbroken, record in ((full, True), (short, False)):
+        assert_equal(unbroken, simulate(**runs, record=record, **options))
 
 
-@pytest.mark.parametrize(("system", "kind"), [("servo", "equations"), ("two_link_arm", "RK4")])
-@pytest.mark.parametrize("stride", [1, 4])
-def test_a_loop_without_parts_is_no_loop(system: str, kind: str, stride: int) -> None:
-    plant, law, x0 = (
-        plant_of(system, kind),
-        law_of(system, "grosmc"),
-        find_case(system, "nominal").x0,
-    )
-    periods: dict[str, Any] = {"control_period": stride * H, "timestep": H}
+def test_runs_on_several_threads_of_python_do_not_meet() -> None:
+    def run(case: tuple[str, Engine]) -> Trajectory:
+        x0 = find_case(case[0], "nominal").x0
+        return simulate(plant_of(case[0], "RK4"), law_of(case[0]), x0, duration=0.1, engine=case[1])
+
+    cases: list[tuple[str, Engine]] = [(s, e) for s in EDITED for e in ENGINES] * 2
+    with ThreadPoolExecutor(len(cases)) as pool:
+        for one, case in zip(pool.map(run, cases), cases, strict=True):
+            assert_equal(one, run(case))
+
+
+@pytest.mark.parametrize(("system", "kind"), [("servo", "corrected"), ("two_link_arm", "RK4")])
+def test_a_loop_without_parts_is_no_loop(system: str, kind: str) -> None:
+    plant, law, x0 = plant_of(system, kind), law_of(system), find_case(system, "nominal").x0
+    periods: dict[str, Any] = {"control_period": 4 * H, "timestep": H}
     bare, looped = (
         simulate(plant, one, x0, duration=0.1, **periods)
         for one in (law, in_loop(law, Loop(), plant.system, **periods))
     )
     assert_equal(bare, looped, tuple(name for name in FIELDS if name not in ("seen", "memory")))
-    np.testing.assert_array_equal(seen(looped), bare.state[np.arange(100) // stride * stride])
+    np.testing.assert_array_equal(seen(looped), bare.state[np.arange(100) // 4 * 4])
     assert bare.seen is None
 
 
-def test_a_looped_run_of_a_batch_is_that_run_alone() -> None:
-    law, plant = law_in_loop("servo", "equations", "grosmc", "eso"), plant_of("servo", "equations")
-    options: dict[str, Any] = {"duration": 0.05, "control_period": 2 * H, "timestep": H}
-    laws = [relooped(law, applied(law).loop, run) for run in (4, 7, 4, 2**40)]
-    together = simulate(plant, laws, [0.1, 0.2], threads=3, **options)
-    for run, one in enumerate(laws):
-        assert_equal(together[run], simulate(plant, one, [0.1, 0.2], **options))
-
-
-# Sampling
+# Sampling and replay
 
 
 def sampling(t: float, x: Any, memory: Any, p: Any) -> float:
@@ -312,45 +267,33 @@ def sampling(t: float, x: Any, memory: Any, p: Any) -> float:
 
 
 @each_engine
-# 9 k timesteps of 1 ms and k periods of 9 ms differ in binary.
-@pytest.mark.parametrize("stride", [1, 9])
-@each_kind
-def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(
-    kind: str, stride: int, engine: Engine
-) -> None:
-    """In the state at that instant, not that of a stage of RK4."""
-    law, T = replace(held(0.0), law=sampling, memory=Noticed), stride * 1e-3
-    run = simulate(plant_of("servo", kind), law, [0.3, 1.0], duration=0.2, control_period=T,
+@pytest.mark.parametrize("kind", ["corrected", "RK4"])
+def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(kind: str, engine: Engine) -> None:
+    """In the state at that instant, not that of a stage of RK4.
+
+    9 k timesteps of 1 ms and k periods of 9 ms differ in binary.
+    """
+    law = replace(held(0.0), law=sampling, memory=Noticed)
+    run = simulate(plant_of("servo", kind), law, [0.3, 1.0], duration=0.2, control_period=9e-3,
                    engine=engine)  # fmt: skip
-    k = np.arange(200) // stride
+    k = np.arange(200) // 9
     np.testing.assert_array_equal(run.memory["samples"], k + 1)
-    np.testing.assert_array_equal(run.command, k * T)
-    np.testing.assert_array_equal(run.memory["x"], run.state[k * stride])
+    np.testing.assert_array_equal(run.command, k * 9e-3)
+    np.testing.assert_array_equal(run.memory["x"], run.state[k * 9])
     np.testing.assert_array_equal(run.time, np.arange(201) * 1e-3)
 
 
-# Replay
-
-EDITS: dict[str, tuple[Edit, ...]] = {
-    "servo": (BodyEdit("rotor", 2.0, 1.3), JointEdit("shaft", damping=0.02)),
-    "cart_pendulum": (BodyEdit("pole", 1.5, 1.2), AddedMass("pole", 0.1, (0.1, 0.0, 0.7))),
-    "arm": (BodyEdit("link", 1.5, 1.2), JointEdit("joint", friction=0.1)),
-    "two_link_arm": (BodyEdit("payload", 2.0, 0.5), BodyEdit("upper", 1.2, 1.1)),
-}
-
-
 @pytest.mark.parametrize(
-    ("system", "integrator", "edited"),
-    [*((system, "RK4", True) for system in SHIPPED), ("arm", "implicitfast", False)],
+    ("system", "integrator"), [("cart_pendulum", "RK4"), ("arm", "implicitfast")]
 )
-def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str, edited: bool) -> None:
+def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
     """With the plant's own model, as drawn, from the start on and from each recorded state."""
-    plant: Any = plant_of(system, integrator)
-    plant = plant.edited(*EDITS[system]) if edited else plant
-    pushes = [Disturbance(*push) for push in PUSHES.get(system, [])]
-    run = simulate(plant, law_of(system, "grosmc"), find_case(system, "nominal").x0, duration=0.1,
-                   disturbances=pushes, control_period=3e-3)  # fmt: skip
+    one: dict[str, Any] = {name: items[0] for name, items in batch(system, integrator).items()}
+    plant = plant_of(system, integrator).changed([BodyEdit(EDITED[system][0], 1.5, 1.2),
+                                                  AddedMass(EDITED[system][0], 0.1)])  # fmt: skip
+    run = simulate(**{**one, "plant": plant}, duration=0.1, control_period=3e-3)
     assert run.physics is not None
+    assert run.wrench is not None
     model, n = plant.model, plant.system.degrees_of_freedom
     plain, replayed = mujoco.MjData(model), mujoco.MjData(model)
     plain.qpos[:], plain.qvel[:] = run.state[0, :n], run.state[0, n:]
@@ -360,16 +303,15 @@ def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str, edited: 
         assert replayed.time == pytest.approx(run.time[i], rel=1e-12)  # MuJoCo adds up the steps
         for data in (plain, replayed):
             data.ctrl[:] = run.command[i]
-            if run.wrench is not None:
-                data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
+            data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
             mujoco.mj_step(model, data)
             np.testing.assert_array_equal(np.r_[data.qpos, data.qvel], run.state[i + 1])
 
 
-# Errors of MuJoCo's, which end a process that calls it by its address
+# Errors of MuJoCo's, which end a process that calls it by its address, and Ctrl-C
 
 
-@pytest.mark.parametrize(("engine", "threads"), [("native", 1), ("native", 2), ("python", 1)])
+@pytest.mark.parametrize(("engine", "threads"), [("native", 2), ("python", 1)])
 def test_an_error_of_mujoco_s_is_one_of_the_model_and_ends_no_process(
     engine: Engine, threads: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -381,20 +323,18 @@ def test_an_error_of_mujoco_s_is_one_of_the_model_and_ends_no_process(
         "<actuator><motor name='fall' joint='fall'/></actuator></mujoco>"
     ).plant
     two, options = [[0.0, 0.0], [1.0, 0.0]], {"engine": engine, "threads": threads}
-    assert simulate(plant, held(1.0), two, duration=0.01, **options).state.any()
-    for _ in range(3):
+    for _ in range(2):
         with pytest.raises(ModelError, match="MuJoCo cannot step the model: mj_stackAlloc"):
             simulate(plant, held(1.0), two, duration=0.5, **options)
-    after = simulate(plant, held(1.0), [1.0, 0.0], duration=0.01, **options)
-    assert after.valid_until == 0.01
+    after = simulate(plant, held(1.0), two, duration=0.01, **options)
+    assert after.valid_until.tolist() == [0.01, 0.01]
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize(("kind", "threads"), [("equations", 1), ("RK4", 2)])
-def test_ctrl_c_ends_a_long_run(kind: str, threads: int) -> None:
+def test_ctrl_c_ends_a_long_run() -> None:
     """Of minutes, after which the next run is as ever."""
-    plant, law, starts = plant_of("servo", kind), law_of("servo", "lqr"), np.ones((2, 2))
-    options: dict[str, Any] = {"record": False, "threads": threads}
+    plant, law, starts = plant_of("servo", "RK4"), law_of("servo", "lqr"), np.ones((2, 2))
+    options: dict[str, Any] = {"record": False, "threads": 2}
 
     def press(*_: Any) -> None:
         raise KeyboardInterrupt
