@@ -9,7 +9,6 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
-import numpy as np
 import sympy as sp
 
 from grosmc_mj.arguments import require_known
@@ -150,7 +149,7 @@ def _packaged(
     if missing := [name for name, must in needed.items() if must and name not in numbers]:
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
     for name, value in numbers.items():
-        if name not in {"G", "uncertainty"} and np.ndim(value):
+        if name not in {"G", "uncertainty"} and isinstance(value, list):
             _refuse(f"{name} = {shown(value)} must be a number")
     arguments: dict[str, Any] = {
         name: law_number(name, value, of_states=of_states) for name, value in numbers.items()

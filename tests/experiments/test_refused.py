@@ -48,6 +48,7 @@ ARMS = [
     ('frequency = "1 Hz"', "", "disturbance 1: a sine needs frequency"),
     ("[[controller]]", "[controller]", "write [[controller]]"),
     ("k = 18", "kk = 18", "controller grosmc: unknown key 'kk': did you mean 'k'?"),
+    ("k = 18", "k = [1, [2]]", "k = [1, [2]] must be a number"),
     ("k = 18", 'k = "big"', "k = 'big' must be a number or the rows of a matrix"),
     ("k = 18", "Q = [1, 2, 3]", "Q = [1, 2, 3] must be a number, 2 numbers or a 2 x 2 matrix"),
     ("k = 18", "G = [[1, 2, 3]]", "G = [[1.0, 2.0, 3.0]] must be 1 x 2 finite numbers"),

@@ -33,7 +33,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 # In place of a number, or no number that anything should be.
 NUMBERS = (
     "0", "-0.0", "-1", "nan", "-inf", "1e308", "1e-320", "1e400", "9" * 19, "9" * 5000, "0x10",
-    "true", '""', "[]", "{}", "1979-05-27", '"nan"', "[" * 3000 + "]" * 3000,
+    "true", '""', "[]", "[1, [2]]", "{}", "1979-05-27", '"nan"', "[" * 3000 + "]" * 3000,
 )  # fmt: skip
 # In place of a text. CANARY becomes code that would leave a file behind.
 TEXTS = (
