@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.measurements.servo import undercut
 from grosmc_mj.chapter.claims.measurements.theory import (
     reaching_time,
+    slowest_approach,
+    unbounded,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.laboratory import Laboratory
@@ -69,6 +72,25 @@ def test_a_kick_takes_longer_than_the_law_s_own_eta_promises() -> None:
         measured = reaching_time(LAB, "corrected", system=system)
         assert ((measured.value or 0.0) > 1) is longer
         assert worst in measured.note
+
+
+@pytest.mark.parametrize(
+    ("system", "assumption"), [("servo", "Assumption 4"), ("cart_pendulum", "Assumption 6")]
+)
+def test_theorem_is_judged_with_the_law_s_own_eta(system: str, assumption: str) -> None:
+    """Split as the declared rate with the rest counted in the bound, the same law keeps it."""
+    experiment = find_experiment(system, "nominal")
+    eta = LAB.controller(experiment, "corrected", "grosmc").parameters.eta
+    declared: Any = experiment.uncertainty and experiment.uncertainty.reaching_rate
+    own, split = (
+        slowest_approach(LAB, "corrected", system=system, rate=rate).value or 0.0
+        for rate in (None, declared)
+    )
+    assert own == pytest.approx(split + eta - declared)
+    assert split <= 1e-6 < own
+    words = unbounded(LAB, system=system, assumption=assumption)
+    assert words.startswith(f"{assumption}, with u_d counted in δ")
+    assert f"restored by η = {declared:g} " in words
 
 
 def test_bound_of_assumption_4_leaves_out_the_part_of_delta_that_u_d_adds() -> None:
