@@ -38,6 +38,7 @@ limit = "4 A"
     [
         ("list", 0, f"4 systems, {len(shipped_files())} case files.", ["cart_pendulum", "grosmc"]),
         ("claims premises arm/case1", 0, "1 of 8 premises of grosmc fail", []),
+        ("run servo/nominal --laws lqr --no-figures", 0, "Nothing is required", ["J(u_c)/J*"]),
         pytest.param(
             "run servo/machine --no-figures", 1, r"6 of 20 requirements are not kept",
             ["transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",

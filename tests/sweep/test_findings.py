@@ -68,6 +68,9 @@ def test_findings_are_those_of_the_columns(servos: Folder, shown: Findings) -> N
     # A requirement of one law is not another's.
     laws = [law for words, law in shown.rates if words == "sliding below 0.02 A s"]
     assert (laws, {key[1:] for key in shown.differences}) == (["grosmc"], {("lqr", "grosmc")})
+    tables = module.findings_tables(declared(), shown)
+    rows = [len(table.rows) for table in tables[1:3]]
+    assert rows == [len(shown.summaries), len(shown.differences)]
     content = json.loads(json_text(results_document(declared(), shown)))
     for words in ("no proof", "not probabilities", "Intervals and p: of independent runs"):
         assert words in content["says"]
