@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -14,10 +15,10 @@ import control as python_control
 import numpy as np
 import pytest
 import sympy as sp
-from mjcf import DELAY, ONE
 
 import grosmc_mj as gm
-from grosmc_mj import control
+from grosmc_mj import control, films, loop, machine, physics, plants, simulation
+from grosmc_mj.physics.files import load_spec
 from grosmc_mj.plants import SERVO
 
 # Values of other kinds, shapes and sizes.
@@ -58,8 +59,38 @@ def error() -> control.ErrorCoordinates:
 
 
 @cache
+def task() -> gm.Task:
+    return gm.Task(analytic(), error(), control.Setpoint(1.0), np.eye(2), 1.0)
+
+
+@cache
+def state_task() -> gm.Task:
+    return control.state_task(servo(), np.eye(2), 1.0)
+
+
+@cache
+def recorded() -> gm.Trajectory:
+    return gm.simulate(servo(), lqr_law(), [0.0, 0.0], duration=0.002)
+
+
+@cache
+def saved() -> Path:
+    return recorded().save(Path(tempfile.mkdtemp()) / "run.npz")
+
+
+@cache
+def takes() -> tuple[films.Take, ...]:
+    return (films.Take("lqr", "black", recorded()),)
+
+
+@cache
 def numbers() -> Any:
     return analytic().parameters
+
+
+@cache
+def model() -> Any:
+    return servo().model
 
 
 @dataclass(frozen=True)
@@ -85,14 +116,36 @@ def then(make: Callable[..., Any], use: Callable[[Any], Any]) -> Callable[..., A
     return used
 
 
+def part(kind: Callable[..., Any], **needed: Any) -> tuple[Callable[..., Any], dict[str, Any]]:
+    """A part of a machine, and the servo with it."""
+    return then(kind, lambda made: servo().edited(made).model), needed
+
+
+# Made when a test needs them.
+LAZY = (
+    servo, analytic, lqr_law, error, task, state_task, recorded, saved, takes, numbers, model,
+)  # fmt: skip
 X, RATE = sp.symbols("x b")
 WEIGHTS = {"Q": np.eye(2), "R": 1.0}
 RUN = {"plant": servo, "controller": lqr_law, "x0": [0.0, 0.0], "duration": 0.002}
 CHAIN = {"states": {"x": "m"}, "inputs": {"u": "N"}, "f": [-RATE * X], "g": [1], "h": [X]}
 SIGNALS = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.equations}
+UNCERTAINTY: dict[str, Any] = {
+    "scales": {"J": (1.0, 3.0)}, "wrench": (0, 0, 0, 0, 1.0, 0), "region": (1.2, 1.2),
+    "reaching_rate": 0.2,
+}  # fmt: skip
+LOAD = {"body": "rotor", "mass": 0.1, "damping": 0.1, "at": (0, 0, 0.1)}
+ROBOT = """
+<mujoco model="one"><worldbody><body name="link"><joint name="hinge" axis="0 1 0"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.5" mass="1"/></body></worldbody>
+<actuator><motor name="motor" joint="hinge"/></actuator></mujoco>
+"""
 # Public functions and classes with what they need; all that they take is tried.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "simulate": (gm.simulate, RUN),
+    "simulate of equations": (
+        gm.simulate, {**RUN, "plant": analytic, "timestep": 1e-3, "engine": "python"},
+    ),
     "custom_controller": (
         gm.custom_controller, {"name": "k", "law": law, "like": lqr_law, "numbers": {"k": 1.0}},
     ),
@@ -100,13 +153,86 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         gm.from_control,
         {"sys": python_control.tf([1], [1, 1]), "period": 1e-3, "like": lqr_law, "name": "lag"},
     ),
+    "load_trajectory": (gm.load_trajectory, {"path": saved}),
     "state_task": (then(control.state_task, control.linear_lqr), {"plant": servo, **WEIGHTS}),
+    "StateUncertainty": (
+        then(
+            control.StateUncertainty,
+            lambda declared: control.state_grosmc(state_task(), declared),
+        ),
+        {"body": "rotor", "mass": 2.0, "force": 0.1, "reaching_rate": 0.2, "push": 1.0},
+    ),
+    "state_grosmc": (
+        control.state_grosmc, {"task": state_task, "uncertainty": control.StateUncertainty()},
+    ),
+    "linear_lqr": (control.linear_lqr, {"task": state_task}),
+    "realized": (control.realized, {"controller": lqr_law, "realization": gm.Realization()}),
+    "chapter_controller": (gm.chapter_controller, {"name": "lqr", "nominal": analytic}),
+    "lqr": (gm.lqr, {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]], **WEIGHTS}),
+    "linearize": (physics.linearize, {"plant": servo}),
+    "Computing": (loop.Computing, {"delay": 1e-3}),
+    "Sensor": (loop.Sensor, {"of": "rotor angle", "resolution": 1e-3}),
+    "Estimator": (loop.Estimator, {"of": "rotor speed", "law": "eso", "bandwidth": 50.0}),
+    "Actuator": (loop.Actuator, {"of": "current"}),
+    "Loop": (loop.Loop, {}),
+    "in_loop": (
+        loop.in_loop,
+        {"controller": lqr_law, "loop": loop.Loop(), "system": SERVO, "control_period": 1e-3,
+         "timestep": 1e-3},
+    ),
+    "load_model": (physics.load_model, {"name": "servo"}),
+    "find_switching": (control.find_switching, {"name": "sign"}),
+    "setpoints": (lambda degree: control.setpoints(degree), {"degree": 2}),
+    "reference": (control.reference, {"outputs": [sp.sin(control.TIME)], "degrees": (2,)}),
     "affine_plant": (gm.affine_plant, {"name": "chain", **CHAIN, "parameters": {"b": 1.0}}),
-    "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ONE.format("", DELAY)}),
+    "feedback_linearization": (gm.feedback_linearization, {"equations": SERVO.equations}),
+    "linearized_lqr": (gm.linearized_lqr, {"task": task, "name": "fl-lqr"}),
+    "computed_torque_pd": (
+        control.computed_torque_pd, {"task": task, "frequency": 1.0, "damping": 1.0},
+    ),
+    "regulating_grosmc": (
+        gm.regulating_grosmc, {"task": task, "uncertainty": gm.Uncertainty(**UNCERTAINTY)},
+    ),
+    "tracking_grosmc": (gm.tracking_grosmc, {"task": task, "k": 1.0, "epsilon": 1.0}),
+    "judge": (gm.judge, {"target": "servo/nominal"}),
+    "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
+    "MujocoPlant.load": (gm.MujocoPlant.load, {"name": "servo"}),
+    "MujocoPlant": (gm.MujocoPlant, {"system": SERVO, "spec": load_spec("servo")}),
+    "MujocoPlant.edited": (
+        lambda edit: servo().edited(edit).model, {"edit": gm.BodyEdit("rotor", 2.0)},
+    ),
+    "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ROBOT}),
+    "Constant": (simulation.Constant, {}),
+    "Pulse": (gm.Pulse, {"start": 0.1, "stop": 0.2}),
+    "SineFrom": (simulation.SineFrom, {"frequency": 1.0}),
+    "Disturbance": (gm.Disturbance, {"body": "rotor", "wrench": (0, 0, 0, 0, 1, 0)}),
+    "BodyEdit": (gm.BodyEdit, {"body": "rotor"}),
+    "AddedMass": (gm.AddedMass, {"body": "rotor", "mass": 2.0, "position": (0, 0, 0)}),
+    "JointEdit": (gm.JointEdit, {"joint": "hinge", "damping": 1.0}),
+    "Transmission": part(
+        machine.Transmission, joint="shaft", inertia=0.01, stiffness=100.0, damping=0.01,
+        backlash=1e-3, friction=0.01,
+    ),
+    "LuGre": part(
+        machine.LuGre, joint="shaft", coulomb=0.1, static=0.2, stiffness=100.0, damping=0.1
+    ),
+    "Stop": part(machine.Stop, joint="shaft", low=-1.0, high=1.0),
+    "Motor": part(
+        machine.Motor, input="current", constant=0.01, resistance=2.0, inductance=1e-2,
+        ratio=70.0, voltage=24.0, current=4.0, thermal_resistance=5.0, heat_capacity=2.0,
+    ),
+    "SwingingLoad": part(machine.SwingingLoad, **LOAD, length=0.2),
+    "SlidingLoad": part(machine.SlidingLoad, **LOAD, stiffness=10.0),
+    "Wall": part(
+        machine.Wall, body="rotor", radius=0.1, at=(0, 0, 0.1), point=(0, 0, -1.0),
+        normal=(0, 0, 1),
+    ),
+    "Realization": (gm.Realization, {}),
     "Task": (
         gm.Task,
         {"plant": analytic, "error": error, "reference": control.Setpoint(1.0), **WEIGHTS},
     ),
+    "Uncertainty": (gm.Uncertainty, UNCERTAINTY),
     "ErrorCoordinates": (
         then(control.ErrorCoordinates, lambda made: made.linearization),
         {"system": SERVO, "reference": control.setpoints(2)},
@@ -114,6 +240,9 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Controller": (
         then(gm.Controller, lambda made: run_of(servo(), made)),
         {"name": "k", "law": law, "parameters": Gain()},
+    ),
+    "System": (
+        plants.System, {"name": "rotor", "title": "Rotor", **SIGNALS, "bodies": ("rotor",)},
     ),
     "AnalyticPlant": (
         then(gm.AnalyticPlant, lambda plant: run_of(plant, lqr_law())),
@@ -126,7 +255,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         ),
         {"value": 1.0},
     ),
+    "Format": (films.Format, {}),
+    "Take": (films.Take, {"label": "lqr", "colour": "black", "run": recorded}),
+    "Film": (films.Film, {"title": "lqr", "model": model, "takes": takes}),
 }  # fmt: skip
+
+
+def test_every_public_name_is_called() -> None:
+    """Errors, results and what the others are made of are not called by a user."""
+    folders = (gm, control, films, loop, machine, physics, simulation)
+    public = {name for folder in folders for name in folder.__all__}
+    public -= {name for name in public if inspect.ismodule(getattr(gm, name, None))}
+    made = {"GrosmcError", "MachinePart", "Status", "TIME", "Trajectory", "relooped"}
+    like = {"Setpoints", "write_film", "Experiment", "Campaign", "MujocoPlant", "Robot"}
+    assert public - made - like <= set(CALLS)
 
 
 def ending(call: Callable[..., Any], arguments: dict[str, Any], odd: str) -> str:
@@ -145,8 +287,7 @@ def ending(call: Callable[..., Any], arguments: dict[str, Any], odd: str) -> str
 def test_an_odd_argument_is_refused_in_one_line_or_taken(name: str) -> None:
     call, needed = CALLS[name]
     arguments = {
-        # Made when a test needs them.
-        key: value() if hasattr(value, "cache_info") else value
+        key: value() if any(value is made for made in LAZY) else value
         for key, value in needed.items()
     }
     call(**arguments)

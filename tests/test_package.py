@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -64,3 +66,17 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
     readme.write_text("nothing here")
     with pytest.raises(SetupError, match="has no <!-- results -->"):
         write_text("results", readme, results)
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("grosmc_mj", ("mujoco", "numba", "scipy", "matplotlib")),
+        ("grosmc_mj.cli", ("mujoco", "numba")),
+    ],
+)
+def test_what_an_import_leaves_out(module: str, heavy: tuple[str, ...]) -> None:
+    program = f"import sys, {module}; print([n for n in {heavy} if n in sys.modules])"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import itertools
 import json
 import os
 import re
@@ -21,6 +22,7 @@ from commands import assert_one_line, run
 from rich.console import Console
 
 from grosmc_mj import cli
+from grosmc_mj.experiments import runs
 
 SMALL = """
 [plant]
@@ -129,6 +131,24 @@ def test_surroundings_of_the_program_change_nothing(never_kept: Path) -> None:
     command = f"{sys.executable} {' '.join(map(str, arguments))} --no-figures <&- >&- 2>/dev/full"
     done = subprocess.run(["bash", "-c", command], check=False, timeout=200)
     assert done.returncode == cli.DIFFERS
+
+
+@pytest.mark.parametrize("command", [("run", "servo/nominal"), ("validate", "servo")])
+def test_ctrl_c_keeps_finished_runs(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate, count = runs.simulate, itertools.count()
+
+    def counted(*arguments: Any, **numbers: Any) -> Any:
+        if next(count) == 1:
+            raise KeyboardInterrupt
+        return simulate(*arguments, **numbers)
+
+    monkeypatch.setattr(runs, "simulate", counted)
+    assert run(*command, "--no-figures", "--out", tmp_path) == cli.INTERRUPTED
+    (file,) = tmp_path.glob("*.json")
+    content = json.loads(file.read_text(encoding="utf-8"))
+    assert (content["complete"], len(content["runs"])) == (False, 1)
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,13 @@ def test_gains_on_all_states_are_those_of_the_worst_member() -> None:
     A, *others = (linear(carts, k=k)[0] for k in (1.0, 0.5, 2.0))
     worst = max(np.linalg.norm(p.G @ (A_t - A)) for A_t in others)
     assert p.gamma1 == pytest.approx(worst / np.sqrt(2))
+    law = state_grosmc(state_task(carts, np.eye(4), 1.0))
+    native, python = (
+        gm.simulate(carts, law, [0.2] * 4, duration=0.1, engine=engine)
+        for engine in ("native", "python")
+    )
+    np.testing.assert_array_equal(native.state, python.state)
+    np.testing.assert_array_equal(native.memory["v"], python.memory["v"])
     # s has the unit of the input times time where G B is 1; of another G it has none of its own.
     for G, unit in ((None, "N m s"), ([[0.0, 3.0]], "1")):
         assert state_grosmc(hung_at(0.0), G=G).designed.sliding_unit == unit

@@ -164,10 +164,13 @@ def test_laws_stand_what_their_linear_zone_stands_and_chatter_beyond() -> None:
         row = with_gain(name, r)
         assert row.max_sliding == pytest.approx(bounds[name] / r, rel=0.01)
         assert row.total_variation == pytest.approx(OWN_VARIATION / r, rel=0.01)
-    for name, inside, outside in (("implicit", 1.95, 2.05), ("implicit-estimate", 1.3, 1.37)):
+    for name, inside, outside, times in (
+        ("implicit", 1.95, 2.05, 4), ("implicit-estimate", 1.3, 1.37, 100)
+    ):  # fmt: skip
         within, beyond = with_gain(name, inside), with_gain(name, outside)
         assert within.max_sliding < bounds[name]
-        assert beyond.max_sliding > 4 * within.max_sliding
+        assert beyond.max_sliding > times * within.max_sliding
+        assert within.total_variation < OWN_VARIATION < beyond.total_variation / 500
         assert beyond.crossings == pytest.approx(1 / H, rel=0.01)
     assert with_gain("implicit", 2.05).max_sliding <= H * ((2.05 - 1) * GAIN + PUSH)
     assert with_gain("implicit-estimate", 1.9).max_sliding < 20 * H
@@ -226,6 +229,34 @@ def test_cases_are_the_chapter_s_or_the_user_s(tmp_path: Any) -> None:
     }.items():
         with pytest.raises(GrosmcError, match=words):
             study.cases_of(target)
+
+
+def test_without_authority_sampling_faster_does_not_help() -> None:
+    """With r rho < W the excursion is the integral of |w| - r rho while positive."""
+    start = math.asin(0.3 / PUSH) / (2 * math.pi)
+    excursion = PUSH * math.cos(2 * math.pi * start) / math.pi - 0.3 * (0.5 - 2 * start)
+    for name in ("sign", "implicit"):
+        for h in (2e-3, 1e-3):
+            assert with_gain(name, 0.3, h).max_sliding == pytest.approx(excursion, abs=2.5 * h)
+        assert with_gain(name, 0.55).max_sliding < 2 * H
+
+
+def test_implicit_laws_cost_the_optimum_and_do_not_chatter() -> None:
+    rows = {
+        law: study.measure_case(
+            SwitchingRun(find_experiment("servo", "nominal"), law, surface, H), timestep=H
+        )
+        for law, surface in (
+            ("sign", "printed"), ("implicit", "discrete"), ("implicit-estimate", "discrete")
+        )
+    }  # fmt: skip
+    for law in ("implicit", "implicit-estimate"):
+        assert rows[law].max_sliding < 1e-15
+        assert rows[law].cost_continuous == pytest.approx(1, abs=0.01)
+        assert abs(rows[law].cost_rate) < 1e-3
+        assert rows[law].total_variation < 0.01 * rows["sign"].total_variation
+    assert rows["implicit-estimate"].deviation <= rows["sign"].deviation
+    assert rows["sign"].cost_rate > 1
 
 
 @pytest.mark.slow

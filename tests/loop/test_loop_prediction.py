@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from looped import CURRENT, H, applied, nominal, played, seen, servo
 
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.runs import run_on
 from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -77,3 +80,13 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
     # A law may know another loop than the one that it meets.
     loop = Loop(Computing(delay=4 * H))
     assert dead_time(in_loop(law, loop, SERVO, predict=True, known=Loop())) == 0.0
+
+
+@pytest.mark.parametrize("predict", [True, False])
+def test_a_known_dead_time_costs_nothing(predict: bool) -> None:
+    experiment = nominal(switching="implicit", surface="discrete")
+    law = experiment.law("corrected", "grosmc")
+    law = in_loop(law, Loop(Computing(delay=5 * H)), SERVO, predict=predict)
+    metrics = run_on(experiment, "corrected", law, experiment.plant("corrected")).metrics
+    ratio = (metrics["cost_whole"].value or 0.0) / (metrics["cost_optimal"].value or math.inf)
+    assert 0.99 < ratio < 1.01 if predict else ratio > 10

@@ -120,3 +120,29 @@ def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
     x0 = np.stack([starts, np.zeros_like(starts)], axis=-1)
     with pytest.raises(ArgumentError, match="beyond its stops at -2 and -1 rad"):
         simulate(plant, law, x0, duration=0.01)
+
+
+def test_batches_of_machines_are_their_single_runs() -> None:
+    law = find_experiment("servo", "nominal").law("physics", "grosmc")
+    plants = [
+        MujocoPlant.load(
+            "servo",
+            edits=(
+                Transmission("shaft", inertia=0.01, stiffness=k, damping=1.0, backlash=1e-3),
+                LuGre("shaft", 0.05),
+            ),
+        )
+        for k in (300.0, 500.0)
+    ]
+    starts = [[0.0, 0.0], [0.1, -0.2]]
+    both = simulate(plants, law, starts, duration=0.2, control_period=1e-3)
+    assert both.physics is not None
+    for i, (plant, x0) in enumerate(zip(plants, starts, strict=True)):
+        alone = simulate(plant, law, x0, duration=0.2, control_period=1e-3)
+        assert alone.physics is not None
+        assert np.array_equal(alone.physics, both.physics[i])
+        # The motor begins with its joint.
+        assert alone.physics[0].tolist() == [0.0, x0[0], x0[0], x0[1], x0[1], 0.0]
+    ended = simulate(plants, law, starts, duration=0.2, control_period=1e-3, record=False)
+    assert ended.physics is not None
+    assert np.array_equal(ended.physics[:, -1], both.physics[:, -1])

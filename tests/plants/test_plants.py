@@ -79,6 +79,10 @@ def test_numbers_that_are_none_of_the_plant_s_are_refused() -> None:
         for field in dataclasses.asdict(numbers).keys() - may_be_zero:
             with pytest.raises(ModelError, match=rf"{name}: {field} = 0"):
                 dataclasses.replace(numbers, **{field: 0.0})
+        for field in dataclasses.asdict(numbers).keys() - {"printed"}:
+            for wrong in (-1.0, math.nan, math.inf):
+                with pytest.raises(ModelError, match=rf"{name}: {field} = {wrong:g}"):
+                    dataclasses.replace(numbers, **{field: wrong})
 
 
 # The equations against MuJoCo

@@ -76,6 +76,36 @@ def at(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
     return data
 
 
+def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
+    """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping; by central differences."""
+    robot, model, unit, e = tree(), tree().plant.model, np.eye(N), 1e-5
+    damping = np.array([joint.damping[0] for joint in robot.plant.spec.joints])
+
+    def energy(q: Array, dq: Array) -> Array:
+        data = at(model, np.append(q, dq))
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        return data.energy.copy()
+
+    for x in states(N):
+        q, dq = x[:N], x[N:]
+        # (a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of it.
+        twice = [[energy(q, a + b)[1] - energy(q, a - b)[1] for b in unit] for a in unit]
+        M = inertia(robot.nominal, q)
+        np.testing.assert_allclose(M, np.array(twice) / 2, rtol=0, atol=1e-13)
+        ends = [(q + e * row, q - e * row) for row in unit]
+        slopes = [
+            np.subtract(*(inertia(robot.nominal, q) for q in pair)) / (2 * e) for pair in ends
+        ]
+        # The springs' energy is part of MuJoCo's potential.
+        force = [np.subtract(*(energy(q, 0 * q)[0] for q in pair)) / (2 * e) for pair in ends]
+        coriolis = np.einsum("kij,k,j->i", slopes, dq, dq)
+        coriolis -= 0.5 * np.einsum("ijk,j,k->i", slopes, dq, dq)
+        # The differences' rounding is eps/e of the energy, their curvature e^2.
+        expected = coriolis + force + damping * dq
+        np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-8)
+
+
 def test_inertia_and_bias_are_mujocos_with_gravity_compensation_and_fluid() -> None:
     """Bodies are not fused then: a body's own force would be lost."""
     for robot in (
@@ -86,7 +116,9 @@ def test_inertia_and_bias_are_mujocos_with_gravity_compensation_and_fluid() -> N
         for x in states(N, 2):
             data, M = at(robot.plant.model, x), np.zeros((N, N))
             expected = data.qfrc_bias - data.qfrc_passive
-            np.testing.assert_allclose(bias(robot.nominal, x[:N], x[N:]), expected, atol=1e-12)
+            np.testing.assert_allclose(
+                bias(robot.nominal, x[:N], x[N:]), expected, rtol=0, atol=1e-12
+            )
             mujoco.mj_fullM(robot.plant.model, data, M)
             np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
 

@@ -85,7 +85,8 @@ def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
     # The nominal plant is ideal, and laws know nothing else.
     assert (one.plant.model.na, one.plant.hidden_states) == (0, ())
     names = [state.name for state in one.built.hidden_states]
-    assert names == (["drive lag"] if one.built.model.na else [])
+    lagged = "dyntype" in actuator or "timeconst" in actuator
+    assert names == (["drive lag"] if lagged else [])
     mine, ideal = (inertia(which.nominal, [0.2]) for which in (one, robot(IDEAL)))
     assert mine == ideal
     assert one.notes[0].startswith("actuator 'drive': ")
@@ -99,7 +100,7 @@ def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
             assert torques(one.built, demand, 400, q, v)[-1] == pytest.approx(end, rel=1e-6)
         first, late = torques(one.built, u, 30, q, v), 12 if "delay" in actuator else 0
         assert not first[:late].any()
-        if one.built.model.na:
+        if lagged:
             left = u - first[late:]
             np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
         else:

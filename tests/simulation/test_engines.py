@@ -124,6 +124,7 @@ MATRIX = [
     *((("cart_pendulum", "RK4"), "lqr", loop) for loop in ("ideal", "eso")),
     (("two_link_arm", "corrected"), "pd", "ideal"),
     *((("servo", "corrected"), "grosmc", kind) for kind in ESTIMATORS if kind != "eso"),
+    *((("cart_pendulum", "RK4"), law, "ideal") for law in ("cart-lqr", "cart-ism", "cart-pfl")),
 ]  # fmt: skip
 
 

@@ -236,9 +236,12 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
     for table, limit in zip(made.file.claim, made.claimed, strict=True):
         claim = cited[table.id]
         share = claim.threshold / 100
-        size = 1.0 if claim.id == "arm-tracking" else start
-        expected = 2 * (1 + share) if limit.kind == "settles_within" else share * size
-        assert (claim.system, limit.value) == (system, pytest.approx(expected, rel=2e-3))
+        expected: Any = pytest.approx(share * start, rel=2e-3)
+        if claim.id == "arm-tracking":
+            expected = share * 1.0
+        elif limit.kind == "settles_within":
+            expected = 2 * (1 + share)
+        assert (claim.system, limit.value) == (system, expected)
 
 
 def test_the_page_has_claims_distances_and_the_machine_under_each_condition() -> None:
