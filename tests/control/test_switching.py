@@ -242,14 +242,14 @@ def test_without_authority_sampling_faster_does_not_help() -> None:
 
 
 def test_implicit_laws_cost_the_optimum_and_do_not_chatter() -> None:
-    rows = {
-        law: study.measure_case(
-            SwitchingRun(find_experiment("servo", "nominal"), law, surface, H), timestep=H
-        )
-        for law, surface in (
-            ("sign", "printed"), ("implicit", "discrete"), ("implicit-estimate", "discrete")
-        )
+    surfaces: dict[str, Any] = {
+        "sign": "printed", "implicit": "discrete", "implicit-estimate": "discrete"
     }  # fmt: skip
+    nominal = find_experiment("servo", "nominal")
+    rows = {
+        law: study.measure_case(SwitchingRun(nominal, law, surface, H), timestep=H)
+        for law, surface in surfaces.items()
+    }
     for law in ("implicit", "implicit-estimate"):
         assert rows[law].max_sliding < 1e-15
         assert rows[law].cost_continuous == pytest.approx(1, abs=0.01)
