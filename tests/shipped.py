@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,17 +14,17 @@ from grosmc_mj.control.references import Setpoints
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.experiments import runs
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.problem import Plant
 
 REGULATION = "two_link_arm regulation"
 TWO_LINK_CIRCLE = SimpleNamespace(centre1=0.45, centre2=0.15, radius=0.15, frequency=math.pi)
 TWO_LINK_TARGET = Setpoints(math.pi / 3, -math.pi / 2)
-PENDULUM_DISTURBANCE = 0.01  # rad/s^2, printed
 
 
 def of_design(design: str) -> Experiment:
@@ -109,3 +110,13 @@ def __getattr__(name: str) -> Any:
             return task_of(design).reference
         case _:
             raise AttributeError(name)
+
+
+@cache
+def nominal(system: str) -> AnalyticPlant:
+    return MujocoPlant.load(system).analytic()
+
+
+@cache
+def robust(system: str) -> Controller:
+    return chapter_controller("grosmc", nominal(system))

@@ -649,7 +649,7 @@ def region_document(
                 question=f"Region of {system.name}",
                 verdict=MEASURED if complete else OPEN,
                 words=answer if complete else f"{answer}, so far",
-                more=f"the worst of {', '.join(x.case.name for x in region.experiments)}",
+                more=f"the worst of {', '.join(dict.fromkeys(x.case.name for x in maps))}",
             )
         ],
         sheets=[

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shipped import ARM_G, find_case, run_case, task_of
+from shipped import ARM_G, find_case, nominal, robust, run_case, task_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
@@ -25,13 +25,12 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.results.document import json_text
 
 # Edits that change mass and, where the chapter does, length.
@@ -41,16 +40,6 @@ EDITS = {
     "arm": (BodyEdit("link", 2.0, 1.25),),
 }
 each_system = pytest.mark.parametrize("system", EDITS)
-
-
-@cache
-def nominal(system: str) -> AnalyticPlant:
-    return MujocoPlant.load(system).analytic()
-
-
-@cache
-def robust(system: str) -> Controller:
-    return chapter_controller("grosmc", nominal(system))
 
 
 def state(law: Controller, t: float, z: Array) -> Array:

@@ -5,18 +5,23 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 import sympy as sp
-from shipped import ARM_WEIGHTS, PENDULUM_ERROR, PENDULUM_UNCERTAINTY, SERVO_ERROR
+from shipped import (
+    ARM_WEIGHTS,
+    PENDULUM_ERROR,
+    PENDULUM_UNCERTAINTY,
+    SERVO_ERROR,
+    nominal,
+    robust,
+)
 from shipped import SERVO_UNCERTAINTY as DECLARED
 
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
@@ -24,25 +29,13 @@ from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoint
 from grosmc_mj.control.task import Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty, SwitchingGains, Uncertainty
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, equilibrium
+from grosmc_mj.plants import ARM, SERVO, equilibrium
 
 # gamma1 is a supremum over a grid of directions of z that are at most pi/40 from any other, so
 # it is short of the true one by at most 1 - cos(pi/40) of itself.
 GRID = 1 - math.cos(math.pi / 40)
 HELD = 0.3  # rad, of the arm
-
-
-@cache
-def nominal(system: str) -> AnalyticPlant:
-    return MujocoPlant.load(system).analytic()
-
-
-@cache
-def robust(system: str) -> Controller:
-    return chapter_controller("grosmc", nominal(system))
 
 
 def test_reaching_condition_holds_for_the_pendulum_s_declared_family() -> None:

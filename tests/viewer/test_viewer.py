@@ -191,7 +191,7 @@ def test_the_motion_keeps_step_with_the_clock_and_is_drawn() -> None:
     np.testing.assert_allclose(drawn, live.state[:3], rtol=1e-12)
     assert list(fake.texts[-1]) == ["time", "current", "push", "speed", "stopped"]
     assert (fake.texts[-1]["speed"], fake.texts[-1]["stopped"]) == ("4x", "-")
-    # What the window does to its data never reaches the physics, and Ctrl-C closes it.
+    # A window that changes its own data changes no physics, and Ctrl-C closes it.
     shown(other, count=30, speed=4.0, at=lambda fake: mujoco.mj_resetData(fake.model, fake.data))
     np.testing.assert_array_equal(live.state, other.state)
 
