@@ -93,7 +93,8 @@ class Predictor:
             )
         if not log.pieces:
             raise ArgumentError(
-                f"{log.name}: too few samples are left to predict: take a longer log"
+                f"{log.name}: too few samples are left to predict: take a longer log, or hold out "
+                "another share of it"
             )
         windows = []
         for piece in log.pieces:
