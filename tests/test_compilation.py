@@ -17,12 +17,13 @@ import numba
 import numpy as np
 import pytest
 
-from grosmc_mj.compilation import array_at, compile_c, fingerprint
+from grosmc_mj.compilation import compile_c, fingerprint
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.task import NoNumbers
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.structures import array_at
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -45,7 +46,8 @@ RETURNED = f"""
 import math, sys
 from typing import Any
 import numba, numpy as np
-from grosmc_mj.compilation import array_at, compile_c
+from grosmc_mj.compilation import compile_c
+from grosmc_mj.structures import array_at
 
 {inspect.getsource(returned)}
 """

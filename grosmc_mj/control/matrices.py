@@ -26,6 +26,13 @@ def norm(z: Any) -> float:
 
 
 @jitable
+def copy(z: Any, target: Any) -> None:
+    """Write a vector into another one: a slice takes a second more to compile."""
+    for i in range(len(z)):
+        target[i] = z[i]
+
+
+@jitable
 def row_times(i: int, K: Any, z: Any) -> float:
     """Entry i of K z."""
     total = 0.0

@@ -41,8 +41,16 @@ class Actuator:
 
 
 # Of each input: its actuator, the delay in timesteps; the input at rest; the limit that the law
-# knows; the computer's output; the output of the rate limit, of the first lag and of the second.
-ACTUATOR = row_dtype(Actuator, "rest", "known_limit", "output", "rated", "first", "second")
+# knows; exp(-timestep/lag); the computer's output; the output of the rate limit, of the first lag
+# and of the second.
+ACTUATOR = row_dtype(Actuator, "rest", "known_limit", "kept", "output", "rated", "first", "second")
+
+
+def kept_in_a_timestep(actuator: Actuator, timestep: float) -> float:
+    """Share exp(-timestep/lag) of its distance from the input that a lag keeps in a timestep."""
+    if actuator.lag == 0.0:
+        return 0.0
+    return math.exp(-timestep / actuator.lag)
 
 
 @jitable
@@ -76,8 +84,7 @@ def actuate(i: int, loop: Any, given: Any) -> None:
         u = min(before + change, max(before - change, u))
         actuator.rated = u
         if actuator.lag > 0.0:
-            kept = math.exp(-q.timestep / actuator.lag)
-            u = lagged(u, actuator.lag / q.timestep, kept, actuator)
+            u = lagged(u, actuator.lag / q.timestep, actuator.kept, actuator)
         if actuator.dead_zone > 0.0:
             u = max(u - actuator.dead_zone, 0.0) + min(u + actuator.dead_zone, 0.0)
         given[j] = u

@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Flag, Range, checked_call
-from grosmc_mj.loop.actuators import ACTUATOR, Actuator
+from grosmc_mj.loop.actuators import ACTUATOR, Actuator, kept_in_a_timestep
 from grosmc_mj.loop.delay import COMPUTER
 from grosmc_mj.loop.design_model import DesignModel, design_model, held
 from grosmc_mj.loop.estimators import ESTIMATOR, KINDS, MEMORY
@@ -92,10 +92,17 @@ class AppliedLoop:
     def begin_uncompiled(
         self, controller: Controller, memory: Any, seen: Array, predicted: Array
     ) -> LoopRun:
-        """The same for Python, under a controller with this memory."""
+        """Loop of a new run for plain Python.
+
+        Args:
+            controller: Controller in this loop.
+            memory: Memory of its law.
+            seen: Array for the state by sensors and estimators, (n,).
+            predicted: Array for the state that the law gets, (n,).
+        """
         model: Any = self.model
 
-        def advance(t: float, x: Any, u: Any, h: float, *_flat: Any) -> None:
+        def advance(t: float, x: Any, u: Any, h: float, _address: Any) -> None:
             model.advance(t, x, u, h, memory, controller.parameters, model.own)
 
         return self.begin(seen, predicted, advance=advance).uncompiled()
@@ -105,6 +112,7 @@ def ideal_loop(n: int, m: int) -> LoopRun:
     """No loop: without sensors the kernel leaves it out."""
     nothing = np.zeros(0)
     return LoopRun(
+        address=0,
         computer=np.zeros(0, COMPUTER),
         sensors=np.zeros(0, SENSOR),
         estimators=np.zeros(0, ESTIMATOR),
@@ -272,6 +280,7 @@ def _start_of(controller: Controller, applied: AppliedLoop, stride: int) -> Loop
         estimators=_estimators(loop, system),
         actuators=rows_of(
             actuators, ACTUATOR, h, rest=rest, output=rest, rated=rest, first=rest, second=rest,
+            kept=[kept_in_a_timestep(actuator, h) for actuator in actuators],
             known_limit=known_actuators["limit"] if predicts and known.actuators else np.inf,
         ),
         gain=_filter_gain(controller, applied, rest),

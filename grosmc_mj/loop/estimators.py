@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
+from grosmc_mj.control.matrices import copy
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Check, Flag, Known, Range, checked, refused
 from grosmc_mj.jitable import jitable
@@ -154,13 +155,13 @@ def _update(estimator: Any, y: float, T: float, gained: float) -> None:
 @jitable
 def note_gains(i: int, t: float, loop: Any) -> None:
     """Before a sample: the design model's gains in a period from the extended observers' states."""
-    loop.x[:] = loop.seen
+    copy(loop.seen, loop.x)
     for row in range(len(loop.estimators)):
         estimator = loop.estimators[row]
         if estimator.kind == ESO:
             loop.x[int(estimator.position)] = estimator.y
             loop.x[int(estimator.of)] = estimator.rate
-    loop.predicted[:] = loop.x
+    copy(loop.x, loop.predicted)
     move_by_a_period(i, t, loop)
     for j in range(len(loop.sensors)):
         loop.sensors[j].gained = loop.x[j] - loop.predicted[j]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from grosmc_mj.control.matrices import copy
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.delay import put_out
 
@@ -28,15 +29,15 @@ def move_by_a_period(i: int, t: float, loop: Any) -> None:
         for a in range(end - count, end):
             total += put_out(a, j, loop)
         loop.mean[j] = total / count
-    loop.advance(t - q.period, loop.x, loop.mean, q.period, loop.memory, loop.p, loop.own)
+    loop.advance(t - q.period, loop.x, loop.mean, q.period, loop.address)
 
 
 @jitable
 def expect(i: int, t: float, loop: Any) -> None:
     """Before a sample: move the last measurements by a period, into ``loop.predicted``."""
-    loop.x[:] = loop.seen
+    copy(loop.seen, loop.x)
     move_by_a_period(i, t, loop)
-    loop.predicted[:] = loop.x
+    copy(loop.x, loop.predicted)
 
 
 @jitable
@@ -69,7 +70,7 @@ def predict(i: int, t: float, loop: Any) -> None:
             if same:
                 count += 1
         at, h = t + q.ahead + (a - i) * q.timestep, count * q.timestep
-        loop.advance(at, loop.x, loop.mean, h, loop.memory, loop.p, loop.own)
+        loop.advance(at, loop.x, loop.mean, h, loop.address)
         a += count
     for j in range(len(loop.sensors)):
         loop.x[j] += loop.sensors[j].missed * (dead * q.timestep)

@@ -9,6 +9,7 @@ import numba
 from numba.core import types
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.matrices import copy
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import ACTUATOR
 from grosmc_mj.loop.delay import COMPUTER
@@ -19,8 +20,8 @@ from grosmc_mj.loop.sensors import SENSOR, measure, ring_row
 
 _FLOAT = types.float64
 _VECTOR = types.Array(_FLOAT, 1, "C")
-# Signature of a design model's step: (t, x, u, h, memory, p, own), see ``design_model``.
-ADVANCE = types.void(_FLOAT, _VECTOR, _VECTOR, _FLOAT, _VECTOR, _VECTOR, _VECTOR)
+# Signature of a step of ``design_model``: (t, x, u, h, address of the ``LoopRun``).
+ADVANCE = types.void(_FLOAT, _VECTOR, _VECTOR, _FLOAT, types.voidptr)
 
 Vector = Annotated[Array, _VECTOR]
 Matrix = Annotated[Array, types.Array(_FLOAT, 2, "C")]
@@ -34,6 +35,7 @@ class LoopRun(NamedTuple):
     """A loop of n states and m inputs in a run; an ideal one has no sensors.
 
     Attributes:
+        address: Address of this structure, for ``advance``.
         computer: One row of ``COMPUTER``.
         sensors: Rows of ``SENSOR``, (n,).
         estimators: Rows of ``ESTIMATOR``, one for each rate that is estimated.
@@ -45,12 +47,13 @@ class LoopRun(NamedTuple):
         predicted: State that the law gets, (n,); room to compute in before that.
         x: The design model's state, (n,).
         mean: Input under which it moves, (m,).
-        advance: Moves it.
+        advance: Moves it by a time h, see ``ADVANCE``.
         memory: The law's memory.
         p: The law's numbers.
         own: The design model's numbers.
     """
 
+    address: Annotated[Any, types.voidptr]
     computer: Annotated[Any, _rows(COMPUTER)]
     sensors: Annotated[Any, _rows(SENSOR)]
     estimators: Annotated[Any, _rows(ESTIMATOR)]
@@ -107,8 +110,8 @@ def observe(i: int, loop: Any) -> float:
     # The filter's model moves in ``x`` only: ``predicted`` is still that of ``expect``.
     if q.sample > 0.0 and q.predicts != 0.0 and i - q.stride >= q.age:
         learn(loop)
-    loop.x[:] = loop.seen
+    copy(loop.seen, loop.x)
     if q.predicts != 0.0:
         predict(i, t, loop)
-    loop.predicted[:] = loop.x
+    copy(loop.x, loop.predicted)
     return t + q.ahead

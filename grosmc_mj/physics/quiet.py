@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import threading
 import warnings
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 import mujoco
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.physics.mjdata import mujoco_library
 
 
 @contextmanager
@@ -35,6 +37,34 @@ def warnings_counted_only() -> Iterator[None]:
 
 
 @contextmanager
+def clock_suspended() -> Iterator[None]:
+    """Suspend MuJoCo's clock in this block; of a small model it takes almost half of a step.
+
+    The Python package of MuJoCo has every stage of every step timed, for ``mjData.timer``, by a
+    clock of its own that ``mujoco.set_mjcb_time(None)`` leaves installed. States do not depend on
+    it. Blocks may be nested and may overlap in several threads: the last one that ends restores the
+    clock, which may be one that the user has installed. Meanwhile ``mjData.timer`` means nothing in
+    any thread. Other threads may step models: MuJoCo 3.17 loads the pointer once before each call
+    of the clock, tests it and calls it.
+    """
+    global _suspensions, _clock
+    pointer = ctypes.c_void_p.in_dll(ctypes.CDLL(str(mujoco_library())), "mjcb_time")
+    with _lock:
+        _suspensions += 1
+        # None inside another block, unless somebody has installed a clock since that one began.
+        if pointer.value is not None:
+            _clock = pointer.value
+            pointer.value = None
+    try:
+        yield
+    finally:
+        with _lock:
+            _suspensions -= 1
+            if _suspensions == 0 and pointer.value is None:
+                pointer.value = _clock
+
+
+@contextmanager
 def quiet_reading() -> Iterator[None]:
     """Read or compile a model without warnings of MuJoCo: its mistakes are errors."""
     with warnings_counted_only(), warnings.catch_warnings():
@@ -47,8 +77,12 @@ def _ignore(_message: str) -> None:
 
 
 _lock = threading.Lock()
-# Blocks without MuJoCo's warnings that are under way, in any thread.
+# Number of blocks in all threads in which MuJoCo's warnings are not printed.
 _silent = 0
+# Number of blocks in all threads in which MuJoCo's clock is suspended.
+_suspensions = 0
+# Address of the clock that was suspended.
+_clock: int | None = None
 
 # MuJoCo's callbacks that have a part in the motion.
 _CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")

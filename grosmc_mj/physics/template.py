@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import copy
 import itertools
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
@@ -63,11 +64,13 @@ class Template:
         model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
 
     def written(self, edits: Sequence[Edit]) -> mujoco.MjModel | None:
-        """The edited model; None as ``changes``."""
-        changes, model = self.changes(edits), self.copy()
+        """Edited model, valid until the next call in this thread; None where ``changes`` is."""
+        changes = self.changes(edits)
         if changes is None:
             return None
-        self.write(changes, model, mujoco.MjData(model))
+
+        model, data = _workspace(self, threading.get_ident())
+        self.write(changes, model, data)
         return model
 
     @cached_property
@@ -101,6 +104,14 @@ class Template:
         )  # fmt: skip
         corrected = compiler.balanceinertia, compiler.boundmass, compiler.boundinertia
         return bool(untouched) and not any(map(np.any, (*constraints, *corrected)))
+
+
+# Making both takes 0.7 ms, writing edits into them 0.1 ms.
+@lru_cache(maxsize=8)
+def _workspace(template: Template, _thread: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Model and data of a thread, for a template's edits."""
+    model = template.copy()
+    return model, mujoco.MjData(model)
 
 
 def undrawn(spec: mujoco.MjSpec) -> mujoco.MjSpec:

@@ -19,10 +19,11 @@ from numba.core import types
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import array_at, pointer
+from grosmc_mj.control.matrices import copy
 from grosmc_mj.physics.edits import write_inertia
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mjdata import forward, mujoco_library
+from grosmc_mj.structures import array_at, pointer
 
 llvmlite.binding.load_library_permanently(str(mujoco_library()))
 
@@ -122,8 +123,9 @@ def vector_at(address: int, n: int) -> Any:
 def place(w: Any, x: Any, n: int) -> None:
     """Bring the nominal model of a ``WORKSPACE`` to a state, (2 n,), with its passive torques."""
     m, d = pointer(w.model), pointer(w.data)
-    vector_at(w.qpos, n)[:] = x[:n]
-    vector_at(w.qvel, n)[:] = x[n:]
+    qpos, qvel = vector_at(w.qpos, n), vector_at(w.qvel, n)
+    for i in range(n):
+        qpos[i], qvel[i] = x[i], x[n + i]
     mj_kinematics(m, d)
     mj_com_pos(m, d)
     mj_com_vel(m, d)
@@ -144,10 +146,11 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
     qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
     passive, armature = vector_at(w.qfrc_passive, n), vector_at(w.armature, n)
     place(w, x, n)
-    qacc[:] = a
+    copy(a, qacc)
     mj_rne(pointer(w.model), pointer(w.data), np.int32(1), pointer(w.qfrc_inverse))
     # M a + h of the bodies, what drives the joints, and what acts without an input.
-    tau[:] = bodies + armature * qacc - passive
+    for i in range(n):
+        tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
 
 
 @numba.njit
@@ -159,8 +162,9 @@ def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
     passive = vector_at(w.qfrc_passive, n)
     place(w, x, n)
     mj_rne(m, d, np.int32(0), pointer(w.qfrc_inverse))
-    force[:] = tau - force + passive
+    for i in range(n):
+        force[i] = tau[i] - force[i] + passive[i]
     mj_crb(m, d)
     mj_factor_m(m, d)
     mj_solve_m(m, d, pointer(w.qacc), pointer(w.qfrc_inverse), np.int32(1))
-    a[:] = qacc
+    copy(qacc, a)

@@ -14,10 +14,10 @@ import mujoco
 import numba
 import numpy as np
 
-from grosmc_mj.compilation import array_at, pointer
 from grosmc_mj.control.coordinates.base import LinearTorques
 from grosmc_mj.jitable import jitable
 from grosmc_mj.robots.dynamics import WORKSPACE, inertia, mj_com_vel, mj_rne, place, vector_at
+from grosmc_mj.structures import array_at, pointer
 
 # Mass, first moment and inertia of a body.
 INERTIAL = 10

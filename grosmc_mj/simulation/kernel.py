@@ -1,7 +1,7 @@
-"""The closed loop: observe, ask the law, actuate, push, step, record.
+"""The closed loop: sample the law, actuate, disturb, accumulate metrics, step, record.
 
 ``run_of`` is plain Python. numba compiles it once for all plants, laws, loops and metrics, which it
-is handed as functions and arrays; uncompiled it is the reference engine.
+calls at their addresses; uncompiled it is the reference engine.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from grosmc_mj.compilation import compile_c, laid_out, laid_out_as, numba_type, structure_at
+from grosmc_mj.arrays import Array
+from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import actuate
 from grosmc_mj.loop.delay import send
@@ -23,65 +24,77 @@ from grosmc_mj.loop.stages import LoopRun, Matrix, Vector, observe, remember
 from grosmc_mj.simulation.disturbances import push
 from grosmc_mj.simulation.guard import Guard
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.structures import laid_out, laid_out_as, members_at, numba_type, structure_at
 
-# A law's function returns one more than a ``Status``, so 0 of a law that raised an error.
+# Entries of ``KernelRun.progress``.
+NEXT_STEP = 0
+LAST_STEP = 1
+ANSWER = 2
+FIRST_ROW = 3
+
+# A law's function returns one more than a ``Status``; a law that raised an error returns 0.
 ANSWERED = Status.COMPLETED.value + 1
 _DIVERGED = Status.DIVERGED.value + 1
-_FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+_FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
-_FLOAT, _INT, _VECTOR = types.float64, types.int64, types.Array(types.float64, 1, "C")
-# (t, x, seen, memory, p, u): x is the true state, seen what the law gets.
-LAW = _INT(_FLOAT, _VECTOR, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
-# (t, x, u, memory, p, meters, numbers).
-NOTE = types.void(_FLOAT, _VECTOR, _VECTOR, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
+_FLOAT = types.float64
+_INT = types.int64
+_INTEGERS = types.Array(_INT, 1, "C")
+# Arguments: time and address of a ``KernelRun``. They find the rest there: an array by value costs
+# a law more than its own arithmetic.
+LAW = _INT(_FLOAT, types.voidptr)
+NOTE = types.void(_FLOAT, types.voidptr)
 STEP = types.void(_INT, _INT)
 _READ = types.void(_INT, _INT, _INT, _INT)
 
 
 class KernelRun(NamedTuple):
-    """One run, as ``run_of`` takes it.
+    """One run for ``run_of``.
 
-    ``model``, ``data`` and ``physics`` are Python objects where it is not compiled, else
-    addresses, as are the functions.
+    ``model``, ``data`` and ``physics`` are Python objects where the kernel is not compiled, else
+    addresses; so are the functions.
 
     Attributes:
-        clock: The next timestep, the one to stop before, and the law's last return or why the
-            run ended.
-        keep: The first timestep of which a row is kept.
+        address: Address of this structure, for ``law`` and ``note``.
+        progress: Next timestep, timestep to stop before, last answer of the law or the reason why
+            the run ended, and row of the first timestep that is kept: see ``NEXT_STEP``.
+        keep: First timestep of which a row is kept.
         stride: Timesteps in a control period.
         h: Timestep [s].
         period: Control period [s].
         step: Advances the plant: (model, data).
-        read: Writes mjSTATE_FULLPHYSICS: (model, data, where, which).
-        law: Samples the law, see ``LAW``; returns ``ANSWERED`` or why there is no input.
+        read: Writes mjSTATE_FULLPHYSICS: (model, data, address, kind of state).
+        law: Samples the law, see ``LAW``; returns ``ANSWERED`` or the reason why there is no input.
         note: Accumulates metrics at each timestep, see ``NOTE``.
-        model: Of the plant: mjModel, or the numbers of equations.
-        data: Of the plant: mjData, or the state of equations.
-        physics: Where mjSTATE_FULLPHYSICS is kept.
-        width: From one row of it to the next; 0 for none.
+        model: Model of the plant: mjModel, or the numbers of equations.
+        data: State of the plant: mjData, or the state of equations.
+        physics: Memory for mjSTATE_FULLPHYSICS.
+        width: Distance from one row of it to the next; 0 if it is not kept.
         q: Positions of the plant; of equations the whole state.
-        v: Its velocities; of equations nothing.
-        u: Its inputs, (m,).
-        warnings: Every other number counts reasons why the state has diverged.
+        v: Velocities of the plant; of equations nothing.
+        u: Inputs of the plant, (m,).
+        warnings: Counts of reasons why the state has diverged, in every other entry.
         pushes: Disturbances, (count, PUSH).
-        values: Courses that are known by their values, (count, steps).
+        values: Values of disturbances without a formula, (count, steps).
         bodies: Rows of ``forces`` of the system's bodies.
         forces: Wrenches that act on the plant, (rows, 6).
-        now: The signals that are recorded: all of the following up to ``given`` lie in it.
+        now: Recorded signals; ``engine_time`` to ``given`` are views of it.
+        engine_time: Time as MuJoCo adds it up [s], (1,).
         x: True state, (n,).
-        command: The law's output, (m,).
-        memory: Of the law, flat.
+        command: Output of the law, (m,).
+        memory: Memory of the law, flat.
         w: Wrench on each of the bodies, flat.
-        given: What the actuators of a loop give, (m,); without a loop nothing.
+        given: Output of the actuators of a loop, (m,); nothing without a loop.
         seen: State that the law gets, (n,).
-        p: The law's numbers, flat.
-        meters: Accumulated metrics, flat; nothing where none are wanted.
-        meter_numbers: What ``note`` needs to know, flat.
-        rows: ``now`` after the kept steps, (rows, at least its size).
-        loop: What is between law and plant.
+        p: Numbers of the law, flat.
+        meters: Accumulated metrics, flat; nothing if none are wanted.
+        meter_numbers: Constants of ``note``, flat.
+        rows: ``now`` after the kept steps of all runs, (rows, at least its size).
+        loop: Sensors, computer and actuators between law and plant.
     """
 
-    clock: Annotated[NDArray[np.int64], types.Array(_INT, 1, "C")]
+    address: Annotated[Any, types.voidptr]
+    progress: Annotated[NDArray[np.int64], _INTEGERS]
     keep: int
     stride: int
     h: float
@@ -100,9 +113,10 @@ class KernelRun(NamedTuple):
     warnings: Annotated[NDArray[np.int32], types.Array(types.int32, 1, "C")]
     pushes: Matrix
     values: Matrix
-    bodies: Annotated[NDArray[np.int64], types.Array(_INT, 1, "C")]
+    bodies: Annotated[NDArray[np.int64], _INTEGERS]
     forces: Matrix
     now: Vector
+    engine_time: Vector
     x: Vector
     command: Vector
     memory: Vector
@@ -118,77 +132,102 @@ class KernelRun(NamedTuple):
 
 @cache
 def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
-    """The function that makes the next timesteps of a run.
+    """Function that makes the next timesteps of a run.
 
     Args:
-        looped: Whether a loop is between law and plant. numba leaves its stages out of the code for
-            ideal loops, which is compiled in half the time.
+        looped: Whether a loop lies between law and plant. numba leaves the stages of a loop out of
+            the code for ideal loops, which it compiles in half the time.
     """
 
     @jitable
     def run(r: KernelRun) -> None:
-        """A run's next timesteps."""
-        x, u, q, v, w, loop, clock = r.x, r.u, r.q, r.v, r.w, r.loop, r.clock
-        n, m, nq = len(x), len(u), len(q)
-        sample = -(-clock[0] // r.stride)
+        """Make the timesteps of a run from ``NEXT_STEP`` to before ``LAST_STEP``."""
+        x, u, q, v, w, loop, progress = r.x, r.u, r.q, r.v, r.w, r.loop, r.progress
+        n = len(x)
+        m = len(u)
+        nq = len(q)
+
+        first = progress[NEXT_STEP]
+        sample = -(-first // r.stride)
         due = sample * r.stride
-        for i in range(clock[0], clock[1]):
+        for i in range(first, progress[LAST_STEP]):
             if looped:
                 remember(i, x, loop)
                 due = int(loop.computer[0].due)
+
+            # A sample.
             if i >= due:
                 if looped:
                     t = observe(i, loop)
                 else:
-                    t, sample, due = sample * r.period, sample + 1, due + r.stride
+                    t = sample * r.period
+                    sample += 1
+                    due += r.stride
                     for j in range(n):
                         r.seen[j] = x[j]
-                answer = r.law(t, x, r.seen, r.memory, r.p, r.command)
+
+                answer = r.law(t, r.address)
                 if answer != ANSWERED:
-                    clock[0], clock[2] = i, answer
+                    progress[NEXT_STEP] = i
+                    progress[ANSWER] = answer
                     return
+
                 if looped:
                     send(r.command, loop)
                 else:
                     for j in range(m):
                         u[j] = r.command[j]
+
             if looped:
                 actuate(i, loop, u)
                 for j in range(m):
                     r.given[j] = u[j]
+
             if len(r.pushes) > 0:
                 push(r.pushes, r.values, i, i * r.h, w)
                 for k in range(len(r.bodies)):
                     for j in range(6):
                         r.forces[r.bodies[k], j] = w[6 * k + j]
+
             if len(r.meters) > 0:
-                r.note(i * r.h, x, u, r.memory, r.p, r.meters, r.meter_numbers)
+                r.note(i * r.h, r.address)
+
             r.step(r.model, r.data)
             for j in range(0, len(r.warnings), 2):
                 if r.warnings[j] != 0:
-                    clock[0], clock[2] = i, _DIVERGED
+                    progress[NEXT_STEP] = i
+                    progress[ANSWER] = _DIVERGED
                     return
+            r.engine_time[0] += r.h
             for j in range(nq):
                 x[j] = q[j]
             for j in range(n - nq):
                 x[nq + j] = v[j]
-            row = i - r.keep
-            if row >= 0:
+
+            if i >= r.keep:
+                row = progress[FIRST_ROW] + i - r.keep
                 for j in range(len(r.now)):
                     r.rows[row, j] = r.now[j]
                 if r.width > 0:
-                    r.read(r.model, r.data, r.physics + row * r.width, _FULL)
-        clock[0] = clock[1]
+                    r.read(r.model, r.data, r.physics + row * r.width, _FULL_PHYSICS)
+
+        progress[NEXT_STEP] = progress[LAST_STEP]
 
     return run
 
 
-_run_at = structure_at(numba_type(KernelRun))
+# Functions for compiled code, from the address of a ``KernelRun``, or of its loop, to the members
+# that a law, a metric and a design model read and write.
+_KERNEL_RUN = numba_type(KernelRun)
+law_members_at = members_at(_KERNEL_RUN, "x", "seen", "command", "memory", "p")
+note_members_at = members_at(_KERNEL_RUN, "x", "u", "memory", "p", "meters", "meter_numbers")
+advance_members_at = members_at(numba_type(LoopRun), "memory", "p", "own")
+_run_at = structure_at(_KERNEL_RUN)
 
 
 @cache
 def kernel(*, looped: bool) -> Any:
-    """The compiled ``run_of``, an mjfBatchFunc of a ``KernelRun`` in memory."""
+    """Compiled ``run_of``: an mjfBatchFunc that takes the address of a ``KernelRun``."""
     run = run_of(looped=looped)
 
     def entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
@@ -198,31 +237,33 @@ def kernel(*, looped: bool) -> Any:
 
 
 class CompiledRun:
-    """Runs for compiled code, one after the other, whose arrays it keeps alive.
+    """Memory for runs in compiled code, one after the other; it keeps their arrays alive.
 
     Args:
-        r: With addresses of functions, model, data and states.
+        r: Run with addresses of functions, model, data and states.
         looped: Whether it has a loop that is not ideal.
 
     Attributes:
-        r: As it is now.
-        kept_alive: What the law of this run computes in.
+        r: The run; arrays that ``put`` has replaced are in the memory only.
     """
 
-    kept_alive: Any = None
-
     def __init__(self, r: KernelRun, *, looped: bool) -> None:
-        self.r, self._block = r, laid_out_as(KernelRun, r)
-        self._place, self._kernel = self._block.ctypes.data, kernel(looped=looped).address
+        self.r = r
+        self._structure = laid_out_as(KernelRun, r)
+        self._address = self._structure.ctypes.data
+        self._kernel = kernel(looped=looped).address
 
-    def put(self, **members: Any) -> None:
-        """Put other arrays and addresses into the place of some."""
-        self.r = self.r._replace(**members)
-        for name, member in members.items():
-            self._block[name][0] = laid_out(member)
+        self._structure["address"] = self._address
+        loop_offset = self._structure.dtype.fields["loop"][1]
+        self._structure["loop"]["address"] = self._address + loop_offset
+
+    def put(self, **arrays: Array) -> None:
+        """Replace arrays by others, which the caller keeps alive."""
+        for name, array in arrays.items():
+            self._structure[name][0] = laid_out(array)
 
     def advance(self, last: int, guard: Guard) -> bool:
-        """Timesteps up to ``last``, without Python's lock; False if the run has ended."""
-        self.r.clock[1] = last
-        guard.call(self._kernel, self._place)
-        return bool(self.r.clock[2] == ANSWERED)
+        """Make timesteps up to ``last`` without Python's lock; False if the run has ended."""
+        self.r.progress[LAST_STEP] = last
+        guard.call(self._kernel, self._address)
+        return bool(self.r.progress[ANSWER] == ANSWERED)

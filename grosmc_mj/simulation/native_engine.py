@@ -1,10 +1,11 @@
-"""The fast engine: a whole run, or thousands, without coming back to Python."""
+"""The fast engine: a whole run, or thousands, in compiled code."""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c, laid_out_as, record_at
+from grosmc_mj.compilation import compile_c
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
@@ -20,21 +21,39 @@ from grosmc_mj.jitable import is_own, jitable
 from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
-from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.physics.quiet import (
+    clock_suspended,
+    refuse_foreign_callback,
+    warnings_counted_only,
+)
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.guard import Guard, c_address, guard
-from grosmc_mj.simulation.kernel import ANSWERED, LAW, NOTE, CompiledRun, kernel
+from grosmc_mj.simulation.kernel import (
+    ANSWER,
+    ANSWERED,
+    LAW,
+    NEXT_STEP,
+    NOTE,
+    CompiledRun,
+    advance_members_at,
+    kernel,
+    law_members_at,
+    note_members_at,
+)
 from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, write_inputs
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.problem import Meters, Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.structures import laid_out_as, local_copy, record_at
 
-# What is noted of a law that has raised an error, in place of a ``Status``.
+# Status of a run whose law raised an exception.
 _FAILED = -1
-# How long compiled code runs until Python can act on Ctrl-C [s], and its first timesteps.
-_PAUSE, _FIRST = 0.2, 100
+# Time that compiled code runs until Python can act on Ctrl-C [s].
+_PAUSE = 0.2
+# Timesteps before the first pause of a thread, which has not yet measured their time.
+_FIRST_STEPS = 100
 
 
 def run_native(problem: Problem) -> Record:
@@ -52,16 +71,17 @@ def run_native(problem: Problem) -> Record:
             f"{controller.name} runs in Python only: use engine='python', not 'native'"
         )
     refuse_foreign_callback()
+
     with np.errstate(all="ignore"):
         if is_own(innermost(controller.law)):
-            # Compiled code would take a truth value for a number, and says nothing of other kinds.
-            (memory, _kept_alive), u = controller.begin(), np.zeros(len(problem.system.inputs))
-            write_inputs(controller, 0.0, problem.x0[0].copy(), memory, u)
-        record = _Runs(problem).run()
+            _require_numbers(problem)
+
+        record = _Batch(problem).run()
         failed = np.flatnonzero(record.status == _FAILED)
         if len(failed):
             with warnings_counted_only():
-                ClosedLoop(problem, int(failed[0])).advance(problem.steps)  # Python says where
+                # Python raises the error with its file and line.
+                ClosedLoop(problem, int(failed[0])).advance(problem.steps)
             raise LawError(
                 f"{controller.name} raised an error in compiled code: run it with engine='python' "
                 "to see where"
@@ -69,143 +89,250 @@ def run_native(problem: Problem) -> Record:
     return record
 
 
-class _Runs:
-    """All simulations of a problem, which threads take one after the other."""
+def _require_numbers(problem: Problem) -> None:
+    """Refuse a law whose inputs are no numbers: compiled code would take a truth value for one."""
+    controller = problem.controller
+    memory, _workspace = controller.begin()
+    u = np.zeros(len(problem.system.inputs))
+    write_inputs(controller, 0.0, problem.x0[0].copy(), memory, u)
+
+
+class _Batch:
+    """All simulations of a problem; threads take one after the other.
+
+    Attributes:
+        problem: Simulations.
+        record: Results.
+        stopped: Set where threads must not begin another simulation.
+        order: Numbers of the simulations that no thread has taken yet.
+        law: Address of the compiled law.
+        note: Address of the compiled metrics; 0 without any.
+        advances: Addresses of the compiled design models.
+        numbers: Numbers of each controller, flat.
+        constants: Constants of the metrics, flat.
+        no_loop: Structure of an ideal loop.
+    """
 
     def __init__(self, problem: Problem) -> None:
-        self._problem, self._stopped = problem, threading.Event()
-        controllers, meters = dict.fromkeys(problem.controllers), problem.meters[0]
-        dtypes = problem.memory_dtype, record_dtype(problem.controller.parameters)
-        models = [c.loop.model for c in controllers if c.loop and c.loop.model]
-        self._numbers = {controller: pack(controller.parameters) for controller in controllers}
-        self._memories: dict[Controller, Array] = {}
-        # Plants of one model after each other: a thread has one at a time.
-        places = [id(shared_model(plant)) for plant in problem.plants]
-        self._order = iter(np.argsort(places, kind="stable").tolist())
-        # All is compiled here, and not by several threads.
-        with compiling():
-            self._law = _compiled_law(problem.system, problem.controller.law, *dtypes).address
-            self._advances = {
-                advance: _compiled_advance(advance, *dtypes).address
-                for advance in {model.advance for model in models}
-            }
-            self._note = 0
+        self.problem = problem
+        self.stopped = threading.Event()
+
+        controllers = dict.fromkeys(problem.controllers)
+        self.numbers = {controller: pack(controller.parameters) for controller in controllers}
+        self.constants: dict[Meters | None, Array] = {}
+        for meters in dict.fromkeys(problem.meters):
             if meters is not None:
-                self._note = _compiled_note(meters.note, *dtypes, *meters.kind[1:]).address
-        kernel(looped=problem.looped)
-        self._first = Steppers(problem.timestep)
-        stepper = self._first.of(problem.plants[0])
+                self.constants[meters] = pack(meters.numbers)
+
+        self._compile(problem)
+        self._first_steppers = Steppers(problem.timestep)
+        stepper = self._first_steppers.of(problem.plants[0])
         stepper.addresses()
-        self._record = Record.empty(problem, stepper.size)
-        # Laid out once for all runs without a loop.
-        self._nothing = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
-        self._ideal = laid_out_as(LoopRun, self._nothing)
+        self.record = Record.empty(problem, stepper.recorded_size)
+        # The arrays of an ideal loop are empty and serve all runs.
+        self._ideal_loop = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
+        self.no_loop = laid_out_as(LoopRun, self._ideal_loop)[0]
+
+        # A thread has the model of one plant at a time: plants of one model come after each other.
+        models = [id(shared_model(plant)) for plant in problem.plants]
+        self.order: Iterator[int] = iter(np.argsort(models, kind="stable").tolist())
+
+    def _compile(self, problem: Problem) -> None:
+        """Compile everything here, and not in several threads."""
+        system = problem.system
+        controller = problem.controller
+        dtypes = problem.memory_dtype, record_dtype(controller.parameters)
+        with compiling():
+            self.law = _compiled_law(system, controller.law, *dtypes).address
+
+            self.advances: dict[Advance, int] = {}
+            for loop in [item.loop for item in dict.fromkeys(problem.controllers)]:
+                if loop is not None and loop.model is not None:
+                    advance = loop.model.advance
+                    self.advances[advance] = _compiled_advance(system, advance, *dtypes).address
+
+            self.note = 0
+            meters = problem.meters[0]
+            if meters is not None:
+                note, *metric_dtypes = meters.kind
+                self.note = _compiled_note(system, note, *dtypes, *metric_dtypes).address
+        kernel(looped=problem.looped)
 
     def run(self) -> Record:
-        """Run them all, until an error or Ctrl-C."""
-        count = min(self._problem.threads or os.cpu_count() or 1, len(self._problem.x0))
-        steppers = [self._first, *(Steppers(self._problem.timestep) for _ in range(count - 1))]
-        with warnings_counted_only(), ThreadPoolExecutor(count) as pool:
-            threads = [pool.submit(self._work, own) for own in steppers]
+        """Run all simulations, until an error or Ctrl-C."""
+        problem = self.problem
+        threads = min(problem.threads or os.cpu_count() or 1, len(problem.x0))
+        workers = [_Worker(self, self._first_steppers)]
+        workers += [_Worker(self, Steppers(problem.timestep)) for _ in range(threads - 1)]
+
+        with warnings_counted_only(), clock_suspended():
+            if threads == 1:
+                workers[0].work()
+            else:
+                self._run_threads(workers)
+        return self.record
+
+    def _run_threads(self, workers: list[_Worker]) -> None:
+        """Run each worker in a thread; the first error or Ctrl-C stops all of them."""
+        with ThreadPoolExecutor(len(workers)) as pool:
+            threads = [pool.submit(worker.work) for worker in workers]
             try:
                 wait(threads, return_when=FIRST_EXCEPTION)
             finally:
-                self._stopped.set()
+                self.stopped.set()
         for thread in threads:
             thread.result()
-        return self._record
 
-    def _work(self, steppers: Steppers) -> None:
-        """Run one simulation after the other, in one thread, in the same room while it fits."""
-        problem, fits, room = self._problem, None, None
+
+class _Worker:
+    """One thread of a batch: it runs simulations in the same memory while they fit into it.
+
+    Args:
+        batch: Simulations, of which it takes one after the other.
+        steppers: Steppers of this thread.
+    """
+
+    def __init__(self, batch: _Batch, steppers: Steppers) -> None:
+        self._batch = batch
+        self._steppers = steppers
+        # Stepper and sizes of the loop for which there is room.
+        self._fits: Any = None
+        # Controller of the last run, its memory as a run begins, and what the law computes in.
+        self._controller: Controller | None = None
+        self._memory: Any = None
+        self._workspace: Any = None
+        self._steps_before_pause = _FIRST_STEPS
+
+    def work(self) -> None:
+        """Run simulations until none is left or the batch is stopped."""
+        batch = self._batch
+        problem = batch.problem
+        room: Any = None
         with guard() as thread_guard:
-            for number in self._order:
-                if self._stopped.is_set():
+            for number in batch.order:
+                if batch.stopped.is_set():
                     return
-                loop, stepper = (
-                    problem.controllers[number].loop,
-                    steppers.of(problem.plants[number]),
-                )
+
+                stepper = self._steppers.of(problem.plants[number])
+                loop = problem.controllers[number].loop
                 needed = stepper, loop and loop.sizes
-                if room is None or needed != fits:
-                    fits, room = needed, self._room(number, stepper)
+                if room is None or needed != self._fits:
+                    room = self._room(number, stepper)
+                    self._fits = needed
                 self._start(room, number, stepper)
                 self._advance(room, number, thread_guard)
 
     def _room(self, number: int, stepper: Stepper) -> CompiledRun:
-        """Room for runs of this stepper, in a loop of these sizes."""
+        """Memory for runs of this stepper, in a loop of these sizes."""
+        batch = self._batch
+        problem = batch.problem
+        record = batch.record
+        controller = problem.controllers[number]
         step, model, data = stepper.addresses()
-        controller = self._problem.controllers[number]
-        r = kernel_run(
-            self._problem, number, self._record, stepper,
-            p=self._numbers[controller].copy(), law=self._law, note=self._note, step=step,
-            model=model, data=data, read=c_address("mj_getState"), physics=0,
-            width=8 * self._record.rows.shape[2] * bool(stepper.size),
-        )  # fmt: skip
-        loop, design_model = self._ideal[0], {}
+        row_bytes = record.rows.strides[1]
+        run = kernel_run(
+            problem,
+            number,
+            record,
+            stepper,
+            law=batch.law,
+            note=batch.note,
+            step=step,
+            read=c_address("mj_getState"),
+            model=model,
+            data=data,
+            p=batch.numbers[controller].copy(),
+            physics=record.rows.ctypes.data + 8 * problem.width,
+            width=row_bytes if stepper.recorded_size else 0,
+        )
+
+        loop: Any = batch.no_loop
         if controller.loop is not None:
-            if (own := controller.loop.model) is not None:
-                design_model = {"advance": self._advances[own.advance], "memory": r.memory,
-                                "p": r.p, "own": own.own.copy()}  # fmt: skip
-            seen = r.now[self._problem.columns["seen"]]
-            loop = controller.loop.begin(seen, r.seen, **design_model)
-        return CompiledRun(r._replace(loop=loop), looped=self._problem.looped)
+            design_model = {}
+            if controller.loop.model is not None:
+                design_model["advance"] = batch.advances[controller.loop.model.advance]
+                design_model["memory"] = run.memory
+                design_model["p"] = run.p
+                design_model["own"] = controller.loop.model.own.copy()
+            seen = run.now[problem.columns["seen"]]
+            loop = controller.loop.begin(seen, run.seen, **design_model)
+        return CompiledRun(run._replace(loop=loop), looped=problem.looped)
 
     def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
         """Bring one simulation to its start."""
-        problem, rows = self._problem, self._record.rows[number]
-        controller, meters = problem.controllers[number], problem.meters[number]
-        memory = self._memories.get(controller)
-        if memory is None:
-            begun, room.kept_alive = controller.begin()
-            memory = pack(begun)
-            if room.kept_alive is None:
-                self._memories[controller] = memory
-        start(room.r, problem, number, stepper, memory, rows[0])
-        room.r.p[:] = self._numbers[controller]
+        batch = self._batch
+        problem = batch.problem
+        controller = problem.controllers[number]
+        meters = problem.meters[number]
+        # A workspace has the state of a run, but each sample writes it before it reads it.
+        if controller is not self._controller:
+            memory, self._workspace = controller.begin()
+            self._controller = controller
+            self._memory = pack(memory)
+
+        start(room.r, problem, number, stepper, self._memory, batch.record)
+        room.r.p[:] = batch.numbers[controller]
         if controller.loop is not None:
             controller.loop.restart(room.r.loop)
-        after = rows[1:]
-        own: dict[str, Any] = {"rows": after, "physics": after.ctypes.data + 8 * problem.width}
         if len(problem.pushes) > 1:
-            own["pushes"], own["values"] = problem.pushes_of(number)
+            pushes, values = problem.pushes_of(number)
+            room.put(pushes=pushes, values=values)
         if meters is not None:
-            room.r.meter_numbers[:] = pack(meters.numbers)
-            own["meters"] = self._record.meters[number]
-        room.put(**own)
+            room.r.meter_numbers[:] = batch.constants[meters]
+            room.r.meters[:] = batch.record.meters[number]
 
     def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
-        """Run one simulation, with a pause now and then."""
-        record, clock, last, steps = self._record, room.r.clock, self._problem.steps, _FIRST
-        while (first := int(clock[0])) < last and not self._stopped.is_set():
+        """Run one simulation, with pauses for Ctrl-C."""
+        batch = self._batch
+        record = batch.record
+        progress = room.r.progress
+        last = batch.problem.steps
+        while progress[NEXT_STEP] < last and not batch.stopped.is_set():
+            first = int(progress[NEXT_STEP])
             began = time.perf_counter()
-            if not room.advance(min(first + steps, last), thread_guard):
+            if not room.advance(min(first + self._steps_before_pause, last), thread_guard):
                 break
-            spent = max(time.perf_counter() - began, _PAUSE / 50)
-            steps = max(1, int((clock[0] - first) * _PAUSE / spent))
-        record.valid[number], record.status[number] = clock[0], clock[2] - ANSWERED
+            # Of a short run the clock tells little.
+            elapsed = max(time.perf_counter() - began, _PAUSE / 50)
+            steps = int(progress[NEXT_STEP]) - first
+            self._steps_before_pause = max(1, int(steps * _PAUSE / elapsed))
+
+        record.valid[number] = progress[NEXT_STEP]
+        record.status[number] = progress[ANSWER] - ANSWERED
+        record.meters[number] = room.r.meters
         if record.status[number] == _FAILED:
-            self._stopped.set()
+            batch.stopped.set()
 
 
+# One compiled function serves all batches with the same law.
 @cache
 def _compiled_law(system: System, law: Law, memory_dtype: Any, numbers_dtype: Any) -> Any:
-    """A sample of a law as a C function, which the kernel calls."""
-    law, singular, answered, failed = jitable(law), system.singular, ANSWERED, ANSWERED + _FAILED
-    undefined_law, singular_plant, undefined_input = (
-        ANSWERED + status.value
-        for status in (Status.UNDEFINED_LAW, Status.SINGULAR_PLANT, Status.UNDEFINED_INPUT)
-    )
+    """Compile a sample of a law to a C function that the kernel calls."""
+    law = jitable(law)
+    singular = system.singular
+    n = len(system.states)
+    m = len(system.inputs)
+    answered = ANSWERED
+    failed = ANSWERED + _FAILED
+    undefined_law = ANSWERED + Status.UNDEFINED_LAW.value
+    singular_plant = ANSWERED + Status.SINGULAR_PLANT.value
+    undefined_input = ANSWERED + Status.UNDEFINED_INPUT.value
 
-    def sample(t: float, x: Any, seen: Any, memory: Any, p: Any, u: Any) -> int:
-        if singular(x):
+    def sample(t: float, address: Any) -> int:
+        x, seen, command, memory, p = law_members_at(address)
+        if singular(local_copy(x, n)):
             return singular_plant
-        remembered = record_at(memory, memory_dtype)
+
+        u = local_copy(command, m)
+        memory_record = record_at(memory, memory_dtype)
         try:
-            law(t, seen, remembered, record_at(p, numbers_dtype), u)
+            law(t, local_copy(seen, n), memory_record, record_at(p, numbers_dtype), u)
         except Exception:
             return failed
-        if remembered.undefined != 0.0:
+        for i in range(m):
+            command[i] = u[i]
+
+        if memory_record.undefined != 0.0:
             return undefined_law
         return answered if all_finite(u) else undefined_input
 
@@ -213,27 +340,49 @@ def _compiled_law(system: System, law: Law, memory_dtype: Any, numbers_dtype: An
 
 
 @cache
-def _compiled_advance(advance: Advance, memory_dtype: Any, numbers_dtype: Any) -> Any:
-    """The step of a design model as a C function, which the kernel calls."""
-    step = jitable(advance)
+def _compiled_advance(
+    system: System, advance: Advance, memory_dtype: Any, numbers_dtype: Any
+) -> Any:
+    """Compile a step of a design model to a C function that the kernel calls."""
+    advance = jitable(advance)
+    n = len(system.states)
+    m = len(system.inputs)
 
-    def moved(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
-        remembered, numbers = record_at(memory, memory_dtype), record_at(p, numbers_dtype)
-        step(t, x, u, h, remembered, numbers, own)
+    def step(t: float, state: Any, u: Any, h: float, address: Any) -> None:
+        memory, p, own = advance_members_at(address)
+        x = local_copy(state, n)
+        memory_record = record_at(memory, memory_dtype)
+        advance(t, x, local_copy(u, m), h, memory_record, record_at(p, numbers_dtype), own)
+        for i in range(n):
+            state[i] = x[i]
 
-    return compile_c(moved, *ADVANCE.args)
+    return compile_c(step, *ADVANCE.args)
 
 
 @cache
 def _compiled_note(
-    note: Any, memory_dtype: Any, numbers_dtype: Any, meters_dtype: Any, known_dtype: Any
+    system: System,
+    note: Any,
+    memory_dtype: Any,
+    numbers_dtype: Any,
+    meters_dtype: Any,
+    constants_dtype: Any,
 ) -> Any:
-    """The accumulation of metrics as a C function, which the kernel calls."""
+    """Compile the accumulation of metrics to a C function that the kernel calls."""
     note = jitable(note)
+    n = len(system.states)
+    m = len(system.inputs)
 
-    def noted(t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any) -> None:
-        remembered, numbers = record_at(memory, memory_dtype), record_at(p, numbers_dtype)
-        kept, constants = record_at(meters, meters_dtype), record_at(known, known_dtype)
-        note(t, x, u, remembered, numbers, kept, constants)
+    def accumulate(t: float, address: Any) -> None:
+        x, u, memory, p, meters, constants = note_members_at(address)
+        note(
+            t,
+            local_copy(x, n),
+            local_copy(u, m),
+            record_at(memory, memory_dtype),
+            record_at(p, numbers_dtype),
+            record_at(meters, meters_dtype),
+            record_at(constants, constants_dtype),
+        )
 
-    return compile_c(noted, *NOTE.args)
+    return compile_c(accumulate, *NOTE.args)

@@ -101,12 +101,7 @@ def prepare(
         )
     _require_alike(plants, controllers, accumulated)
     plants[0].require_unchanged(plants)
-    own = plants[0].step_length
-    h = timestep or own or ANALYTIC_TIMESTEP
-    if own is not None and not math.isclose(h, own, rel_tol=1e-12):
-        raise ArgumentError(
-            f"timestep {h:g} s is not the model's {own:g} s: load the plant with it"
-        )
+    h = _timestep(plants[0], timestep)
     stride, period = stride_of(control_period, h)
     for item in dict.fromkeys(controllers):
         _require_designed_for(system, item, h, period)
@@ -135,6 +130,22 @@ def prepare(
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
     single = not counts and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
     return problem, single
+
+
+def _timestep(plant: Plant, asked: float | None) -> float:
+    """Timestep of a run [s]: of a model in MuJoCo its own.
+
+    Raises:
+        ArgumentError: If another one is asked for.
+    """
+    model_timestep = plant.step_length
+    if model_timestep is None:
+        return asked or ANALYTIC_TIMESTEP
+    if asked is not None and not math.isclose(asked, model_timestep, rel_tol=1e-12):
+        raise ArgumentError(
+            f"timestep {asked:g} s is not the model's {model_timestep:g} s: load the plant with it"
+        )
+    return model_timestep
 
 
 def _require_alike(

@@ -19,13 +19,13 @@ from grosmc_mj.simulation.disturbances import Disturbance, packed
 
 @dataclass(frozen=True, eq=False)
 class Meters:
-    """Metrics that are accumulated while a run goes on.
+    """Metrics that are accumulated during a run.
 
     Attributes:
-        note: Jitable (t, x, u, memory, p, meters, numbers): note the timestep that begins at t [s]
-            in the state x, (n,), under the input u, (m,), of the law with memory and p.
-        start: Their values as a run begins, a dataclass of numbers and arrays.
-        numbers: What ``note`` needs to know, another one.
+        note: Jitable (t, x, u, memory, p, meters, numbers): accumulate the timestep that begins at
+            t [s] in the state x, (n,), under the input u, (m,), of the law with memory and p.
+        start: Values of the metrics as a run begins, a dataclass of numbers and arrays.
+        numbers: Constants of ``note``, a dataclass of numbers and arrays.
     """
 
     note: Callable[[float, Any, Any, Any, Any, Any, Any], None]
@@ -45,7 +45,7 @@ class Problem:
     Attributes:
         plants: One per simulation, all analytic or all in MuJoCo.
         controllers: One per simulation, with the same law.
-        meters: One per simulation, which note alike; None for none.
+        meters: One per simulation, with the same ``note``; None for no metrics.
         x0: Starts, (nsim, n).
         steps: Number of timesteps.
         stride: Timesteps in a control period.
@@ -93,34 +93,50 @@ class Problem:
         """Whether anything acts on any of the simulations."""
         return any(self.disturbances)
 
+    # The engines ask for it in each run.
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Where the signals are in a row, by their names in ``KernelRun``; ``seen`` of a loop."""
-        n, m, looped = self.x0.shape[1], len(self.system.inputs), self.looped
-        wrenches = 6 * len(self.system.bodies) if self.disturbed else 0
-        sizes = {"x": n, "command": m, "memory": self.memory_dtype.itemsize // 8, "w": wrenches,
-                 "given": m * looped, "seen": n * looped}  # fmt: skip
-        ends = np.cumsum(list(sizes.values())).tolist()
-        return {name: slice(end - sizes[name], end) for name, end in zip(sizes, ends, strict=True)}
+        """Columns of a row by the names of the signals in ``KernelRun``.
+
+        MuJoCo's time comes first and x behind it: together they are mjSTATE_FULLPHYSICS of a model
+        without hidden states.
+        """
+        n = self.x0.shape[1]
+        m = len(self.system.inputs)
+        sizes = {"engine_time": 1, "x": n, "command": m, "memory": self.memory_dtype.itemsize // 8}
+        sizes["w"] = 6 * len(self.system.bodies) if self.disturbed else 0
+        sizes["given"] = m if self.looped else 0
+        sizes["seen"] = n if self.looped else 0
+
+        columns = {}
+        start = 0
+        for name, size in sizes.items():
+            columns[name] = slice(start, start + size)
+            start += size
+        return columns
 
     @property
     def width(self) -> int:
-        """Numbers in a row."""
-        return list(self.columns.values())[-1].stop
+        """Number of signals in a row."""
+        return self.columns["seen"].stop
 
+    # Profiles that are no formula are called at every timestep, once.
     @cached_property
     def pushes(self) -> list[tuple[Array, Array]]:
-        """What ``packed`` makes of the one list of disturbances, or of each.
+        """Numbers of the one list of disturbances, or of each list, see ``packed``.
 
         Raises:
-            ArgumentError: As ``packed``.
+            ArgumentError: If ``packed`` refuses a disturbance.
         """
-        bodies, steps = self.system.bodies, range(self.steps)
+        bodies = self.system.bodies
+        steps = range(self.steps)
         return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
 
     def pushes_of(self, run: int) -> tuple[Array, Array]:
-        """The same of one simulation."""
-        return self.pushes[min(run, len(self.pushes) - 1)]
+        """Numbers of the disturbances on one simulation."""
+        if len(self.pushes) == 1:
+            return self.pushes[0]
+        return self.pushes[run]
 
 
 @dataclass(eq=False)
@@ -128,8 +144,8 @@ class Record:
     """Record of all simulations, written by an engine.
 
     Attributes:
-        rows: The signals at the start and after each kept step, and behind them
-            mjSTATE_FULLPHYSICS, (nsim, kept steps + 1, width + size).
+        rows: Signals at the start and after each kept step, and behind them mjSTATE_FULLPHYSICS of
+            a model with hidden states, (nsim, kept steps + 1, width + size).
         status: ``Status`` values, (nsim,).
         valid: Number of valid steps, (nsim,).
         meters: Accumulated metrics, flat, (nsim, size).
@@ -142,17 +158,25 @@ class Record:
 
     @classmethod
     def empty(cls, problem: Problem, size: int = 0) -> Record:
-        """Room for everything that the problem wants kept.
+        """Record with room for every row that the problem keeps.
 
         Args:
-            problem: What is run.
-            size: Numbers in mjSTATE_FULLPHYSICS; 0 of equations.
+            problem: Simulations.
+            size: Numbers in a row behind the signals.
         """
-        nsim, kept = len(problem.x0), problem.steps if problem.record else 1
-        starts = [pack(meters.start) if meters else np.zeros(0) for meters in problem.meters]
+        nsim = len(problem.x0)
+        kept = problem.steps if problem.record else 1
+        starts = {meters: _packed_start(meters) for meters in dict.fromkeys(problem.meters)}
         return cls(
             rows=np.zeros((nsim, kept + 1, problem.width + size)),
             status=np.zeros(nsim, np.int64),
             valid=np.full(nsim, problem.steps, np.int64),
-            meters=np.array(starts),
+            meters=np.array([starts[meters] for meters in problem.meters]),
         )
+
+
+def _packed_start(meters: Meters | None) -> Array:
+    """Values of metrics as a run begins, flat; nothing without metrics."""
+    if meters is None:
+        return np.zeros(0)
+    return pack(meters.start)

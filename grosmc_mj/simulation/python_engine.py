@@ -1,4 +1,4 @@
-"""The reference engine: the kernel as plain Python, over any callable law, easy to step through."""
+"""The reference engine: the kernel as plain Python, for any callable law, easy to step through."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
-from grosmc_mj.simulation.kernel import ANSWERED, KernelRun, run_of
+from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
 from grosmc_mj.simulation.law_inputs import write_inputs
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.steppers import Stepper, Steppers
@@ -23,19 +23,19 @@ from grosmc_mj.simulation.trajectory import Status
 class ClosedLoop:
     """A plant under a sampled law, which the caller advances.
 
-    Overflows of a diverging run are the caller's to silence, as is MuJoCo's printing.
+    Overflows of a diverging run are the caller's to silence, and so are MuJoCo's warnings.
 
     Args:
-        problem: The simulations.
-        number: Which of them.
-        record: Where its rows go; None for nowhere.
-        steppers: What moves plants.
+        problem: Simulations.
+        number: Number of this one.
+        record: Record for its rows; None for none.
+        steppers: Steppers of plants; new ones by default.
 
     Attributes:
         steps: Timesteps done.
-        memory: The law's memory.
+        memory: Memory of the law.
         meters: Metrics accumulated so far; None without any.
-        run: The kernel's view of it: ``run.x`` is the last valid state, ``run.u`` the input.
+        run: State of the kernel: ``run.x`` is the last valid state, ``run.u`` the input.
     """
 
     def __init__(
@@ -45,88 +45,129 @@ class ClosedLoop:
         record: Record | None = None,
         steppers: Steppers | None = None,
     ) -> None:
-        """Put the plant at its start."""
-        self._problem, self._controller = problem, problem.controllers[number]
-        steppers, controller = steppers or Steppers(problem.timestep), self._controller
-        self._stepper = stepper = steppers.of(problem.plants[number])
-        self.steps, (self.memory, self._kept_alive) = 0, controller.begin()
-        kept = record or Record.empty(replace(problem, record=False), stepper.size)
-        meters, memory = problem.meters[number], self.memory
-        self.meters = deepcopy(meters.start) if meters else None
+        """Bring the plant to its start."""
+        self._problem = problem
+        self._controller = problem.controllers[number]
+        self._meters = problem.meters[number]
+        steppers = steppers or Steppers(problem.timestep)
+        self._stepper = steppers.of(problem.plants[number])
 
-        def read(_model: Any, _data: Any, row: int, _which: int) -> None:
-            stepper.read(kept.rows[number, 1 + row, problem.width :])
+        self.steps = 0
+        self.memory, self._workspace = self._controller.begin()
+        self.meters = deepcopy(self._meters.start) if self._meters else None
+        self.run = self._begun(number, record)
 
-        def note(t: float, x: Array, u: Array, *_flat: Any) -> None:
-            assert meters is not None
-            meters.note(t, x, u, memory, controller.parameters, self.meters, meters.numbers)
+    def _begun(self, number: int, record: Record | None) -> KernelRun:
+        """Run of the kernel at its start."""
+        problem = self._problem
+        stepper = self._stepper
+        loop = self._controller.loop
+        # Without a record the caller may make any number of steps.
+        kept = record or Record.empty(replace(problem, record=False), stepper.recorded_size)
+        run = kernel_run(
+            problem,
+            number,
+            kept,
+            stepper,
+            law=self._sample,
+            note=self._note,
+            step=stepper.advance,
+            read=self._read,
+            model=stepper.model,
+            data=stepper.data,
+            p=np.zeros(0),
+            physics=0,
+            width=1 if stepper.recorded_size else 0,
+        )
+        if record is None:
+            run = run._replace(keep=sys.maxsize)
 
-        r = kernel_run(
-            problem, number, kept, stepper,
-            step=stepper.advance, read=read, law=self._sample, note=note, p=np.zeros(0),
-            model=stepper.model, data=stepper.data, physics=0, width=min(1, stepper.size),
-        )  # fmt: skip
-        loop = ideal_loop(len(r.seen), len(stepper.u))
-        if controller.loop is not None:
-            seen = r.now[problem.columns["seen"]]
-            loop = controller.loop.begin_uncompiled(controller, memory, seen, r.seen)
-        # Without a record there may be as many steps as somebody likes.
-        self.run = r._replace(loop=loop, keep=r.keep if record else sys.maxsize)
-        start(self.run, problem, number, stepper, pack(memory), kept.rows[number, 0])
+        if loop is None:
+            run = run._replace(loop=ideal_loop(len(run.seen), len(stepper.u)))
+        else:
+            seen = run.now[problem.columns["seen"]]
+            run = run._replace(
+                loop=loop.begin_uncompiled(self._controller, self.memory, seen, run.seen)
+            )
+        start(run, problem, number, stepper, pack(self.memory), kept)
+        return run
 
     def physics(self) -> Array:
-        """mjSTATE_FULLPHYSICS as it is now, (size,); of equations nothing."""
+        """Return mjSTATE_FULLPHYSICS as it is now, (size,); of equations nothing."""
         state = np.zeros(self._stepper.size)
         self._stepper.read(state)
         return state
 
     def advance(self, steps: int = 1) -> Status:
-        """Timesteps, with a new sample of the law where one is due, under the disturbances.
+        """Make timesteps, with a sample of the law where one is due, under the disturbances.
 
         Returns:
-            Why the run cannot go on, or ``Status.COMPLETED`` for steps that were completed.
+            ``Status.COMPLETED``, or why the run cannot go on.
         """
-        self.run.clock[1] = self.steps + steps
+        self.run.progress[LAST_STEP] = self.steps + steps
         run_of(looped=self._problem.looped)(self.run)
-        self.steps = int(self.run.clock[0])
-        return Status(int(self.run.clock[2]) - ANSWERED)
+        self.steps = int(self.run.progress[NEXT_STEP])
+        return Status(int(self.run.progress[ANSWER]) - ANSWERED)
 
     def advance_under(self, wrench: Array) -> Status:
-        """One timestep as ``advance``, but under a wrench, (6 * bodies,), and no disturbances."""
+        """Make one timestep under a wrench, (6 * bodies,), in place of the disturbances."""
         self.run = self.run._replace(pushes=self.run.pushes[:0])
         self.run.forces[self.run.bodies] = wrench.reshape(-1, 6)
         return self.advance()
 
-    def _sample(
-        self, t: float, x: Array, seen: Array, memory: Array, p: Array, u: Array
-    ) -> int:  # fmt: skip
-        """Sample the law for the input that is held from now on."""
-        if self._problem.system.singular(x):
+    def _sample(self, t: float, _address: Any) -> int:
+        """Sample the law for the input that is held from now on, see ``kernel.LAW``."""
+        run = self.run
+        if self._problem.system.singular(run.x):
             return ANSWERED + Status.SINGULAR_PLANT.value
-        finite = write_inputs(self._controller, t, seen, self.memory, u)
-        memory[:] = pack(self.memory)
+
+        finite = write_inputs(self._controller, t, run.seen, self.memory, run.command)
+        run.memory[:] = pack(self.memory)
         if self.memory.undefined:
             return ANSWERED + Status.UNDEFINED_LAW.value
-        return ANSWERED if finite else ANSWERED + Status.UNDEFINED_INPUT.value
+        if not finite:
+            return ANSWERED + Status.UNDEFINED_INPUT.value
+        return ANSWERED
+
+    def _note(self, t: float, _address: Any) -> None:
+        """Accumulate the metrics of a timestep, see ``kernel.NOTE``."""
+        assert self._meters is not None
+        self._meters.note(
+            t,
+            self.run.x,
+            self.run.u,
+            self.memory,
+            self._controller.parameters,
+            self.meters,
+            self._meters.numbers,
+        )
+
+    def _read(self, _model: Any, _data: Any, row: int, _kind: int) -> None:
+        """Write mjSTATE_FULLPHYSICS into a row of the record."""
+        self._stepper.read(self.run.rows[row, self._problem.width :])
 
 
 def kernel_run(
     problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
 ) -> KernelRun:
-    """Room for the kernel to compute a run of a problem in, see ``start``; its loop comes later.
+    """Make the structure in which the kernel computes a run; its loop comes later, see ``start``.
 
     Args:
-        problem: The simulations.
-        number: Which of them.
-        record: Where its rows go.
-        stepper: What moves its plant.
-        of_engine: The fields of ``KernelRun`` in which the engines differ.
+        problem: Simulations.
+        number: Number of this one.
+        record: Record for its rows.
+        stepper: Stepper of its plant.
+        of_engine: Fields of ``KernelRun`` in which the engines differ.
     """
-    meters, (pushes, values) = problem.meters[number], problem.pushes_of(number)
-    now, loop = np.zeros(problem.width), cast(Any, None)
+    meters = problem.meters[number]
+    pushes, values = problem.pushes_of(number)
+    now = np.zeros(problem.width)
     signals = {name: now[columns] for name, columns in problem.columns.items()}
+    # A loop writes the measured state into its column; the law gets it in an array of its own.
+    signals["seen"] = np.zeros(problem.x0.shape[1])
     return KernelRun(
-        clock=np.zeros(3, np.int64),
+        address=0,
+        progress=np.zeros(4, np.int64),
         keep=0 if problem.record else problem.steps - 1,
         stride=problem.stride,
         h=problem.timestep,
@@ -140,34 +181,41 @@ def kernel_run(
         bodies=stepper.bodies,
         forces=stepper.forces,
         now=now,
-        **{**signals, "seen": np.zeros(problem.x0.shape[1])},
-        meters=record.meters[number],
+        **signals,
+        meters=record.meters[number].copy(),
         meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
-        rows=record.rows[number, 1:],
-        loop=loop,
+        rows=record.rows.reshape(-1, record.rows.shape[2]),
+        loop=cast(Any, None),
         **of_engine,
     )
 
 
 def start(
-    r: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, row: Array
+    run: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, record: Record
 ) -> None:
     """Bring a run to its start.
 
     Args:
-        r: Room for it.
-        problem: The simulations.
-        number: Which of them.
-        stepper: What moves its plant.
-        memory: Of its law, flat.
-        row: The record's first row.
+        run: Run of the kernel.
+        problem: Simulations.
+        number: Number of this one.
+        stepper: Stepper of its plant.
+        memory: Memory of its law, flat.
+        record: Record for its rows.
     """
-    stepper.restart(problem.x0[number])
-    r.clock[:] = 0, problem.steps, ANSWERED
-    r.now[:], r.seen[:] = 0.0, 0.0
-    r.x[:], r.memory[:] = problem.x0[number], memory
-    row[: len(r.x)] = r.x
-    stepper.read(row[problem.width :])
+    x0 = problem.x0[number]
+    rows = record.rows.shape[1]
+    stepper.restart(x0)
+    run.progress[:] = 0, problem.steps, ANSWERED, number * rows + 1
+    run.now[:] = 0.0
+    run.seen[:] = 0.0
+    run.x[:] = x0
+    run.memory[:] = memory
+
+    first_row = record.rows[number, 0]
+    first_row[problem.columns["x"]] = x0
+    if stepper.recorded_size:
+        stepper.read(first_row[problem.width :])
 
 
 def run_python(problem: Problem) -> Record:
@@ -179,13 +227,14 @@ def run_python(problem: Problem) -> Record:
     """
     refuse_foreign_callback()
     steppers = Steppers(problem.timestep)
-    record = Record.empty(problem, steppers.of(problem.plants[0]).size)
-    # A diverging run overflows quietly, as in C; its state tells.
+    record = Record.empty(problem, steppers.of(problem.plants[0]).recorded_size)
+    # A diverging run overflows quietly, as in C; its status says that it diverged.
     with np.errstate(all="ignore"), warnings_counted_only():
         for number in range(len(problem.x0)):
             loop = ClosedLoop(problem, number, record, steppers)
-            ended = loop.advance(problem.steps)
-            record.status[number], record.valid[number] = ended.value, loop.steps
+            status = loop.advance(problem.steps)
+            record.status[number] = status.value
+            record.valid[number] = loop.steps
             if loop.meters is not None:
                 record.meters[number] = pack(loop.meters)
     return record

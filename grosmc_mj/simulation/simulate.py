@@ -83,7 +83,8 @@ def simulate(
 
 def _trajectory(problem: Problem, record: Record) -> Trajectory:
     """What the engine wrote, with names, as a batch."""
-    rows, width, columns = record.rows, problem.width, problem.columns
+    rows = record.rows
+    columns = problem.columns
     # The last valid row is repeated; of an unrecorded run that ended early only the start is.
     for run in np.flatnonzero(record.status).tolist():
         last = int(record.valid[run]) if problem.record else 0
@@ -105,12 +106,23 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         weighed=_squeezed(memory["v"]),
         memory=memory,
         wrench=held["w"] if problem.disturbed else None,
-        physics=rows[..., width:] if rows.shape[2] > width else None,
+        physics=_physics(problem, rows),
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
         meters=record.meters.view(meters.kind[1])[:, 0] if meters else None,
     )
+
+
+def _physics(problem: Problem, rows: Array) -> Array | None:
+    """mjSTATE_FULLPHYSICS in the rows of a record; None of equations."""
+    if problem.plants[0].kind != "physics":
+        return None
+    if rows.shape[2] > problem.width:
+        return rows[..., problem.width :]
+    # Without hidden states it is the time and the state.
+    columns = problem.columns
+    return rows[..., columns["engine_time"].start : columns["x"].stop]
 
 
 def _squeezed(rows: Array) -> Array:

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c, record_at
+from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
@@ -26,21 +26,23 @@ from grosmc_mj.plants.runge_kutta import runge_kutta_step
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.guard import c_address, cannot_step
 from grosmc_mj.simulation.kernel import STEP
+from grosmc_mj.structures import record_at
 
 # A state beyond this has diverged; MuJoCo's own bound.
 LARGEST = mujoco.mjMAXVAL
-_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class EquationStepper:
-    """Moves equations by RK4; of mjSTATE_FULLPHYSICS they have nothing.
+    """Moves equations by RK4; they have no mjSTATE_FULLPHYSICS.
 
     Args:
-        plant: As equations.
+        plant: Plant as equations.
         timestep: [s].
     """
 
     size = 0
+    recorded_size = 0
 
     def __init__(self, plant: Plant, timestep: float) -> None:
         self._system, self._block = plant.system, np.zeros(1, _block_dtype(plant.system))
@@ -131,7 +133,10 @@ class PhysicsStepper:
         numbers = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
         self.warnings = np.ctypeslib.as_array(numbers)
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
-        self.forces, self.size = data.xfrc_applied, mujoco.mj_stateSize(model, _FULL)
+        self.forces = data.xfrc_applied
+        self.size = mujoco.mj_stateSize(model, _FULL_PHYSICS)
+        # Without hidden states it is the time and the state, which a row has anyway.
+        self.recorded_size = 0 if self.size == 1 + 2 * n else self.size
 
     def write(self, plant: Any) -> None:
         """Write the edits of a plant, which shares this model, into it."""
@@ -156,7 +161,7 @@ class PhysicsStepper:
 
     def read(self, state: Array) -> None:
         """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
-        mujoco.mj_getState(self.model, self.data, state, _FULL)
+        mujoco.mj_getState(self.model, self.data, state, _FULL_PHYSICS)
 
     def addresses(self) -> tuple[int, int, int]:
         """``mj_step`` itself, the mjModel and the mjData."""

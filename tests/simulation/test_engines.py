@@ -228,7 +228,7 @@ def test_ends_are_those_of_the_record_and_pieces_have_no_seam(kind, engine, monk
         if rows is not None:
             last = [0, -1] if field in ("state", "physics") else [-1]
             np.testing.assert_array_equal(ends, rows[:, last], err_msg=field)
-    monkeypatch.setattr(native_engine, "_FIRST", 2)
+    monkeypatch.setattr(native_engine, "_FIRST_STEPS", 2)
     monkeypatch.setattr(native_engine, "_PAUSE", 1e-5)
     for unbroken, record in ((full, True), (short, False)):
         assert_equal(unbroken, simulate(**runs, record=record, **options))
@@ -307,6 +307,7 @@ def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
             data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
             mujoco.mj_step(model, data)
             np.testing.assert_array_equal(np.r_[data.qpos, data.qvel], run.state[i + 1])
+        assert run.physics[i + 1, 0] == plain.time
 
 
 # Errors of MuJoCo's, which end a process that calls it by its address, and Ctrl-C
