@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import linecache
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.compilation import cache_folder
+from grosmc_mj.errors import ModelError, SetupError, one_line
+from grosmc_mj.files import written_aside
 from grosmc_mj.jitable import jitable
 
 # Integer powers up to this are written as products: pow() need not round as a product does.
 _LARGEST_PRODUCT = 8
+# Part of the name of each source on disk: one more where the printer changes.
+_FORMAT = 1
 
 
 class _Printer(PythonCodePrinter):
@@ -45,47 +51,92 @@ class _Printer(PythonCodePrinter):
 def generate(
     name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
 ) -> Callable[..., Any]:
-    """A jitable function of the arguments that returns the expressions' values as a tuple.
+    """Make a jitable function of the arguments that returns the expressions' values as a tuple.
+
+    Its source is kept on disk beside compiled code: sympy takes up to 0.3 s to find it again.
 
     Args:
         name: Name of the function, as tracebacks show it.
         expressions: sympy expressions or conditions.
         arguments: Names of its arguments, as in ``"x, p"``.
-        places: Where each symbol is found, such as ``x[0]`` or ``p.m``.
+        places: Place of each symbol, such as ``x[0]`` or ``p.m``.
 
     Raises:
         ModelError: If an expression has another symbol, or what Python's ``math`` cannot compute.
     """
     exact = [sp.sympify(expression) for expression in expressions]
     # A function reaches its own arguments only.
-    own = {name.strip() for name in arguments.split(",")}
-    places = {s: place for s, place in places.items() if re.split(r"[.\[]", place)[0] in own}
-    unknown = sorted({str(s) for part in exact for s in part.free_symbols - set(places)})
+    argument_names = {argument.strip() for argument in arguments.split(",")}
+    reachable = {
+        symbol: place
+        for symbol, place in places.items()
+        if re.split(r"[.\[]", place)[0] in argument_names
+    }
+    unknown = sorted({str(s) for part in exact for s in part.free_symbols - set(reachable)})
     if unknown:
-        known = ", ".join(sorted(map(str, places)))
+        known = ", ".join(sorted(map(str, reachable)))
         raise ModelError(f"{name}: unknown symbol {', '.join(unknown)}; known: {known}")
-    # No name of a part that occurs often may be a name of the expressions' own.
+
+    file = _cached_source(name, exact, arguments, reachable)
+    if file is not None:
+        # It may not be there yet, or be damaged.
+        with contextlib.suppress(OSError, UnicodeError, SyntaxError, KeyError):
+            return jitable(_compile(name, file.read_text(encoding="utf-8")))
+
+    source = _source(name, exact, arguments, reachable)
+    if file is not None:
+        # On a full disk the source is found anew each time.
+        with contextlib.suppress(SetupError), written_aside(file) as part:
+            part.write_text(source, encoding="utf-8")
+    return jitable(_compile(name, source))
+
+
+def _cached_source(
+    name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
+) -> Path | None:
+    """File for the source of a function, which its expressions name; None without a cache."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    written = {symbol: sp.Symbol(place) for symbol, place in places.items()}
+    # What sympy prints of a dummy symbol differs from process to process, its place does not.
+    placed = [sp.srepr(expression.xreplace(written)) for expression in expressions]
+    # The order of a sum, and so its rounding, depends on the names of its symbols.
+    names = sorted(f"{symbol} {place}" for symbol, place in places.items())
+    text = f"{_FORMAT} {sp.__version__} {name} {arguments} {names} {placed}"
+    key = hashlib.sha256(text.encode()).hexdigest()
+    return folder / "generated" / f"{name}-{key[:32]}.py"
+
+
+def _source(
+    name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
+) -> str:
+    """Source of a function in which common parts of the expressions are computed once.
+
+    Raises:
+        ModelError: If an expression is one that Python's ``math`` cannot compute.
+    """
+    # A name of a common part must not be the name of a symbol.
     names = sp.numbered_symbols("c", exclude=list(places))
-    shared, reduced = cast(Any, sp.cse(exact, symbols=names))
+    common, reduced = cast(Any, sp.cse(expressions, symbols=names))
     printer: Any = _Printer({"fully_qualified_modules": True, "strict": True})
     written = {symbol: sp.Symbol(place) for symbol, place in places.items()}
+
+    lines = [f"def {name}({arguments}):"]
     try:
-        lines = [
-            f"    {symbol} = {printer.doprint(part.xreplace(written))}" for symbol, part in shared
-        ]
+        for symbol, part in common:
+            lines.append(f"    {symbol} = {printer.doprint(part.xreplace(written))}")
         values = [printer.doprint(part.xreplace(written)) for part in reduced]
     except Exception as error:  # sympy has no common class for what it cannot print
         raise ModelError(f"{name}: {one_line(str(error))}") from error
-    source = "\n".join(
-        [f"def {name}({arguments}):", *lines, f"    return ({', '.join(values)},)", ""]
-    )
-    return jitable(_compile(name, source))
+    lines.append(f"    return ({', '.join(values)},)")
+    return "\n".join(lines) + "\n"
 
 
 def generate_condition(
     name: str, condition: Any, places: Mapping[Any, str]
 ) -> Callable[[Any], bool]:
-    """A jitable function of the state that says whether a condition of sympy holds.
+    """Make a jitable function of the state that says whether a condition of sympy holds.
 
     Raises:
         ModelError: If the condition has a symbol without a place.
@@ -96,7 +147,7 @@ def generate_condition(
 
 
 def _compile(name: str, source: str) -> Callable[..., Any]:
-    """The function that the source defines; tracebacks show its lines."""
+    """Return the function that the source defines; tracebacks show its lines."""
     file = f"<generated {name} {hashlib.sha256(source.encode()).hexdigest()[:12]}>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     # Code that numba has cached asks for the module of every function in it by this name.

@@ -136,7 +136,7 @@ def _code_text(block: CodeType) -> str:
     return f"{block.co_code.hex()}{constants}{block.co_names}"
 
 
-def _cache() -> Path | None:
+def cache_folder() -> Path | None:
     """Folder of compiled code, which numba's own setting moves; None if there can be none."""
     return private_cache(os.environ.get("NUMBA_CACHE_DIR"))
 
@@ -152,7 +152,7 @@ class _PrivateFolder(_CacheLocator):
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _PrivateFolder | None:
         """Location for any function, or None without a folder for caches."""
-        folder = _cache()
+        folder = cache_folder()
         return None if folder is None else cls(folder / "compiled", py_file)
 
     def get_cache_path(self) -> Any:
@@ -237,7 +237,7 @@ def compile_c(function: Callable[..., Any], *arguments: Any, returns: Any = type
     """
     compiled: Any = CFunc(function, (arguments, returns), {}, {"error_model": "numpy"})
     # Without a folder that could hold a cache, compile each time.
-    if _cache() is not None:
+    if cache_folder() is not None:
         compiled._cache = _FingerprintCache(function)
     with _without_collector():
         compiled.compile()
@@ -263,6 +263,6 @@ def compile_python(function: Callable[..., Any]) -> Any:
         SetupError: If the folder of the cache is not the user's own.
     """
     compiled: Any = numba.njit(function)
-    if _cache() is not None:
+    if cache_folder() is not None:
         compiled._cache = _FingerprintCache(function)
     return compiled
