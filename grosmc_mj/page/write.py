@@ -20,9 +20,9 @@ from plotly.offline import get_plotlyjs
 
 from grosmc_mj.files import written_aside
 from grosmc_mj.page.charts import Figure, chart_figure, curves_figure
-from grosmc_mj.page.equations import mathml
 from grosmc_mj.page.reading import ClaimsResult, Curves, Document, Film, Results
 from grosmc_mj.results.document import plain
+from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import label_of
 from grosmc_mj.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.results.tables import number
@@ -30,6 +30,8 @@ from grosmc_mj.versions import __version__
 
 # Bytes of a page, and of its text around the films; letters of a configuration.
 LARGEST, _AROUND, _CONFIGURATION = 16_000_000, 20_000, 20_000
+# Letters of a formula; a longer one is shown in LaTeX.
+_LONGEST_FORMULA = 2000
 # Results that stand in the table of every law in every case.
 _OF_CASES = ("run", "validation")
 
@@ -198,8 +200,20 @@ def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
     }
     systems: dict[str, list[tuple[Any, str]]] = {}
     for claim in claims.values():
-        systems.setdefault(claim.system, []).append((claim, mathml(claim.equation)))
+        systems.setdefault(claim.system, []).append((claim, _equation(claim.equation)))
     return systems
+
+
+def _equation(formula: str) -> str:
+    """A formula in LaTeX as a line of text, or as it is if it cannot be read."""
+    if len(formula) > _LONGEST_FORMULA:
+        return formula
+    try:
+        text = in_text(formula)
+    # A parser of other people's texts has errors of every kind.
+    except Exception:
+        return formula
+    return text or formula
 
 
 def _films(

@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 import pytest
 import sympy as sp
 from campaign_cases import run
+from numpy.typing import NDArray
 
 import grosmc_mj as gm
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.runs import RunResult
@@ -81,7 +81,7 @@ def test_two_signals_of_one_name_are_distinguished() -> None:
     assert names[:6] == ["time", "p", "v", "force", "force asked", "weighed v"]
 
 
-def with_column(folder: Path, name: str, values: Array) -> Path:
+def with_column(folder: Path, name: str, values: NDArray[Any]) -> Path:
     """A run's file with other values in one of its columns."""
     table = result().trajectory.to_arrow()
     column = table.schema.get_field_index(name)
