@@ -75,7 +75,7 @@ def recorded() -> gm.Trajectory:
 
 @cache
 def saved() -> Path:
-    return recorded().save(Path(tempfile.mkdtemp()) / "run.npz")
+    return recorded().save(Path(tempfile.mkdtemp()) / "run.parquet")
 
 
 @cache

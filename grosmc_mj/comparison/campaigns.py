@@ -1,26 +1,26 @@
-"""Two campaigns: which pass rates and margins differ by more than chance."""
+"""Two campaigns: pass rates and mean margins that differ by more than noise."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.comparison.changes import GONE, Change, Effect, effect_of
-from grosmc_mj.comparison.significance import (
-    LEVEL,
-    SampleTest,
-    holm,
-    other_plants_means,
-    other_plants_rates,
-    same_plants_means,
-    same_plants_rates,
+from grosmc_mj.comparison.intervals import (
+    ChangeInterval,
+    other_plants_mean,
+    other_plants_rate,
+    same_plants_mean,
+    same_plants_rate,
 )
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.sweep.findings import Basis
@@ -28,13 +28,7 @@ from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
 _LEAST_MARGIN = "relative"
-# A rate or a mean margin: its name, its value on both sides, and their test.
-Number = tuple[str, float | None, float | None, SampleTest | None]
-# Tests of rates and of means, by whether the plants are the same.
-_TESTS = {
-    True: (same_plants_rates, same_plants_means),
-    False: (other_plants_rates, other_plants_means),
-}
+_NO_INTERVAL = "no interval: neither the same plants nor random ones"
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,33 +96,67 @@ def campaign_rows(folder: Path) -> CampaignRows:
     return CampaignRows(folder.name, rows, plants, basis)
 
 
-def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
-    """Which rates and mean margins differ by more than chance, and how many were compared.
+class LawRuns(NamedTuple):
+    """The runs of one law in two campaigns.
 
-    All tests of a comparison raise a false alarm with 5 % together, by Holm's procedure.
+    Attributes:
+        before: Columns of the old campaign, (n,) each.
+        after: Columns of the new one, (m,) each.
+        same_plants: Whether row i is the same plant on both sides.
+        comparable: Whether the runs allow an interval: on the same plants, or on random ones.
     """
-    before, after = old.margins, new.margins
+
+    before: Mapping[str, Array]
+    after: Mapping[str, Array]
+    same_plants: bool
+    comparable: bool
+
+
+class ComparedNumber(NamedTuple):
+    """A pass rate or a mean margin of two campaigns.
+
+    Attributes:
+        name: With the law and the requirement.
+        before: Value in the old campaign; None if no run has one.
+        after: Value in the new one.
+        interval: Of the change; None if the runs allow none.
+    """
+
+    name: str
+    before: float | None
+    after: float | None
+    interval: ChangeInterval | None
+
+    def change(self, campaign: str) -> Change:
+        """The change, which is noise if its interval contains zero."""
+        name = f"{campaign} {self.name}"
+        before, after, interval = self.before, self.after, self.interval
+        if after is None:
+            return Change("campaign", name, before, after, Effect.WORSE, note=GONE)
+        if before is None:
+            return Change("campaign", name, before, after, Effect.NEW)
+        if interval is None:
+            return Change("campaign", name, before, after, Effect.CHANGED, note=_NO_INTERVAL)
+
+        effect = effect_of(after - before) if interval.excludes_zero else Effect.NOISE
+        return Change("campaign", name, before, after, effect, note=interval.words)
+
+
+def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
+    """Changes of pass rates and mean margins, and how many of these both campaigns have."""
+    before = old.margins
+    after = new.margins
     changes = [gone_or_new(name, gone=name in before) for name in before.keys() ^ after.keys()]
-    places = [before[name] for name in before if name in after]
-    numbers = [number for place in places for number in _numbers(old, new, *place)]
-    tests = [test for *_, test in numbers if test is not None]
-    alarms = iter(holm([test.p_value for test in tests]))
-    for name, mean, other, test in numbers:
-        effect, alarm = Effect.NOISE, test is not None and next(alarms)
-        if mean == other:
+
+    compared = 0
+    for name, (law, column) in before.items():
+        if name not in after:
             continue
-        if mean is None or other is None:
-            effect, note = (Effect.WORSE, GONE) if other is None else (Effect.NEW, "")
-        elif test is None:
-            effect, note = Effect.CHANGED, "no test: the plants are others, and no random draws"
-        else:
-            note = (
-                f"{test.name}, p = {test.p_value:.1g} of {len(tests)} tests; least detectable "
-                f"change {test.detectable(LEVEL / len(tests)):.2g}"
-            )
-            effect = effect_of(other - mean) if alarm else Effect.NOISE
-        changes.append(Change("campaign", f"{new.name} {name}", mean, other, effect, note=note))
-    return changes, len(numbers)
+        for number in _compared_numbers(_law_runs(old, new, law), law, column):
+            compared += 1
+            if number.before != number.after:
+                changes.append(number.change(new.name))
+    return changes, compared
 
 
 def gone_or_new(name: str, *, gone: bool) -> Change:
@@ -138,42 +166,83 @@ def gone_or_new(name: str, *, gone: bool) -> Change:
     return Change("campaign", name, None, "there", Effect.NEW)
 
 
-def _numbers(old: CampaignRows, new: CampaignRows, law: str, column: str) -> Iterator[Number]:
+def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
+    """The runs that both campaigns have if these are the same plants; else all runs of both."""
+    before = old.rows[law]
+    after = new.rows[law]
+    shared, in_old, in_new = np.intersect1d(before["id"], after["id"], return_indices=True)
+    old_plants = old.plants[law][in_old]
+    new_plants = new.plants[law][in_new]
+    same = (
+        len(shared) > 0
+        and old_plants.shape == new_plants.shape
+        and np.allclose(old_plants, new_plants, rtol=1e-9)
+    )
+    if not same:
+        random = old.basis.independent and new.basis.independent
+        return LawRuns(before, after, same_plants=False, comparable=random)
+
+    return LawRuns(
+        {name: values[in_old] for name, values in before.items()},
+        {name: values[in_new] for name, values in after.items()},
+        same_plants=True,
+        comparable=True,
+    )
+
+
+def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[ComparedNumber]:
     """Pass rate and mean margin of a requirement under a law.
 
-    Before those of the least margin comes how many runs complete. There is no test where the runs
-    allow none.
+    Before those of the least margin comes the share of runs that complete.
     """
-    rows = old.rows[law], new.rows[law]
-    # The runs that both have, if these are the same plants; else all runs of both.
-    shared, *places = np.intersect1d(rows[0]["id"], rows[1]["id"], return_indices=True)
-    plants = [side.plants[law][place] for side, place in zip((old, new), places, strict=True)]
-    alike = len(shared) and plants[0].shape == plants[1].shape
-    same = bool(alike and np.allclose(*plants, rtol=1e-9))
-    places = places if same else [slice(None)] * 2
-    a, b = (side[column][place] for side, place in zip(rows, places, strict=True))
-    if np.isnan(a).any() or np.isnan(b).any():
+    before = runs.before[column]
+    after = runs.after[column]
+    if np.isnan(before).any() or np.isnan(after).any():
         return
-    rate_test, mean_test = _TESTS[same]
-    testable = same or (old.basis.independent and new.basis.independent)
 
-    def number(
-        name: str, x: Array, y: Array, test: Callable[[Array, Array], SampleTest] | None
-    ) -> Number:
-        before, after = (float(side.mean()) if len(side) else None for side in (x, y))
-        tested = test(x, y) if test and testable and len(x) and len(y) else None
-        return f"{law}: {name}", before, after, tested
-
-    completed = [
-        side[_LEAST_MARGIN][place] > -np.inf for side, place in zip(rows, places, strict=True)
-    ]
+    completed_before = runs.before[_LEAST_MARGIN] > -np.inf
+    completed_after = runs.after[_LEAST_MARGIN] > -np.inf
     title = column.removeprefix(MARGIN)
     if column == _LEAST_MARGIN:
         title = "least margin"
-        yield number("runs completed", completed[0] * 1.0, completed[1] * 1.0, rate_test)
-    yield number(f"{title}, pass rate", (a >= 0) * 1.0, (b >= 0) * 1.0, rate_test)
+        yield _rate(f"{law}: runs completed", runs, completed_before, completed_after)
+    yield _rate(f"{law}: {title}, pass rate", runs, before >= 0, after >= 0)
+
     # A run that ended early has no margin: it counts in the rates.
-    both = completed[0] & completed[1] if same else np.ones(1, bool)
-    counted = [both, both] if same and both.any() else completed
-    margins = a[counted[0]], b[counted[1]]
-    yield number(f"{title}, mean margin", *margins, mean_test if both.any() else None)
+    comparable = runs.comparable
+    if runs.same_plants:
+        completed_on_both = completed_before & completed_after
+        comparable = bool(completed_on_both.any())
+        if comparable:
+            completed_before = completed_after = completed_on_both
+    yield _mean(
+        f"{law}: {title}, mean margin",
+        runs._replace(comparable=comparable),
+        before[completed_before],
+        after[completed_after],
+    )
+
+
+def _rate(
+    name: str, runs: LawRuns, before: NDArray[np.bool_], after: NDArray[np.bool_]
+) -> ComparedNumber:
+    """Share of runs, (n,) before and (m,) after."""
+    interval = None
+    if runs.comparable:
+        interval_of = same_plants_rate if runs.same_plants else other_plants_rate
+        interval = interval_of(before, after)
+    return ComparedNumber(name, float(before.mean()), float(after.mean()), interval)
+
+
+def _mean(name: str, runs: LawRuns, before: Array, after: Array) -> ComparedNumber:
+    """Mean margin of the runs that completed, (n,) before and (m,) after."""
+    interval = None
+    if runs.comparable and len(before) and len(after):
+        interval_of = same_plants_mean if runs.same_plants else other_plants_mean
+        interval = interval_of(before, after)
+    return ComparedNumber(name, _mean_of(before), _mean_of(after), interval)
+
+
+def _mean_of(margins: Array) -> float | None:
+    """The mean; None without margins."""
+    return float(margins.mean()) if len(margins) else None

@@ -1,4 +1,4 @@
-"""The comparison of two places with results, as a result of its own and as JUnit XML."""
+"""The comparison of two places with results, as a result of its own."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 from grosmc_mj.comparison.campaigns import (
     campaign_changes,
@@ -16,7 +15,6 @@ from grosmc_mj.comparison.campaigns import (
 )
 from grosmc_mj.comparison.changes import Change, Effect, changes
 from grosmc_mj.errors import ArgumentError, shown
-from grosmc_mj.files import written_aside
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
@@ -155,39 +153,7 @@ def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
     )
 
 
-def write_junit(path: Path, comparison: ResultComparison) -> None:
-    """Write a test case for each change, failed where it got worse, and one for what repeats.
-
-    Raises:
-        SetupError: If it cannot be written.
-    """
-    suite = ElementTree.Element(
-        "testsuite",
-        name="grosmc-mj diff",
-        tests=str(len(comparison.changes) + 1),
-        failures=str(len(comparison.worse)),
-        errors="0",
-    )
-    repeats = f"{comparison.compared} values are in both"
-    ElementTree.SubElement(suite, "testcase", classname="diff", name=repeats)
-    for change in comparison.changes:
-        case = ElementTree.SubElement(
-            suite, "testcase", classname=f"diff.{change.kind}", name=_printable(change.name)
-        )
-        if change.effect is Effect.WORSE:
-            note = f" ({change.note})" if change.note else ""
-            values = f"{_value(change.before)} -> {_value(change.after)} {change.unit}".rstrip()
-            ElementTree.SubElement(case, "failure", message=_printable(values + note))
-    with written_aside(path) as aside:
-        ElementTree.ElementTree(suite).write(aside, encoding="utf-8", xml_declaration=True)
-
-
 def _value(value: float | str | None) -> str:
     if value is None:
         return "none"
     return value if isinstance(value, str) else f"{value:.6g}"
-
-
-def _printable(text: str) -> str:
-    """Without the characters that XML has no room for."""
-    return "".join(letter for letter in text if letter.isprintable())

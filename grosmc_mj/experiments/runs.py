@@ -128,7 +128,7 @@ class RunResult:
         return write_case_film(self.case, film, Path(path), settings=self.experiment.settings).film
 
     def save(self, path: str | Path) -> Path:
-        """Write the trajectory as ``.parquet``, ``.npz`` or ``.csv``; see ``Trajectory.save``."""
+        """Write the trajectory as ``.parquet`` or ``.csv``; see ``Trajectory.save``."""
         unit = self.controller.design.sliding_unit if self.controller.design else ""
         return self.trajectory.save(path, sliding_unit=unit)
 

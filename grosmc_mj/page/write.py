@@ -9,7 +9,7 @@ import hashlib
 import json
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,16 +20,17 @@ from plotly.offline import get_plotlyjs
 
 from grosmc_mj.files import written_aside
 from grosmc_mj.page.charts import Figure, chart_figure, curves_figure
-from grosmc_mj.page.equations import mathml
 from grosmc_mj.page.reading import ClaimsResult, Curves, Document, Film, Results
 from grosmc_mj.results.document import plain
+from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import label_of
 from grosmc_mj.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
-# Bytes of a page, and of its text around the films; letters of a configuration.
-LARGEST, _AROUND, _CONFIGURATION = 16_000_000, 20_000, 20_000
+# Letters of a configuration and of a formula; a longer formula is shown in LaTeX.
+_LONGEST_CONFIGURATION = 20_000
+_LONGEST_FORMULA = 2000
 # Results that stand in the table of every law in every case.
 _OF_CASES = ("run", "validation")
 
@@ -61,43 +62,50 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
     Raises:
         SetupError: If it cannot be written.
     """
-    notices, documents, figures = list(reading.notices), reading.documents, list[Figure]()
+    figures = list[Figure]()
+    notices = list(reading.notices)
+    documents = reading.documents
     results = [document for document in documents if isinstance(document.content, Result)]
-    answers = sorted(
-        (answer for document in results for answer in _result(document).answers),
-        key=lambda answer: VERDICTS.index(answer.verdict),
-    )
+    answers = _answers(results)
     laws, cases = _matrix(results)
+
     content = {
         "title": "Results of grosmc-mj",
         "summary": _summary(answers, laws, cases, results),
         "answers": answers,
         "laws": laws,
         "matrix": cases,
-        "standings": [
-            (document.kind, standing)
-            for document in results
-            if document.kind not in _OF_CASES
-            for standing in _result(document).standings
-        ],
+        "standings": _standings(results),
         "curves": _cases(documents, figures),
         "studies": [_study(document, figures) for document in results if _result(document).sheets],
         "claims": _claims(results),
+        "films": _films(documents, notices),
+        "notices": notices,
         "version": __version__,
         "command": _text(Path(shlex.join(["grosmc-mj", "report", *map(str, paths)]))),
         "origins": [_origin(document) for document in documents],
         "number": number,
         "label_of": label_of,
     }
-    # The rest first: the films have the room that it leaves.
-    text = _render({**content, "notices": notices, "films": {}}, figures)
-    room = LARGEST - len(text.encode("utf-8", "replace")) - _AROUND
-    films = dict(_films(documents, room, notices))
-    if films or len(notices) > len(reading.notices):
-        text = _render({**content, "notices": notices, "films": films}, figures)
     with written_aside(path) as part:
-        part.write_text(text, encoding="utf-8", errors="replace")
-    return Page(path, len(text.encode("utf-8", "replace")), answers, notices)
+        part.write_text(_render(content, figures), encoding="utf-8", errors="replace")
+    return Page(path, path.stat().st_size, answers, notices)
+
+
+def _answers(results: Sequence[Document]) -> list[Answer]:
+    """The answers of all results, those that are not kept first."""
+    answers = [answer for document in results for answer in _result(document).answers]
+    return sorted(answers, key=lambda answer: VERDICTS.index(answer.verdict))
+
+
+def _standings(results: Sequence[Document]) -> list[tuple[str, Standing]]:
+    """Kind of study and standing of each law in it."""
+    return [
+        (document.kind, standing)
+        for document in results
+        if document.kind not in _OF_CASES
+        for standing in _result(document).standings
+    ]
 
 
 def _result(document: Document) -> Result:
@@ -198,50 +206,63 @@ def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
     }
     systems: dict[str, list[tuple[Any, str]]] = {}
     for claim in claims.values():
-        systems.setdefault(claim.system, []).append((claim, mathml(claim.equation)))
+        systems.setdefault(claim.system, []).append((claim, _equation(claim.equation)))
     return systems
 
 
-def _films(
-    documents: Sequence[Document], room: int, notices: list[str]
-) -> Iterator[tuple[tuple[str, str], str]]:
-    """The films of cases whose curves are there and that fit into the room [bytes], in base 64."""
+def _equation(formula: str) -> str:
+    """A formula in LaTeX as a line of text, or as it is if it cannot be read."""
+    if len(formula) > _LONGEST_FORMULA:
+        return formula
+    try:
+        text = in_text(formula)
+    # A parser of other people's texts has errors of every kind.
+    except Exception:
+        return formula
+    return text or formula
+
+
+def _films(documents: Sequence[Document], notices: list[str]) -> dict[tuple[str, str], str]:
+    """The newest film of each case whose curves are on the page, by system and case, in base 64.
+
+    A line of ``notices`` for each film that is left out.
+    """
     cases = {
-        (item.content.system, item.content.case)
-        for item in documents
-        if isinstance(item.content, Curves)
+        (document.content.system, document.content.case)
+        for document in documents
+        if isinstance(document.content, Curves)
     }
-    newest: dict[tuple[str, str], Document] = {}
-    for item in documents:
-        if isinstance(item.content, Film):
-            case = item.content.configuration.case
-            if (case.system, case.case) in cases:
-                newest[case.system, case.case] = item
-            else:
-                notices.append(f"{_text(item.path)}: its case has no curves here")
-    left = room * 3 // 4
-    for key, document in newest.items():
-        file = document.path.with_suffix(".mp4")
+    newest: dict[tuple[str, str], tuple[Path, Film]] = {}
+    for document in documents:
+        if not isinstance(document.content, Film):
+            continue
+        case = document.content.configuration.case
+        key = (case.system, case.case)
+        if key in cases:
+            newest[key] = (document.path.with_suffix(".mp4"), document.content)
+        else:
+            notices.append(f"{_text(document.path)}: its case has no curves here")
+
+    films: dict[tuple[str, str], str] = {}
+    for key, (file, description) in newest.items():
         try:
             film = file.read_bytes()
         except OSError as error:
             notices.append(f"{_text(file)}: {error.strerror}")
             continue
-        if hashlib.sha256(film).hexdigest() != getattr(document.content, "sha256", ""):
+        if hashlib.sha256(film).hexdigest() != description.sha256:
             notices.append(f"{_text(file)}: is not the film that the document beside it is of")
-        elif len(film) > left:
-            notices.append(f"{_text(file)}: has no room in a page of {LARGEST // 10**6} MB")
-        else:
-            left -= len(film)
-            yield key, base64.b64encode(film).decode()
+            continue
+        films[key] = base64.b64encode(film).decode()
+    return films
 
 
 def _origin(document: Document) -> dict[str, Any]:
     """Where a document comes from."""
     configuration = document.content.model_dump(include={"configuration"})["configuration"]
     text = json.dumps(plain(configuration), indent=1, ensure_ascii=True)
-    if len(text) > _CONFIGURATION:
-        text = text[:_CONFIGURATION] + "\n..."
+    if len(text) > _LONGEST_CONFIGURATION:
+        text = text[:_LONGEST_CONFIGURATION] + "\n..."
     return {
         "path": _text(document.path),
         "kind": document.kind,

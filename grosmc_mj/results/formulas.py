@@ -1,4 +1,4 @@
-"""Formulas in LaTeX as a line of text, for terminals."""
+"""Formulas in LaTeX as a line of text, for the terminal and the page."""
 
 from __future__ import annotations
 

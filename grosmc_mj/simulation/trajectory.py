@@ -41,7 +41,8 @@ _INSTANTS = ("state", "physics")
 _INTERVALS = ("command", "input", "sliding", "weighed", "memory", "wrench", "seen")
 # Key of a file's description, and ending of files.
 _ABOUT = "grosmc_mj"
-_FORMATS = (".parquet", ".csv", ".npz")
+_PARQUET = ".parquet"
+_FORMATS = (_PARQUET, ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +157,13 @@ class Trajectory:
         return _table(columns, json.dumps(about))
 
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
-        """Write one run as ``.parquet``, ``.npz`` or ``.csv``, by the ending.
+        """Write one run as ``.parquet`` or ``.csv``, by the ending.
 
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
         were applied and as they were asked for, ``s``, ``v``, memory, forces and torques, what of
         a machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
         what is held over an interval stands at its beginning, and the last row has none. Parquet
-        and NPZ keep all of the run, for ``load_trajectory``; columns of NPZ and CSV are called
-        ``name [unit]``.
+        keeps all of the run, for ``load_trajectory``; columns of CSV are called ``name [unit]``.
 
         Args:
             path: The file.
@@ -176,25 +176,18 @@ class Trajectory:
             ArgumentError: For a batch, or another ending.
             SetupError: If it cannot be written.
         """
-        import pyarrow.csv
         import pyarrow.parquet
 
-        file, table = Path(path), self.to_arrow(sliding_unit=sliding_unit)
+        file = Path(path)
         if file.suffix not in _FORMATS:
             raise ArgumentError(unknown_name("ending", file.suffix, _FORMATS))
-        about = table.schema.metadata[_ABOUT.encode()].decode()
-        labels = [f"{field.name} [{field.metadata[b'unit'].decode()}]" for field in table.schema]
-        labelled = table.rename_columns(labels)
+
+        table = self.to_arrow(sliding_unit=sliding_unit)
         with written_aside(file) as part:
-            if file.suffix == ".parquet":
+            if file.suffix == _PARQUET:
                 pyarrow.parquet.write_table(table, part)
-            elif file.suffix == ".csv":  # which cannot be read again as a run
-                physics = [label for label in labels if label.startswith("mjSTATE")]
-                pyarrow.csv.write_csv(labelled.drop_columns(physics), part)
             else:
-                arrays = {name: labelled[name].to_numpy() for name in labels}
-                with part.open("wb") as opened:
-                    np.savez_compressed(opened, allow_pickle=False, **arrays, **{_ABOUT: about})
+                _write_csv(table, part)
         return file
 
     def __len__(self) -> int:
@@ -253,38 +246,39 @@ def _table(columns: Sequence[tuple[str, str, Array]], about: str) -> Any:
     return pa.table(arrays, schema=pa.schema(fields, metadata={_ABOUT: about}))
 
 
+def _write_csv(table: Any, file: Path) -> None:
+    """Write a run's columns with their units; the state of physics is left out."""
+    import pyarrow.csv
+
+    labels = [f"{field.name} [{field.metadata[b'unit'].decode()}]" for field in table.schema]
+    physics = [label for label in labels if label.startswith("mjSTATE")]
+    pyarrow.csv.write_csv(table.rename_columns(labels).drop_columns(physics), file)
+
+
 @checked_call
 def load_trajectory(path: Annotated[Any, Is((str, Path), "the path of a file")]) -> Trajectory:
-    """A run that ``Trajectory.save`` wrote as ``.parquet`` or ``.npz``; nothing is executed.
+    """Read a run that ``Trajectory.save`` wrote as ``.parquet``; nothing is executed.
 
     Its system has the names and units of the run's and, if it is none of the package, no equations.
 
     Raises:
         ArgumentError: If there is no such file, or it is another one.
     """
+    import pyarrow.parquet
+
     file = Path(path)
     if not file.is_file():
         raise ArgumentError(f"there is no file {shown(str(path), str)}")
-    if file.suffix == ".csv":
-        raise ArgumentError(f"{file}: a run is read again from .parquet and .npz, not from .csv")
+    if file.suffix != _PARQUET:
+        raise ArgumentError(
+            f"{file}: a run is read from {_PARQUET} alone: run it again and save it as {_PARQUET}"
+        )
     try:
-        return _restored(_read(file))
-    # pyarrow, zipfile and numpy have no common class for what they cannot read.
+        return _restored(pyarrow.parquet.read_table(file))
+    # pyarrow and numpy have no common class for what they cannot read.
     except Exception as error:
         reason = f"{type(error).__name__}: {one_line(str(error))}"
         raise ArgumentError(f"{file}: holds no trajectory, or is damaged: {reason}") from None
-
-
-def _read(file: Path) -> Any:
-    """The table that ``save`` wrote."""
-    if file.suffix != ".npz":
-        import pyarrow.parquet
-
-        return pyarrow.parquet.read_table(file)
-    with file.open("rb") as opened, np.load(opened, allow_pickle=False) as arrays:
-        labels = [label.removesuffix("]").rsplit(" [", 1) for label in arrays if label != _ABOUT]
-        columns = [(name, unit, arrays[f"{name} [{unit}]"]) for name, unit in labels]
-        return _table(columns, str(arrays[_ABOUT]))
 
 
 def _restored(table: Any) -> Trajectory:

@@ -205,11 +205,6 @@ class Quantity(Parameter):
         frequency = self.quantity in ("frequency", "bandwidth")
         return (self.unit, 1.0) if frequency else shown_unit(self.unit)
 
-    @property
-    def in_premises(self) -> bool:
-        """Whether premises depend on it: on the plant, and on how large a disturbance is."""
-        return self.of_plant or self.quantity == "amplitude"
-
     def words(self, value: float) -> str:
         """A value with its name, in the unit that people read."""
         unit, factor = self.shown_unit

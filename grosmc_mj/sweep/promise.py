@@ -15,7 +15,6 @@ gain is larger than the nominal one the same would be more.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,7 +26,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.family import Quantity
 from grosmc_mj.sweep.search import largest_passing
 
 # Scales are known to this part of themselves, up to the largest.
@@ -100,20 +98,15 @@ class PromisedFamily:
         plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
         return least_margin(self.law, plant.analytic(), self.bound, amplitude)
 
-    def amplitude(self, scale: float, known: Mapping[str, float] | None = None) -> Array:
-        """The largest wrenches of the family, scaled, (6 * bodies,).
-
-        Args:
-            scale: Of the uncertainty.
-            known: Factors on disturbances, by their labels, that are not at their largest.
-        """
+    def amplitude(self, scale: float) -> Array:
+        """The largest wrenches of the family, with its uncertainty scaled, (6 * bodies,)."""
         campaign, bodies = self.campaign, self.campaign.plant.system.bodies
         largest = np.zeros((len(bodies), 6))
         factors = {
             number.of: max(map(abs, number.ends(scale)))
             for number in campaign.family.quantities
             if number.quantity == "amplitude"
-        } | dict(known or {})
+        }
         for disturbance in campaign.experiment.case.disturbances:
             factor = factors.get(disturbance.label, 1.0)
             size = np.abs(disturbance.wrench) * factor * self._peak(disturbance.profile)
@@ -188,43 +181,3 @@ def promise(campaign: Campaign, controller: str) -> Promise:
         return Promise(*premises.reach(), band)
     except GrosmcError as error:
         return Promise(None, str(error), band)
-
-
-def premise_grid(
-    campaign: Campaign, controller: str, axes: tuple[Quantity, Quantity], points: int
-) -> tuple[Array, Array, Array] | None:
-    """The premise over two numbers, with all other numbers at their worst.
-
-    Args:
-        campaign: The campaign.
-        controller: Name of the controller.
-        axes: Two numbers that premises speak of.
-        points: On each axis.
-
-    Returns:
-        Values on the first axis, on the second, and the margins (second, first); None where there
-        is no premise to compute.
-    """
-    try:
-        premises = PromisedFamily.of(campaign, controller)
-    except PremiseError:
-        return None
-    family = campaign.family
-    if not family.bounded or not premises.starts_inside(1.0):
-        return None
-    across, up = (np.linspace(*axis.distribution.support, points) for axis in axes)
-    places = [family.quantities.index(axis) for axis in axes]
-    rest = [k for k in range(len(family.quantities)) if k not in places]
-    corners = {tuple(corner[rest]) for corner in premises.corners(1.0)}
-
-    def worst(place: tuple[float, float]) -> float:
-        pairs = zip(axes, place, strict=True)
-        known = {axis.of: abs(value) for axis, value in pairs if axis.quantity == "amplitude"}
-        amplitude, margins = premises.amplitude(1.0, known), []
-        for corner in corners:
-            values = family.nominal
-            values[places], values[rest] = place, corner
-            margins.append(premises.margin(values, amplitude))
-        return min(margins)
-
-    return across, up, np.array([[worst((x, y)) for x in across] for y in up])

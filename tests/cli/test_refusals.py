@@ -18,6 +18,8 @@ REFUSALS = [
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),
     ("run servo --no-figure", "unknown option --no-figure: did you mean --no-figures?; for help"),
+    ("run servo --save npz", "unknown --save 'npz': valid: "),
+    ("diff a b --junit c.xml", "unknown option --junit; for help: grosmc-mj diff --help"),
     ("report --worst", "unknown option --worst; for help: grosmc-mj report --help"),
     ("report --out x", "unknown option --out: did you mean --output?"),
     ("report nowhere", "nowhere does not exist"),

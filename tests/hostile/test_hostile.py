@@ -271,7 +271,7 @@ COMMANDS = (
     "view arm/case9 --controller lqr --speed 0",
     "study region servo/case9 --points 0 --duration 0.01 --limits -10 1 --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
-    "diff OUT CASE --junit OUT/junit.xml --out OUT --verbose",
+    "diff OUT CASE --out OUT --verbose",
     "study tolerance servo/case9 --laws lqr nothing --seeds 0 --out OUT",
 )
 _WORDS = (

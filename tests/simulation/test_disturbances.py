@@ -109,7 +109,7 @@ def test_equations_are_pushed_at_an_input_and_at_a_rate(tmp_path) -> None:
     run = simulate(cart, held(0.0), [0.0, 0.0], duration=0.5, disturbances=pushes)
     t = run.time
     np.testing.assert_allclose(run.state.T, [t**2 + 3 * t, 2 * t], rtol=1e-12, atol=1e-15)
-    again = gm.load_trajectory(run.save(tmp_path / "run.npz"))
+    again = gm.load_trajectory(run.save(tmp_path / "run.parquet"))
     assert again.to_arrow()["disturbance of F"].to_pylist()[:2] == [4.0, 4.0]
     np.testing.assert_array_equal(again.wrench, run.wrench)
 

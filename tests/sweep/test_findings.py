@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import DEVIATION, PAIR, campaign, falling, kept, pair, servo
+from campaign_cases import BOTH, DEVIATION, PAIR, campaign, falling, kept, pair, servo, uncertain
 from commands import Patch
 from matplotlib.colors import to_hex
 from rich.console import Console
@@ -19,7 +19,7 @@ from grosmc_mj.results.tables import WIDTH
 from grosmc_mj.sweep import findings as module
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import ALL, DESIGN, NO_PROOF, Findings, findings, results_document
-from grosmc_mj.sweep.map import PassMap, write_pass_map
+from grosmc_mj.sweep.map import PassMap, map_axes, write_pass_map
 from grosmc_mj.sweep.promise import Promise
 from grosmc_mj.sweep.radius import Look, Radius, chart
 from grosmc_mj.sweep.runs import COMPLETED
@@ -184,35 +184,45 @@ def test_tables_are_narrow_and_have_the_numbers_with_their_intervals_and_units()
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 
 
-def test_a_map_marks_outcomes_and_where_a_premise_begins_to_fail(monkeypatch: Patch) -> None:
+def test_a_map_marks_kept_and_failed_plants(monkeypatch: Patch) -> None:
     figures: list[Any] = []
     door = "grosmc_mj.results.figure.write_figure"
     monkeypatch.setattr(door, lambda figure, _: figures.append(figure))
     x, y = np.linspace(1, 4, 8), np.linspace(-20, 20, 8)
-    laws, titles = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}, ("mass scale", "angle [deg]")
-    grid = np.linspace(1, 4, 13), np.linspace(-20, 20, 5)
-    # A premise that holds up to a mass scale of 2.1, with an infinite lack far beyond, and to 9.
-    premises = [np.tile(offset - grid[0], (5, 1)) for offset in (2.1, 9.0)]
-    premises[0][:, -3:] = -INF
-    for premise in premises:
-        shown = PassMap(titles, laws, {"grosmc": (*grid, premise)})
-        write_pass_map(Path("map.png"), shown, "8 of 16 runs", NO_PROOF)
-    (first, second), everywhere = (figure.axes for figure in figures)
-    masks = {"passed": MARGINS >= 0, "failed": MARGINS == -0.5, "did not complete": MARGINS == -INF}
-    for mark, (outcome, mask) in zip(first.collections, masks.items(), strict=False):
+    laws = {"grosmc": (x, y, MARGINS), "lqr": (x, y, x)}
+    titles = ("mass scale [1]", "angle [deg]")
+    write_pass_map(Path("map.png"), PassMap(titles, laws), "8 of 16 runs", NO_PROOF)
+    first, second = figures[0].axes
+    masks = {"kept": MARGINS >= 0, "failed": MARGINS == -0.5, "did not complete": MARGINS == -INF}
+    assert len(first.collections) == 3
+    for mark, (outcome, mask) in zip(first.collections, masks.items(), strict=True):
         assert mark.get_label() == outcome
         np.testing.assert_array_equal(mark.get_offsets(), np.stack([x, y], axis=1)[mask])
-    assert len({to_hex(mark.get_facecolor()[0]) for mark in first.collections[:3]}) == 3
+    # Colours and markers differ.
+    assert len({to_hex(mark.get_facecolor()[0]) for mark in first.collections}) == 3
+    assert len({len(mark.get_paths()[0].vertices) for mark in first.collections}) == 3
     kept_by = (first.get_title(), second.get_title())
-    assert kept_by == ("GROSMC: 5 of 8 passed", "LQR: 8 of 8 passed")
+    assert kept_by == ("GROSMC: 5 of 8 kept", "LQR: 8 of 8 kept")
     assert (first.get_xlabel(), first.get_ylabel()) == titles
-    # Between the columns of the grid the margin is linear, as the contour is.
-    assert first.collections[3].get_paths()[0].vertices[:, 0].min() == pytest.approx(2.1)
-    line = first.collections[4].get_paths()[0].vertices
-    np.testing.assert_allclose(line[:, 0], 2.1, rtol=1e-12)
-    assert len(everywhere[0].collections) == 3
-    legend = figures[1].legends[0].get_texts()[-1].get_text()
-    assert legend == "the premises hold\nall over the map"
+    (legend,) = figures[0].legends
+    assert [entry.get_text() for entry in legend.get_texts()] == list(masks)
+
+
+def test_a_map_is_over_the_two_numbers_that_drive_margins_most(shown: Findings) -> None:
+    both = declared().family.quantities
+    mass, load = both
+    assert map_axes(declared(), shown) == both
+    assert map_axes(declared(), shown, [load.name, mass.name]) == (load, mass)
+    # Of three numbers the one that explains least under every law is left out.
+    hum = uncertain('disturbance = "hum"', 'phase = ["0 rad", "1 rad"]')
+    three = campaign(servo(BOTH + hum))
+    mass, load, phase = three.family.quantities
+    shares = {mass.name: (0.1, 0.2), load.name: (0.3, 0.1), phase.name: (0.0, 0.9)}
+    drivers = {
+        law: [Sensitivity(name, share=pair[number]) for name, pair in shares.items()]
+        for number, law in enumerate(("lqr", "grosmc"))
+    }
+    assert map_axes(three, replace(shown, sensitivities=drivers)) == (load, phase)
 
 
 def test_a_radius_is_drawn_beside_the_promise() -> None:

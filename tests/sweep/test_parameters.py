@@ -8,7 +8,7 @@ import campaign_cases as small
 import mujoco
 import numpy as np
 import pytest
-from campaign_cases import LQR, MACHINE, campaign, of, plain, standing, uncertain
+from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing, uncertain
 
 from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
@@ -171,3 +171,8 @@ def test_numbers_of_a_loop_are_drawn_and_its_times_are_whole_timesteps() -> None
     shown = pass_map_of(declared, folder, (delay, bandwidth))
     assert shown.titles == ("computing delay [s]", "rotor speed bandwidth [rad/s]")
     np.testing.assert_array_equal(shown.runs["lqr"][:2], [[0.0, 3e-3], [80.0, 90.0]])
+    # A factor has the unit 1.
+    scale, load = campaign(servo()).family.quantities
+    columns |= {scale.name: np.array([1.0, 2.0]), load.name: np.array([-1.0, 1.0])}
+    titles = pass_map_of(declared, folder, (scale, load)).titles
+    assert titles == ("rotor mass scale [1]", "load amplitude [1]")

@@ -13,7 +13,7 @@ from grosmc_mj.sweep import worst as worst_module
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import unit_points
 from grosmc_mj.sweep.findings import findings
-from grosmc_mj.sweep.promise import Promise, PromisedFamily, premise_grid, promise
+from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Look, Radius, _away, radius
 from grosmc_mj.sweep.screening import evaluate
 from grosmc_mj.sweep.worst import Worst, shrunk, worst, worst_document
@@ -219,20 +219,6 @@ def test_wrenches_on_a_body_add_up_at_the_largest_magnitude_of_each(tmp_path: Pa
     text = small.case("servo", AMPLITUDE.replace("-1, 1", "-1, 3"), laws=LAWS, disturbances=push)
     premises = PromisedFamily.of(campaign(text, folder=str(tmp_path)), "grosmc")
     assert premises.amplitude(0.5)[4] == pytest.approx(0.5 * 3 * 2 * 5, rel=1e-15)
-
-
-def test_the_grid_of_a_premise_is_at_the_largest_wrench_and_the_worst_of_other_numbers() -> None:
-    sizes = uncertain('body = "rotor"', "length_scale = [1, 1.5]")
-    premises = premises_of(INERTIA + AMPLITUDE.replace("[-1, 1]", "[-2, 2]") + sizes)
-    mass, load, _ = premises.campaign.family.quantities
-    across, up, grid = premise_grid(premises.campaign, "grosmc", (mass, load), 2) or ((),) * 3
-    assert (list(across), list(up)) == ([1, 3], [-2, 2])
-    # Gains for a family three times as heavy: the heavy rotor needs more of them than the light.
-    wrench = premises.amplitude(1.0)
-    for column, scale in enumerate(across):
-        margins = [premises.margin(np.array([scale, 0, size]), wrench) for size in (1.0, 1.5)]
-        assert margins[0] != margins[1]
-        assert np.asarray(grid)[:, column].tolist() == [min(margins)] * 2
 
 
 def test_a_promise_ends_where_starts_leave_the_operating_region(monkeypatch: Patch) -> None:

@@ -19,8 +19,8 @@ class DiffCommand(Command):
     Each side is a file or a folder with what run, validate, claims, study and campaign have
     written. On the same machine with the same versions a run repeats to the bit, so that any
     change beyond rounding is real; on another one, what switching amplifies is noise. Campaigns
-    are compared by tests, plant by plant where the plants are the same. diff.json goes to --out,
-    and grosmc-mj report shows it.
+    are compared by the plants that were lost and won, with an interval of the change. diff.json
+    goes to --out, and grosmc-mj report shows it.
 
     Exit code: 0 if nothing got worse beyond noise, 1 if something did or is gone, 2 if the results
     cannot be compared.
@@ -28,13 +28,11 @@ class DiffCommand(Command):
     Attributes:
         old: Results before.
         new: Results after.
-        junit: Write a JUnit file, too.
         out: Folder for diff.json.
     """
 
     old: Annotated[Positional[Path], arg(metavar="OLD")]
     new: Annotated[Positional[Path], arg(metavar="NEW")]
-    junit: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(default: none)")] = None
     out: Out = Path("renders")
 
     @property
@@ -44,10 +42,11 @@ class DiffCommand(Command):
 
     def execute(self) -> int:
         """Compare, write, say."""
-        from grosmc_mj.comparison.comparison import compare, comparison_document, write_junit
+        from grosmc_mj.comparison.comparison import compare, comparison_document
 
-        comparison, console = compare(self.old, self.new), screen.console()
+        comparison = compare(self.old, self.new)
         content = comparison_document(comparison)
+        console = screen.console()
         screen.say_result(content, self.out / "diff.json", full=self.verbose)
         if more := content["answers"][0]["more"]:
             console.print(more, markup=False)
@@ -55,7 +54,4 @@ class DiffCommand(Command):
             if lines:
                 console.print(f"{title}:", style="bold")
                 screen.say_lines(console, lines, "", all=self.verbose)
-        if self.junit is not None:
-            write_junit(self.junit, comparison)
-            screen.say_files(console, self.junit)
         return screen.DIFFERS if comparison.worse else screen.DONE

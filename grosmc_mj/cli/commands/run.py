@@ -42,8 +42,8 @@ class RunCommand(Command):
         laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
-        save: Write each trajectory too, a column a signal with its unit: --save for Parquet, or
-            csv or npz. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
+        save: Write each trajectory too, a column a signal with its unit: --save for Parquet,
+            --save csv for CSV. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
         film: Whether to film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
     """
 
@@ -51,9 +51,9 @@ class RunCommand(Command):
     laws: Laws = ()
     out: Out = Path("renders")
     figures: bool = True
-    save: Annotated[
-        Literal["parquet", "csv", "npz"] | None, arg(help_behavior_hint="(default: none)")
-    ] = None
+    save: Annotated[Literal["parquet", "csv"] | None, arg(help_behavior_hint="(default: none)")] = (
+        None
+    )
     film: Flag = False
 
     def execute(self) -> int:
