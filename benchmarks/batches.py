@@ -11,11 +11,12 @@ from benchmarks.timing import TimedLoop
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.physics.hidden_states import starts
+from grosmc_mj.physics.quiet import clock_suspended
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
 
-OPEN_LOOP = "Batch.step(nstep), open loop"
+WITHOUT_CLOCK = "without its clock"
 
 
 def batch_at(plants: Sequence[Plant], x0: Array) -> Batch:
@@ -23,30 +24,52 @@ def batch_at(plants: Sequence[Plant], x0: Array) -> Batch:
 
     Args:
         plants: One for each simulation.
-        x0: Their starts, (nsim, n).
+        x0: Starts, (nsim, n).
     """
     models = [plant.undrawn_model for plant in plants]
     batch = Batch(models[0], len(plants))
     if len(set(plants)) > 1:
         batch.set_models(models)
-    batch.bind("qpos")[:], batch.bind("qvel")[:] = starts(models[0], plants[0].system, x0)
+    qpos, qvel = starts(models[0], plants[0].system, x0)
+    batch.bind("qpos")[:] = qpos
+    batch.bind("qvel")[:] = qvel
     return batch
 
 
-def open_batch(plants: Sequence[Plant], x0: Array, steps: int) -> TimedLoop:
-    """That batch without inputs and disturbances.
+def open_batches(plants: Sequence[Plant], x0: Array, steps: int) -> tuple[TimedLoop, TimedLoop]:
+    """MuJoCo's batch without inputs and disturbances, as shipped and without its clock.
 
     Args:
         plants: One for each simulation.
-        x0: Their starts, (nsim, n).
-        steps: Of each.
+        x0: Starts, (nsim, n).
+        steps: Steps of each simulation.
     """
 
     def ready() -> Callable[[], object]:
         batch = batch_at(plants, x0)
         return lambda: batch.step(nstep=steps)
 
-    return TimedLoop(OPEN_LOOP, len(plants), steps, ready, OPEN_LOOP)
+    return in_pair("Batch.step(nstep), open loop", len(plants), steps, ready)
+
+
+def in_pair(
+    name: str, simulations: int, steps: int, ready: Callable[[], Callable[[], object]]
+) -> tuple[TimedLoop, TimedLoop]:
+    """One open loop of MuJoCo, as shipped and without its clock, see ``TimedLoop``."""
+
+    def untimed() -> Callable[[], object]:
+        run = ready()
+
+        def run_without_clock() -> None:
+            with clock_suspended():
+                run()
+
+        return run_without_clock
+
+    return (
+        TimedLoop(name, simulations, steps, ready),
+        TimedLoop(f"{name}, {WITHOUT_CLOCK}", simulations, steps, untimed),
+    )
 
 
 def closed_loop(
@@ -56,23 +79,21 @@ def closed_loop(
     x0: Array,
     steps: int,
     *,
-    beside: str = OPEN_LOOP,
     record: bool = False,
     **asked: Any,
 ) -> TimedLoop:
-    """These plants under a law in the native engine.
+    """Plants under a law in the native engine.
 
     Args:
-        name: What runs.
+        name: Name of the loop.
         plants: One for each simulation.
         law: One for all, or one for each.
-        x0: Their starts, (nsim, n).
-        steps: Of each.
-        beside: Name of the loop that it is compared with.
+        x0: Starts, (nsim, n).
+        steps: Steps of each simulation.
         record: Whether the runs are recorded.
-        asked: As for ``prepare``; without a control period the law is asked at every timestep.
+        asked: Arguments of ``prepare``; without a control period the law is sampled at every
+            timestep.
     """
     h = float(plants[0].undrawn_model.opt.timestep)
-    problem, _ = prepare(plants, law, x0, duration=steps * h, record=record, **asked)
-
-    return TimedLoop(name, len(plants), steps, lambda: lambda: run_native(problem), beside)
+    problem, _single = prepare(plants, law, x0, duration=steps * h, record=record, **asked)
+    return TimedLoop(name, len(plants), steps, lambda: lambda: run_native(problem))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.batches import closed_loop, open_batch
+from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
@@ -70,7 +70,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     The open loop is ``Batch.step`` of the very same models from the same starts, undisturbed.
 
     Args:
-        rounds: How often each loop is measured.
+        rounds: Number of rounds.
         integrator: MuJoCo's.
     """
     asked = {"runs": _PLANTS, "controllers": (_LAW,), "integrator": integrator}
@@ -80,18 +80,18 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
     runs = [ready(experiment, batch.row(_LAW, i, plants[i])) for i in range(_PLANTS)]
     starts, laws = np.array([run.case.x0 for run in runs]), [run.law for run in runs]
     meters = meters_for(experiment, runs, campaign.requirements)
-    return measured(
-        [
-            open_batch(plants, starts, _STEPS),
-            closed_loop(
-                "campaign: GROSMC, meters, torque", plants, laws, starts, _STEPS,
-                meters=meters,
-                control_period=campaign.experiment.settings.control_period,
-                disturbances=[list(each.case.disturbances) for each in runs],
-            ),
-        ],
-        rounds,
-    )  # fmt: skip
+    shipped, untimed = open_batches(plants, starts, _STEPS)
+    closed = closed_loop(
+        "campaign: GROSMC, meters, torque",
+        plants,
+        laws,
+        starts,
+        _STEPS,
+        meters=meters,
+        control_period=campaign.experiment.settings.control_period,
+        disturbances=[list(run.case.disturbances) for run in runs],
+    )
+    return measured(shipped, untimed, [closed], rounds)
 
 
 def costs(sizes: Sequence[tuple[int, float, Integrator]]) -> list[Cost]:

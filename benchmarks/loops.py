@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from benchmarks.batches import OPEN_LOOP, closed_loop, open_batch
+from benchmarks.batches import closed_loop, in_pair, open_batches
 from benchmarks.timing import Throughput, TimedLoop, measured
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.loop import Loop, in_loop
@@ -21,65 +20,82 @@ _STEPS = {1: 50_000, _MANY: 500}
 
 
 def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Throughput]:
-    """Measure the pendulum under the full GROSMC law at every timestep, and what it is beside.
+    """Measure the pendulum under the full GROSMC law, sampled at every timestep.
 
     Args:
         integrator: MuJoCo's integrator; None for the model's own.
-        rounds: How often each loop is measured.
+        rounds: Number of rounds.
+
+    Returns:
+        Single simulations, then batches.
     """
-    return measured(_loops(MujocoPlant.load("cart_pendulum", integrator=integrator)), rounds)
+    plant = MujocoPlant.load("cart_pendulum", integrator=integrator)
+    return [*_single(plant, rounds), *_batches(plant, rounds)]
 
 
-def _loops(plant: MujocoPlant) -> Sequence[TimedLoop]:
-    """The loops, each baseline before what is compared with it."""
+def _single(plant: MujocoPlant, rounds: int) -> list[Throughput]:
+    """Loops of one simulation."""
     experiment = find_experiment("cart_pendulum", "nominal")
-    case, controller = experiment.case, experiment.law("physics", "grosmc")
-    h = plant.step_length
+    x0 = np.array(experiment.case.x0)
+    law = experiment.law("physics", "grosmc")
+    steps = _STEPS[1]
+    few = steps // 10
 
-    looped, predicting = (
-        in_loop(
-            controller, _every_part(), plant.system, control_period=h, timestep=h, predict=predict
-        )
-        for predict in (False, True)
-    )
-
-    def open_loop_one() -> Callable[[], object]:
+    def at_start() -> mujoco.MjData:
         data = mujoco.MjData(plant.undrawn_model)
-        data.qpos[1] = case.x0[1]
-        return lambda: mujoco.mj_step(plant.undrawn_model, data, nstep=_STEPS[1])
+        data.qpos[:] = x0[:2]
+        return data
 
-    def native(name: str, law: Controller, many: int, beside: str, **how: bool) -> TimedLoop:
-        starts = np.tile(case.x0, (many, 1))
-        return closed_loop(name, [plant] * many, law, starts, _STEPS[many], beside=beside, **how)
-
-    few = _STEPS[1] // 10
+    def open_loop() -> Callable[[], object]:
+        data = at_start()
+        return lambda: mujoco.mj_step(plant.undrawn_model, data, nstep=steps)
 
     def python_loop() -> Callable[[], object]:
-        model, memory = plant.undrawn_model, controller.memory()
-        data = mujoco.MjData(model)
-        data.qpos[1] = case.x0[1]
+        model = plant.undrawn_model
+        memory = law.memory()
+        data = at_start()
 
         def run() -> None:
             for k in range(few):
                 x = np.concatenate([data.qpos, data.qvel])
-                controller.law(k * h, x, memory, controller.parameters, data.ctrl)
+                law.law(k * plant.step_length, x, memory, law.parameters, data.ctrl)
                 mujoco.mj_step(model, data)
 
         return run
 
-    one, batch = "mj_step(nstep), open loop", "GROSMC, native, batch"
-    return [
-        TimedLoop(one, 1, _STEPS[1], open_loop_one, one),
-        native("GROSMC, native", controller, 1, one),
-        native("GROSMC, native, recorded", controller, 1, one, record=True),
-        TimedLoop("GROSMC, Python mj_step loop", 1, few, python_loop, one),
-        *_suite_loop(one),
-        open_batch([plant] * _MANY, np.tile(case.x0, (_MANY, 1)), _STEPS[_MANY]),
-        native(batch, controller, _MANY, OPEN_LOOP),
-        native("GROSMC in its loop, batch", looped, _MANY, batch),
-        native("GROSMC in its loop, predicting, batch", predicting, _MANY, batch),
-        native(f"{batch}, recorded", controller, _MANY, OPEN_LOOP, record=True),
+    shipped, untimed = in_pair("mj_step(nstep), open loop", 1, steps, open_loop)
+    loops = [
+        closed_loop("GROSMC, native", [plant], law, x0[None], steps),
+        closed_loop("GROSMC, native, recorded", [plant], law, x0[None], steps, record=True),
+        TimedLoop("GROSMC, Python mj_step loop", 1, few, python_loop),
+        *_gymnasium_loop(),
+        *_suite_loop(),
     ]
+    return measured(shipped, untimed, loops, rounds)
+
+
+def _batches(plant: MujocoPlant, rounds: int) -> list[Throughput]:
+    """Loops of many simulations at once."""
+    experiment = find_experiment("cart_pendulum", "nominal")
+    law = experiment.law("physics", "grosmc")
+    h = plant.step_length
+    looped, predicting = (
+        in_loop(law, _every_part(), plant.system, control_period=h, timestep=h, predict=predict)
+        for predict in (False, True)
+    )
+    plants = [plant] * _MANY
+    x0 = np.tile(experiment.case.x0, (_MANY, 1))
+    steps = _STEPS[_MANY]
+
+    shipped, untimed = open_batches(plants, x0, steps)
+    name = "GROSMC, native, batch"
+    loops = [
+        closed_loop(name, plants, law, x0, steps),
+        closed_loop(f"{name}, recorded", plants, law, x0, steps, record=True),
+        closed_loop("GROSMC in its loop, batch", plants, looped, x0, steps),
+        closed_loop("GROSMC in its loop, predicting, batch", plants, predicting, x0, steps),
+    ]
+    return measured(shipped, untimed, loops, rounds)
 
 
 def _every_part() -> Loop:
@@ -95,8 +111,35 @@ def _every_part() -> Loop:
     )
 
 
-def _suite_loop(baseline: str) -> list[TimedLoop]:
-    """dm_control's cartpole under a constant action; nothing where dm_control is missing."""
+def _gymnasium_loop() -> list[TimedLoop]:
+    """The case as an environment of Gymnasium, without input; nothing without Gymnasium."""
+    try:
+        with without_graphics():
+            from grosmc_mj.environments.gymnasium_face import CaseEnv
+    except ImportError:
+        return []
+    environment = CaseEnv("cart_pendulum", "nominal")
+    substeps = environment.episode.problem.stride
+    calls = 1000
+
+    def ready() -> Callable[[], object]:
+        environment.reset(seed=0)
+        action = np.zeros(np.shape(environment.episode.low))
+
+        def run() -> None:
+            for _ in range(calls):
+                *_, terminated, truncated, _info = environment.step(action)
+                # The pole has fallen.
+                if terminated or truncated:
+                    environment.reset(seed=0)
+
+        return run
+
+    return [TimedLoop("Gymnasium environment", 1, calls * substeps, ready)]
+
+
+def _suite_loop() -> list[TimedLoop]:
+    """Cartpole of dm_control's suite, without input; nothing without dm_control."""
     try:
         with without_graphics():
             from dm_control import suite
@@ -116,4 +159,4 @@ def _suite_loop(baseline: str) -> list[TimedLoop]:
 
         return run
 
-    return [TimedLoop("dm_control suite cartpole", 1, calls * substeps, ready, baseline)]
+    return [TimedLoop("dm_control suite cartpole", 1, calls * substeps, ready)]

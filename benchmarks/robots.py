@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.batches import closed_loop, open_batch
+from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
 from grosmc_mj.cases.jaco.jaco import jaco
 from grosmc_mj.experiments.experiment import Experiment
@@ -21,21 +21,23 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
     In open loop the same batch holds zero torque from the same start.
 
     Args:
-        rounds: How often each loop is measured.
+        rounds: Number of rounds.
 
     Raises:
         SetupError: If dm_control is not installed.
     """
     experiment = Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
-    law, nominal, (payload,) = experiment.law("physics", "grosmc"), jaco(), experiment.case.edits
+    law = experiment.law("physics", "grosmc")
+    nominal = jaco()
+    (payload,) = experiment.case.edits
     masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
     loaded = [nominal.plant.edited(replace(payload, mass=mass)) for mass in masses]
     plants = [loaded[i % _PAYLOADS] for i in range(_SIMULATIONS)]
     starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
     name = "GROSMC, native, batch"
+    shipped, untimed = open_batches(plants, starts, _STEPS)
     loops = [
-        open_batch(plants, starts, _STEPS),
         closed_loop(name, plants, law, starts, _STEPS),
         closed_loop(f"{name}, recorded", plants, law, starts, _STEPS, record=True),
     ]
-    return measured(loops, rounds)
+    return measured(shipped, untimed, loops, rounds)

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from benchmarks.campaigns import Cost, Scaling
-from benchmarks.timing import Throughput
+from benchmarks.growth import Growth
+from benchmarks.timing import Ratio, Throughput
 from grosmc_mj.results.document import origin
 from grosmc_mj.results.tables import Table, numbers, table, words
 from grosmc_mj.versions import DECISIVE, versions
 
 
 def tables_text(tables: Iterable[Table]) -> str:
-    """All tables in Markdown, below what they were measured on."""
+    """All tables in Markdown, below the machine and the versions that they were measured with."""
     decisive = versions(("python", *DECISIVE)).items()
-    on = [origin(None)["machine"], *(f"{name} {version}" for name, version in decisive)]
-    lines = [f"Measured on {', '.join(on)}."]
-    for each in tables:
-        lines += ["", f"### {each.title}", "", *each.markdown()]
+    measured_on = [origin(None)["machine"], *(f"{name} {version}" for name, version in decisive)]
+    lines = [f"Measured on {', '.join(measured_on)}."]
+    for item in tables:
+        lines += ["", f"### {item.title}", "", *item.markdown()]
     return "\n".join(lines)
 
 
@@ -30,13 +31,16 @@ def costs_table(found: Sequence[Cost]) -> Table:
         ),
         [
             (
-                str(each.runs), f"{each.duration:g}", each.integrator,
-                f"{each.runs * each.duration / 1e-3:.3g}", f"{each.seconds:.1f}",
-                f"{each.megabytes:.0f}",
+                str(cost.runs),
+                f"{cost.duration:g}",
+                cost.integrator,
+                f"{cost.runs * cost.duration / 1e-3:.3g}",
+                f"{cost.seconds:.1f}",
+                f"{cost.megabytes:.0f}",
             )
-            for each in found
+            for cost in found
         ],
-    )  # fmt: skip
+    )
 
 
 def scalings_table(found: Sequence[Scaling]) -> Table:
@@ -44,24 +48,56 @@ def scalings_table(found: Sequence[Scaling]) -> Table:
     return table(
         "Worker processes of one thread each",
         numbers("workers", "runs a second", "efficiency"),
-        [(str(each.workers), f"{each.rate:.1f}", f"{each.efficiency:.2f}") for each in found],
+        [(str(row.workers), f"{row.rate:.1f}", f"{row.efficiency:.2f}") for row in found],
     )
 
 
-def throughput_table(rows: Sequence[Throughput], what: str) -> Table:
-    """What the benchmark measured of a system."""
+def growth_table(found: Sequence[Growth]) -> Table:
+    """Cost of batches over their runs and timesteps."""
     return table(
-        f"{what}, a sample of the law at every timestep",
-        [*words("loop"), *numbers("runs", "steps/s", "ratio", "middle half"), *words("to")],
+        "A batch in one thread: fixed cost + runs x (cost of a run + steps x cost of a step)",
+        [
+            *words("case"),
+            *numbers("states", "inputs"),
+            *words("integrator"),
+            *numbers("fixed [ms]", "run [us]", "step [us]", "MuJoCo's step as shipped [us]"),
+        ],
         [
             (
-                row.loop,
-                str(row.simulations),
-                f"{row.rate:.3g}",
-                f"{row.ratio:.2f}",
-                f"{row.low:.2f}-{row.high:.2f}",
-                row.baseline,
+                row.case,
+                str(row.states),
+                str(row.inputs),
+                row.integrator,
+                f"{row.fixed:.2f}",
+                f"{row.run:.0f}",
+                f"{row.step:.2f}",
+                f"{row.shipped_step:.2f}",
             )
+            for row in found
+        ],
+    )
+
+
+def throughput_table(rows: Sequence[Throughput], system: str) -> Table:
+    """Rates of loops, and their ratios to both open loops of MuJoCo."""
+    return table(
+        f"{system}, a sample of the law at every timestep",
+        [
+            *words("loop"),
+            *numbers("runs", "steps/s"),
+            *numbers("of MuJoCo as shipped", "middle half"),
+            *numbers("of MuJoCo without its clock", "middle half"),
+        ],
+        [
+            (row.loop, str(row.simulations), f"{row.rate:.3g}", *_cells(row.shipped, row.untimed))
             for row in rows
         ],
     )
+
+
+def _cells(*ratios: Ratio) -> list[str]:
+    """Median and middle half of each ratio."""
+    cells = []
+    for ratio in ratios:
+        cells += [f"{ratio.median:.2f}", f"{ratio.low:.2f}-{ratio.high:.2f}"]
+    return cells

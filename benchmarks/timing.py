@@ -11,71 +11,97 @@ from typing import NamedTuple
 import numpy as np
 
 
+class Ratio(NamedTuple):
+    """Rate of a loop over the rate of another one in the same round.
+
+    Attributes:
+        median: Median over the rounds.
+        low: Lower quartile.
+        high: Upper quartile.
+    """
+
+    median: float
+    low: float
+    high: float
+
+
 class Throughput(NamedTuple):
     """One measured loop.
 
     Attributes:
-        loop: What ran.
-        simulations: How many at once.
+        loop: Name.
+        simulations: Number of simulations at once.
         rate: Median physics steps per second, over all simulations.
-        ratio: Median of its rate over the baseline's in the same round.
-        low: The quarter of these ratios that are smallest lie below it.
-        high: The quarter that are largest lie above it.
-        baseline: What it is compared with.
+        shipped: Ratio to MuJoCo's open loop as shipped.
+        untimed: Ratio to MuJoCo's open loop without its clock.
     """
 
     loop: str
     simulations: int
     rate: float
-    ratio: float
-    low: float
-    high: float
-    baseline: str
+    shipped: Ratio
+    untimed: Ratio
 
 
 class TimedLoop(NamedTuple):
     """A loop to measure.
 
     Attributes:
-        name: What runs.
-        simulations: How many at once.
-        steps: Physics steps of each.
-        ready: Sets it up, untimed, and returns what is timed.
-        baseline: Name of the loop that it is compared with.
+        name: Name.
+        simulations: Number of simulations at once.
+        steps: Physics steps of each simulation.
+        ready: Sets the loop up, untimed, and returns the function that is timed.
     """
 
     name: str
     simulations: int
     steps: int
     ready: Callable[[], Callable[[], object]]
-    baseline: str
 
 
-def measured(loops: Sequence[TimedLoop], rounds: int) -> list[Throughput]:
+def measured(
+    shipped: TimedLoop, untimed: TimedLoop, loops: Sequence[TimedLoop], rounds: int
+) -> list[Throughput]:
     """Run all loops once in each round, in turn: a slow moment of the machine meets all of them.
 
-    Ratios are taken within a round, and their median is reported.
-
     Args:
-        loops: Each baseline before what is compared with it.
-        rounds: How often each loop is measured.
+        shipped: MuJoCo's open loop as shipped.
+        untimed: MuJoCo's open loop without its clock.
+        loops: Loops to compare with both.
+        rounds: Number of rounds.
+
+    Returns:
+        Both open loops, then the other loops in their order.
     """
-    rates: dict[str, list[float]] = {loop.name: [] for loop in loops}
+    every = [shipped, untimed, *loops]
+    rates: dict[str, list[float]] = {loop.name: [] for loop in every}
     for _ in range(rounds):
-        for loop in loops:
-            run = loop.ready()
-            gc.collect()
-            start = time.perf_counter()
-            run()
-            elapsed = time.perf_counter() - start
-            rates[loop.name].append(loop.simulations * loop.steps / elapsed)
-    return [_throughput(loop, rates[loop.name], rates[loop.baseline]) for loop in loops]
+        for loop in every:
+            rates[loop.name].append(loop.simulations * loop.steps / seconds(loop.ready))
+
+    return [
+        Throughput(
+            loop.name,
+            loop.simulations,
+            statistics.median(rates[loop.name]),
+            _ratio(rates[loop.name], rates[shipped.name]),
+            _ratio(rates[loop.name], rates[untimed.name]),
+        )
+        for loop in every
+    ]
 
 
-def _throughput(loop: TimedLoop, rates: Sequence[float], baseline: Sequence[float]) -> Throughput:
-    """A loop's rates beside its baseline's, round by round."""
-    ratios = [own / base for own, base in zip(rates, baseline, strict=True)]
-    low, ratio, high = np.quantile(ratios, (0.25, 0.5, 0.75)).tolist()
-    return Throughput(
-        loop.name, loop.simulations, statistics.median(rates), ratio, low, high, loop.baseline
-    )
+def seconds(ready: Callable[[], Callable[[], object]]) -> float:
+    """Time that the function takes that ``ready`` returns [s]."""
+    run = ready()
+    gc.collect()
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+def _ratio(rates: Sequence[float], baseline: Sequence[float]) -> Ratio:
+    """Ratio of two loops, round by round."""
+    ratios = [rate / base for rate, base in zip(rates, baseline, strict=True)]
+    low, median, high = np.quantile(ratios, (0.25, 0.5, 0.75)).tolist()
+    return Ratio(median, low, high)

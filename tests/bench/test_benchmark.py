@@ -1,7 +1,7 @@
 """The benchmark measures what it says; how fast it is, no test asserts."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 from itertools import repeat
 
 import mujoco
@@ -12,46 +12,71 @@ from commands import Patch
 import grosmc_mj as gm
 from benchmarks import timing
 from benchmarks.batches import batch_at
+from benchmarks.growth import benchmark_growth
 from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
-from benchmarks.timing import Throughput
+from benchmarks.timing import Ratio, Throughput, TimedLoop
 from grosmc_mj.plants import SYSTEMS
 
 
 @pytest.mark.slow
-def test_every_loop_is_measured_against_its_baseline_in_the_same_round(monkeypatch: Patch) -> None:
+def test_every_loop_is_compared_with_both_open_loops_of_its_round(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.loops._MANY", 4)
     monkeypatch.setattr("benchmarks.loops._STEPS", {1: 500, 4: 2})
-    rows = {row.loop: row for row in benchmark("implicitfast", rounds=1)}
-    assert {row.simulations for row in rows.values()} == {1, 4}
-    for row in rows.values():
-        assert row.rate > 0
+    rows = benchmark("implicitfast", rounds=1)
+    assert {row.simulations for row in rows} == {1, 4}
+    open_loops = {row.loop: row for row in rows if "open loop" in row.loop}
+    for row in rows:
+        name = "mj_step(nstep)" if row.simulations == 1 else "Batch.step(nstep)"
+        shipped = open_loops[f"{name}, open loop"]
+        untimed = open_loops[f"{name}, open loop, without its clock"]
         # With one round the median ratio is the ratio of the rates.
-        assert row.ratio == pytest.approx(row.rate / rows[row.baseline].rate)
-    assert rows["mj_step(nstep), open loop"].ratio == 1
-    assert rows["Batch.step(nstep), open loop"].ratio == 1
+        assert row.shipped.median == pytest.approx(row.rate / shipped.rate)
+        assert row.untimed.median == pytest.approx(row.rate / untimed.rate)
+
+
+class FakeClock:
+    """A clock that only the timed functions advance."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def loop(self, name: str, seconds: Iterable[float]) -> TimedLoop:
+        """A loop of 100 steps whose runs take these times [s]."""
+        times = iter(seconds)
+
+        def run() -> None:
+            self.now += next(times)
+
+        return TimedLoop(name, 1, 100, lambda: run)
 
 
 def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Patch) -> None:
-    """By a clock of our own: the law takes 2, 3, 4, 5 and 40 s where its baseline takes 1 s."""
-    clock, taken = [0.0], iter([2.0, 3.0, 4.0, 5.0, 40.0])
-    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
-
-    def takes(seconds: Iterator[float]) -> Callable[[], object]:
-        return lambda: clock.__setitem__(0, clock[0] + next(seconds))
-
-    base = timing.TimedLoop("base", 1, 100, lambda: takes(repeat(1.0)), "base")
-    law = timing.TimedLoop("law", 1, 100, lambda: takes(taken), "base")
-    open_loop, closed = timing.measured([base, law], rounds=5)
-    assert (open_loop.rate, open_loop.low, open_loop.ratio, open_loop.high) == (100, 1, 1, 1)
-    assert (closed.low, closed.ratio, closed.high) == pytest.approx((1 / 5, 1 / 4, 1 / 3))
+    """The law takes 2, 3, 4, 5 and 40 s where MuJoCo takes 2 s, and 1 s without its clock."""
+    clock = FakeClock()
+    monkeypatch.setattr(timing.time, "perf_counter", clock)
+    shipped = clock.loop("shipped", repeat(2.0))
+    untimed = clock.loop("untimed", repeat(1.0))
+    law = clock.loop("law", [2.0, 3.0, 4.0, 5.0, 40.0])
+    rows = timing.measured(shipped, untimed, [law], rounds=5)
+    assert [row.loop for row in rows] == ["shipped", "untimed", "law"]
+    assert rows[0].rate == 50
+    assert rows[0].shipped == (1, 1, 1)
+    assert rows[0].untimed == (0.5, 0.5, 0.5)
+    assert rows[2].shipped == pytest.approx((1 / 2, 2 / 5, 2 / 3))
+    assert rows[2].untimed == pytest.approx((1 / 4, 1 / 5, 1 / 3))
 
 
 def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
-    rows = [Throughput("law", 1024, 2.5e5, 0.943, 0.91, 0.96, "open loop")]
+    rows = [
+        Throughput("law", 1024, 2.5e5, Ratio(1.543, 1.5, 1.56), Ratio(0.943, 0.91, 0.96)),
+    ]
     text = tables_text([throughput_table(rows, "arm")] * 2)
-    assert text.count("| law | 1024 | 2.5e+05 | 0.94 | 0.91-0.96 | open loop |") == 2
+    assert text.count("| law | 1024 | 2.5e+05 | 1.54 | 1.50-1.56 | 0.94 | 0.91-0.96 |") == 2
     assert f"{os.cpu_count()} cores" in text
     assert f"mujoco {mujoco.__version__}" in text
 
@@ -62,10 +87,22 @@ def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: Patch) -> N
     monkeypatch.setattr("benchmarks.machines._STEPS", 4)
     measured = benchmark_machines(rounds=1)
     assert list(measured) == [f"{system}/machine" for system in SYSTEMS]
-    for open_loop, closed in measured.values():
-        assert open_loop.ratio == 1
-        assert closed.ratio == pytest.approx(closed.rate / open_loop.rate)
-        assert (closed.baseline, closed.simulations) == (open_loop.loop, 3)
+    for shipped, untimed, closed in measured.values():
+        assert shipped.shipped.median == 1
+        assert untimed.untimed.median == 1
+        assert closed.shipped.median == pytest.approx(closed.rate / shipped.rate)
+        assert closed.simulations == 3
+
+
+@pytest.mark.slow
+def test_costs_grow_with_states_and_inputs(monkeypatch: Patch) -> None:
+    monkeypatch.setattr("benchmarks.growth._RUNS", 3)
+    monkeypatch.setattr("benchmarks.growth._STEPS", 5)
+    monkeypatch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
+    servo, arm = benchmark_growth(rounds=1)
+    assert (servo.states, servo.inputs) == (2, 1)
+    assert (arm.states, arm.inputs) == (4, 2)
+    assert servo.shipped_step > 0
 
 
 @pytest.mark.slow
