@@ -16,8 +16,6 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
 
-WITHOUT_CLOCK = "without its clock"
-
 
 def batch_at(plants: Sequence[Plant], x0: Array) -> Batch:
     """MuJoCo's batch of plants at their starts, where runs of them begin, too.
@@ -68,7 +66,7 @@ def in_pair(
 
     return (
         TimedLoop(name, simulations, steps, ready),
-        TimedLoop(f"{name}, {WITHOUT_CLOCK}", simulations, steps, untimed),
+        TimedLoop(f"{name}, no clock", simulations, steps, untimed),
     )
 
 

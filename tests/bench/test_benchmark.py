@@ -30,7 +30,7 @@ def test_every_loop_is_compared_with_both_open_loops_of_its_round(monkeypatch: P
     for row in rows:
         name = "mj_step(nstep)" if row.simulations == 1 else "Batch.step(nstep)"
         shipped = open_loops[f"{name}, open loop"]
-        untimed = open_loops[f"{name}, open loop, without its clock"]
+        untimed = open_loops[f"{name}, open loop, no clock"]
         # With one round the median ratio is the ratio of the rates.
         assert row.shipped.median == pytest.approx(row.rate / shipped.rate)
         assert row.untimed.median == pytest.approx(row.rate / untimed.rate)
