@@ -1,10 +1,10 @@
 """Steppers: they move a plant by a timestep, equations by RK4, an mjData by MuJoCo.
 
-A stepper holds one simulation of a plant, under the input and wrench that it is given. Its arrays
-``q``, ``v``, ``u``, ``warnings``, ``bodies`` and ``forces`` are views of what is moved, and mean
-what they do in ``kernel.KernelRun``; ``model`` and ``data`` are what ``advance`` takes: an mjModel
-and an mjData, or the numbers and the arrays of equations. Overflows of a diverging run are the
-caller's to silence, as is MuJoCo's printing.
+A stepper holds one simulation of a plant. Its arrays ``q``, ``v``, ``u``, ``warnings``, ``bodies``
+and ``forces`` are views of the state that it moves, and mean the same as in ``kernel.KernelRun``.
+``model`` and ``data`` are the arguments of ``advance``: an mjModel and an mjData, or the numbers
+and the arrays of equations. Overflows of a diverging run are the caller's to silence, and so are
+MuJoCo's warnings.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from grosmc_mj.simulation.guard import c_address, cannot_step
 from grosmc_mj.simulation.kernel import STEP
 from grosmc_mj.structures import record_at
 
-# A state beyond this has diverged; MuJoCo's own bound.
+# A state beyond this bound has diverged; it is MuJoCo's own.
 LARGEST = mujoco.mjMAXVAL
 _FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
@@ -45,54 +45,77 @@ class EquationStepper:
     recorded_size = 0
 
     def __init__(self, plant: Plant, timestep: float) -> None:
-        self._system, self._block = plant.system, np.zeros(1, _block_dtype(plant.system))
+        self._system = plant.system
+        self._step = _step_of(plant.system)
+        self._block = np.zeros(1, _block_dtype(plant.system))
         self._block["h"] = timestep
-        parts = {name: self._block[name][0] for name in self._block.dtype.names or ()}
-        self.data = SimpleNamespace(**{**parts, "h": timestep})
-        self.q, self.u, self.v = self.data.x, self.data.u, np.zeros(0)
-        self.warnings, self.forces = self.data.warnings, self.data.w.reshape(-1, 6)
-        self.bodies, self._step = np.arange(len(self.forces)), _step_of(plant.system)
-        self._dtype, self._numbers = record_dtype(plant.parameters), pack(plant.parameters)
+
+        # The same memory as attributes, for plain Python.
+        arrays = {name: self._block[name][0] for name in self._block.dtype.names or ()}
+        arrays["h"] = timestep
+        self.data = SimpleNamespace(**arrays)
+        self.q = self.data.x
+        self.v = np.zeros(0)
+        self.u = self.data.u
+        self.warnings = self.data.warnings
+        self.forces = self.data.w.reshape(-1, 6)
+        self.bodies = np.arange(len(self.forces))
+
         self.model = plant.parameters
+        self._numbers = pack(plant.parameters)
+        self._numbers_dtype = record_dtype(plant.parameters)
 
     def write(self, plant: Any) -> None:
         """Give the equations the numbers of a plant."""
         if plant.parameters is not self.model:
-            self.model, self._numbers[:] = plant.parameters, pack(plant.parameters)
+            self.model = plant.parameters
+            self._numbers[:] = pack(plant.parameters)
 
     def restart(self, x0: Array) -> None:
         """Go to a start, (n,), with neither input nor wrench."""
-        self.q[:], self.u[:], self.forces[:], self.warnings[:] = x0, 0.0, 0.0, 0
+        self.q[:] = x0
+        self.u[:] = 0.0
+        self.forces[:] = 0.0
+        self.warnings[:] = 0
 
     def advance(self, model: Any, data: Any) -> None:
-        """One step of RK4."""
+        """Make one step of RK4."""
         try:
             self._step(model, data)
         except (ArithmeticError, ValueError):  # where C goes on with infinities and NaN
             data.warnings[0] = 1
 
     def read(self, state: Array) -> None:
-        """Equations have no mjSTATE_FULLPHYSICS."""
+        """Write nothing: equations have no mjSTATE_FULLPHYSICS."""
 
     def addresses(self) -> tuple[int, int, int]:
-        """For compiled code: a step, the numbers and the state."""
-        step = _compiled_step(self._system, self._dtype)
+        """Addresses of a step, the numbers and the state, for compiled code."""
+        step = _compiled_step(self._system, self._numbers_dtype)
         return step.address, self._numbers.ctypes.data, self._block.ctypes.data
 
 
-@cache
 def _block_dtype(system: System) -> np.dtype[Any]:
     """Memory of a step of equations: timestep, state, input, wrenches and scratch space."""
-    n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
-    names = ("x", n), ("u", m), ("w", nw), ("slope", n), ("stage", n), ("total", n)
-    arrays = [(name, np.float64, (size,)) for name, size in names]
+    n = len(system.states)
+    sizes = {
+        "x": n,
+        "u": len(system.inputs),
+        "w": 6 * len(system.bodies),
+        "slope": n,
+        "stage": n,
+        "total": n,
+    }
+    arrays = [(name, np.float64, (size,)) for name, size in sizes.items()]
     return np.dtype([("h", np.float64), *arrays, ("warnings", np.int32, (2,))])
 
 
+# One compiled function serves all steppers of a system.
 @cache
 def _step_of(system: System) -> Any:
     """Jitable (p, d): one step of RK4 of the equations with numbers p in such a block d."""
-    rk4, n, largest = runge_kutta_step(system), len(system.states), LARGEST
+    rk4 = runge_kutta_step(system)
+    n = len(system.states)
+    largest = LARGEST
 
     @jitable
     def step(p: Any, d: Any) -> None:
@@ -107,8 +130,9 @@ def _step_of(system: System) -> Any:
 
 @cache
 def _compiled_step(system: System, numbers_dtype: np.dtype[Any]) -> Any:
-    """The same as a C function of the addresses of both."""
-    step, block_dtype = _step_of(system), _block_dtype(system)
+    """Compile a step to a C function of the addresses of the numbers and the block."""
+    step = _step_of(system)
+    block_dtype = _block_dtype(system)
 
     def at(numbers: int, block: int) -> None:
         step(record_at(numbers, numbers_dtype), record_at(block, block_dtype))
@@ -120,20 +144,23 @@ class PhysicsStepper:
     """Moves an mjData by MuJoCo.
 
     Args:
-        system: Names of the joints, and of the bodies that wrenches act on.
-        model: The compiled model.
-        data: What is moved; it may belong to somebody else.
+        system: System with the names of the joints, and of the bodies that wrenches act on.
+        model: Compiled model.
+        data: State that is moved; it may belong to the caller.
     """
 
     def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._system, self.model, self.data, n = system, model, data, system.degrees_of_freedom
-        self.q, self.v, self.u = data.qpos[:n], data.qvel[:n], data.ctrl
-        counts = data.warning.number
-        # Between two counts is what MuJoCo notes of the last warning.
-        numbers = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
-        self.warnings = np.ctypeslib.as_array(numbers)
-        self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
+        n = system.degrees_of_freedom
+        self._system = system
+        self.model = model
+        self.data = data
+        self.q = data.qpos[:n]
+        self.v = data.qvel[:n]
+        self.u = data.ctrl
+        self.warnings = _warning_counts(data)
         self.forces = data.xfrc_applied
+        self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
+
         self.size = mujoco.mj_stateSize(model, _FULL_PHYSICS)
         # Without hidden states it is the time and the state, which a row has anyway.
         self.recorded_size = 0 if self.size == 1 + 2 * n else self.size
@@ -147,13 +174,16 @@ class PhysicsStepper:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
         n = len(self.q)
-        self.q[:], self.v[:] = x0[:n], x0[n:]
+        self.q[:] = x0[:n]
+        self.v[:] = x0[n:]
+        # Coordinates that parts of a machine add start where the joints are.
         if self.model.nq > n:
             qpos, qvel = starts(self.model, self._system, np.array(x0, float)[None])
-            self.data.qpos[:], self.data.qvel[:] = qpos[0], qvel[0]
+            self.data.qpos[:] = qpos[0]
+            self.data.qvel[:] = qvel[0]
 
     def advance(self, model: Any, data: Any) -> None:
-        """One step of MuJoCo."""
+        """Make one step of MuJoCo."""
         try:
             mujoco.mj_step(model, data)
         except mujoco.FatalError as error:
@@ -164,42 +194,57 @@ class PhysicsStepper:
         mujoco.mj_getState(self.model, self.data, state, _FULL_PHYSICS)
 
     def addresses(self) -> tuple[int, int, int]:
-        """``mj_step`` itself, the mjModel and the mjData."""
+        """Addresses of ``mj_step``, the mjModel and the mjData."""
         return c_address("mj_step"), self.model._address, self.data._address
+
+
+def _warning_counts(data: mujoco.MjData) -> Any:
+    """Counts of MuJoCo's warnings, in every other entry; between two is data of the last one."""
+    counts = data.warning.number
+    numbers = (ctypes.c_int32 * (2 * len(counts) - 1)).from_address(counts.ctypes.data)
+    return np.ctypeslib.as_array(numbers)
 
 
 Stepper = EquationStepper | PhysicsStepper
 
 
 def shared_model(plant: Any) -> Any:
-    """Model or system shared by the plants that one stepper moves."""
+    """Model or system that the plants of one stepper share."""
     if plant.kind != "physics":
         return plant.system
-    return plant.undrawn_model if plant.changes is None else plant.template
+    if plant.changes is None:
+        return plant.undrawn_model
+    return plant.template
 
 
 class Steppers:
     """Steppers of one thread: plants of one model share one mjModel and one mjData.
 
     Args:
-        timestep: Of equations [s]; a model in MuJoCo has its own.
+        timestep: Timestep of equations [s]; a model in MuJoCo has its own.
     """
 
     def __init__(self, timestep: float) -> None:
-        self._timestep, self._shared, self._plant = timestep, None, None
+        self._timestep = timestep
+        self._shared: Any = None
+        self._plant: Any = None
         self._stepper: Any = None
 
     def of(self, plant: Any) -> Stepper:
-        """The stepper of a plant, to be restarted first; valid until the next call."""
+        """Stepper of a plant, to be restarted first; valid until the next call."""
         shared = shared_model(plant)
         if shared is not self._shared:
-            self._shared, self._plant = shared, None
-            if plant.kind != "physics":
-                self._stepper = EquationStepper(plant, self._timestep)
-            else:
-                model = shared if plant.changes is None else shared.copy()
-                self._stepper = PhysicsStepper(plant.system, model, mujoco.MjData(model))
+            self._shared = shared
+            self._plant = None
+            self._stepper = self._new(plant)
         if plant is not self._plant:
             self._stepper.write(plant)
-        self._plant = plant
+            self._plant = plant
         return self._stepper
+
+    def _new(self, plant: Any) -> Stepper:
+        """Stepper for all plants that share the model of this one."""
+        if plant.kind != "physics":
+            return EquationStepper(plant, self._timestep)
+        model = plant.undrawn_model if plant.changes is None else plant.template.copy()
+        return PhysicsStepper(plant.system, model, mujoco.MjData(model))
