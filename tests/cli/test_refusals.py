@@ -31,6 +31,7 @@ REFUSALS = [
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
     ("claims premises arm --controller grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
+    ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("study switching", "unknown command 'switching': valid: region, tolerance, ladder"),
     ("campaign servo --film", "--film is for --replay only"),
     ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
