@@ -21,6 +21,8 @@ from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.films.offscreen import without_graphics
 
+# A subcommand of ``claims`` that is gone: its name is not taken for a claim.
+_REMOVED = "self-test"
 # The format of ``run --save`` without one.
 _FORMAT = "parquet"
 
@@ -146,7 +148,8 @@ def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> 
 def _with_judge(arguments: Sequence[str]) -> list[str]:
     """The arguments with the subcommand that ``claims`` alone stands for."""
     words = list(arguments)
-    if words[:1] == ["claims"] and not {*words[1:2]} & {*CLAIMS, "-h", "--help"}:
+    no_claims = {*CLAIMS, _REMOVED, "-h", "--help"}
+    if words[:1] == ["claims"] and no_claims.isdisjoint(words[1:2]):
         words.insert(1, "judge")
     return words
 

@@ -20,7 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.policies import policy_controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Fault, Laboratory
+from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import find_system
@@ -58,15 +58,9 @@ def judge_policy(
         ArgumentError: If there is no such claim, or it is about another system.
         LawError: If the policy raises an error.
     """
-
-    def in_place(law: Controller, _experiment: Experiment, _plant: PlantName) -> Controller:
-        if law.name != REPLACED:
-            return law
-        return replace(policy_controller(policy, law), parameters=_Guarded(law.parameters))
-
     name = find_system(system).name
-    fault = Fault("policy", "a policy is the law", controller=in_place)
-    lab, findings = Laboratory(settings or Settings(), fault), []
+    lab = _PolicyLaboratory(settings or Settings(), policy)
+    findings = []
     for claim in select_claims(name) if claims is None else claims:
         claim = find_claim(claim) if isinstance(claim, str) else claim
         if claim.system != name:
@@ -80,6 +74,24 @@ def judge_policy(
             finding = Finding(claim, dict.fromkeys(claim.plants, on_each))
         findings.append(finding)
     return findings
+
+
+class _PolicyLaboratory(Laboratory):
+    """Runs with a policy in the place of the sliding mode law."""
+
+    def __init__(self, settings: Settings, policy: Any) -> None:
+        super().__init__(settings)
+        self._policy = policy
+
+    def controller(
+        self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
+    ) -> Controller:
+        """Controller as for every laboratory, or the policy."""
+        law = super().controller(experiment, plant, name, believed)
+        if law.name != REPLACED:
+            return law
+        judged = policy_controller(self._policy, law)
+        return replace(judged, parameters=_Guarded(law.parameters))
 
 
 class _Guarded:

@@ -1,10 +1,10 @@
-"""Where claims are measured: runs that are made once for all, and what may be wrong with them."""
+"""Cached runs for the claims."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from grosmc_mj.control.controller import Controller
@@ -19,51 +19,25 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Something wrong with the laboratory, which the claims must notice.
-
-    Attributes:
-        name: Short name.
-        what: In words.
-        controller: What it makes of a controller, of an experiment and a plant.
-        experiment: What it makes of an experiment.
-        plant: What it makes of a plant of that name for that experiment.
-        settings: What it makes of the settings.
-    """
-
-    name: str
-    what: str
-    controller: Callable[[Controller, Experiment, PlantName], Controller] = (
-        lambda law, _experiment, _name: law
-    )
-    experiment: Callable[[Experiment], Experiment] = lambda experiment: experiment
-    plant: Callable[[Plant, Experiment, PlantName], Plant] = lambda plant, _experiment, _name: plant
-    settings: Callable[[Settings], Settings] = lambda settings: settings
-
-
-SOUND = Fault("none", "nothing is wrong")
-
-
 class Laboratory:
-    """Makes the runs that claims ask for, each once.
+    """Runs that the claims share, each made once.
+
+    A subclass may override ``controller``, ``plant`` and ``as_set``: so a policy takes the place of
+    a law, and tests put faults in.
 
     Args:
         settings: How experiments are run: what is not the default counts instead of their own.
-        fault: What is wrong, to try the claims themselves.
+        known: Results that are there already, made with these settings.
         number: A key of the case files and the value that counts instead of theirs.
-        known: Results that are there already; of a sound laboratory with these settings only.
     """
 
     def __init__(
         self,
         settings: Settings,
-        fault: Fault = SOUND,
         known: Iterable[RunResult] = (),
         number: tuple[str, Any] | None = None,
     ) -> None:
-        self.settings = fault.settings(settings)
-        self._fault = fault
+        self.settings = settings
         self._number = number
         self._runs: dict[Any, RunResult] = {
             (*result.experiment.key, result.plant, result.controller.name): result
@@ -71,31 +45,32 @@ class Laboratory:
         }
         self._kept: dict[Any, Any] = {}
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """What another process gets: the same laboratory, without the runs made here."""
-        return Laboratory, (self.settings, self._same_fault, (), self._number)
+    def __getstate__(self) -> dict[str, Any]:
+        """Attributes of a copy, here or in another process, which has no runs yet."""
+        return {**vars(self), "_runs": {}, "_kept": {}}
 
-    @cached_property
+    @property
     def refined(self) -> Laboratory:
-        """The same laboratory with half the timestep and half the control period."""
+        """Copy with half the timestep and half the control period."""
         finer = replace(
             self.settings,
             timestep=self.settings.timestep / 2,
             control_period=self.settings.control_period / 2,
         )
-        return Laboratory(finer, self._same_fault, number=self._number)
-
-    @property
-    def _same_fault(self) -> Fault:
-        """What is wrong, for a laboratory whose settings have it already."""
-        return replace(self._fault, settings=lambda settings: settings)
+        return self.once("refined", lambda: self._with(settings=finer))
 
     def varied(self, key: str, value: Any) -> Laboratory:
-        """The same with another number in every case file, see ``Experiment.changed``."""
+        """Copy with another number in every case file, see ``Experiment.changed``."""
         return self.once(
             ("varied", key, repr(value)),
-            lambda: Laboratory(self.settings, self._same_fault, number=(key, value)),
+            lambda: self._with(_number=(key, value)),
         )
+
+    def _with(self, **attributes: Any) -> Laboratory:
+        """Copy with other attributes and without the runs made here."""
+        other = copy(self)
+        vars(other).update(attributes)
+        return other
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
         """What ``make`` gives, made the first time that the key is asked for."""
@@ -120,8 +95,8 @@ class Laboratory:
         return self.once(key, lambda: self.run_with(experiment, plant, law))
 
     def run_with(self, experiment: Experiment, plant: PlantName, law: Controller) -> RunResult:
-        """A run under this very law, with what is wrong."""
-        return run_on(self._used(experiment), plant, law, self.plant(experiment, plant))
+        """A run under this very law."""
+        return run_on(self.as_set(experiment), plant, law, self.plant(experiment, plant))
 
     def case(self, system: str, name: str, plant: PlantName, controller: str) -> RunResult:
         """One of the chapter's cases, by name."""
@@ -130,16 +105,15 @@ class Laboratory:
     def controller(
         self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
     ) -> Controller:
-        """A controller as it is used: designed for a plant, or for another one if named."""
-        law = self.as_set(experiment).law(believed or plant, name)
-        return self._fault.controller(law, experiment, plant)
+        """Controller designed for ``believed`` (default: the plant that it runs on)."""
+        return self.as_set(experiment).law(believed or plant, name)
 
     def plant(self, experiment: Experiment, name: PlantName) -> Plant:
-        """A plant as it is used."""
-        return self._fault.plant(self.as_set(experiment).plant(name), experiment, name)
+        """Plant of that name with the edits of an experiment."""
+        return self.as_set(experiment).plant(name)
 
     def equations(self, experiment: Experiment, name: PlantName) -> AnalyticPlant:
-        """The corrected equations of a plant as it is used, or the equations that it is."""
+        """Corrected equations of a plant in MuJoCo, or the equations that it is."""
         return self.plant(experiment, name).analytic()
 
     def batch(
@@ -147,7 +121,7 @@ class Laboratory:
     ) -> tuple[Controller, Trajectory]:
         """Experiments of one system and duration at once, and the law that they ran under."""
         law = self.controller(experiments[0], plant, controller)
-        used = [self._used(experiment) for experiment in experiments]
+        used = [self.as_set(experiment) for experiment in experiments]
         settings = used[0].settings
         run = simulate(
             [self.plant(experiment, plant) for experiment in experiments],
@@ -174,10 +148,6 @@ class Laboratory:
             return used
         designs = self.once(("designs", experiment.path.parent), dict)
         return used.changed(*self._number, designs)
-
-    def _used(self, experiment: Experiment) -> Experiment:
-        """An experiment as it is run, with what is wrong."""
-        return self._fault.experiment(self.as_set(experiment))
 
 
 def trial(

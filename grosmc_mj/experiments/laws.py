@@ -32,7 +32,7 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.task import NoNumbers, Task, state_task
-from grosmc_mj.errors import ArgumentError, PremiseError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, PremiseError, listed, shown, unknown_name
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
 from grosmc_mj.experiments.file.numbers import law_number, weight
@@ -69,7 +69,6 @@ COMPUTED_TORQUE: Laws = {
     "lqi": lqi,
     "pid": pid,
     "adrc": adrc,
-    "adaptive": adaptive,
 }
 # Laws on the linearization about an operating point, and those of a model in MuJoCo with fewer
 # actuators than joints, which has no others.
@@ -135,6 +134,11 @@ def _packaged(
     laws = laws_of(nominal)
     if table.law not in laws:
         valid = dict.fromkeys([*file.laws, *laws, *further, "module:name"])
+        if nominal.robot is not None and table.law in GENERAL:
+            raise ArgumentError(
+                f"law {table.law!r} does not fit {nominal.system.name}, a model in MuJoCo without "
+                f"equations in symbols: take {listed(valid)}"
+            )
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker, numbers = laws[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)

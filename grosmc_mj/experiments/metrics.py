@@ -745,11 +745,6 @@ def variation_rate(values: Array, seconds: float) -> float:
     return float(np.abs(np.diff(values, axis=0)).sum() / seconds)
 
 
-def crossings(values: Array) -> int:
-    """How often values change their sign; a zero in between counts once."""
-    return int(np.count_nonzero(np.diff(np.sign(values[values != 0.0]))))
-
-
 def _largest_entries(rows: Array) -> Array:
     """The largest magnitude in each row of one or more numbers, (N,)."""
     return np.abs(rows.reshape(len(rows), -1)).max(axis=1)

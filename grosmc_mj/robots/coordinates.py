@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,12 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import (
     Chains,
     InputMap,
-    LinearTorques,
     OutputCoordinates,
     StateMap,
 )
@@ -31,7 +29,6 @@ from grosmc_mj.robots.dynamics import (
     inertia,
     inverse_dynamics,
 )
-from grosmc_mj.robots.regressor import torques_of_body
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,11 +41,9 @@ class RobotCoordinates(OutputCoordinates):
 
     Attributes:
         model: The nominal model of the dynamics, see ``nominal_model``.
-        carriers: The body of that model that each body of the robot moves with, by its name.
     """
 
     model: mujoco.MjModel
-    carriers: Mapping[str, int]
 
     @cached_property
     def linearization(self) -> Chains:
@@ -123,21 +118,6 @@ class RobotCoordinates(OutputCoordinates):
                 v[i] = sign * (v[i] - y_r[highest[i]])
 
         return jitable(virtual_input)
-
-    def torques(self, body: str | None = None) -> LinearTorques:
-        """As for every coordinates: the inertia of one body is unknown, and loads on the joints.
-
-        Args:
-            body: Its name, or that of one that does not move against it; by default the body of
-                the last joint, the end of a serial arm.
-
-        Raises:
-            ArgumentError: If there is no such body, or it does not move.
-        """
-        if body is None:
-            return torques_of_body(self.model, int(self.model.jnt_bodyid[-1]))
-        require_known("body", body, self.carriers, where="adaptive: ")
-        return torques_of_body(self.model, self.carriers[body])
 
     def workspace(self, p: Any) -> NominalData:
         """An mjData of the nominal model, for one run."""

@@ -55,7 +55,6 @@ class InWorkspace:
 
 # Addresses for compiled code: of both, of the joints' armature and of arrays of the mjData.
 _ARRAYS = ("qpos", "qvel", "qacc", "qfrc_passive", "qfrc_inverse")
-_ARRAYS = (*_ARRAYS, "cinert", "xpos", "xmat", "subtree_com")
 WORKSPACE = np.dtype([(name, np.int64) for name in ("model", "data", "armature", *_ARRAYS)])
 
 

@@ -121,14 +121,7 @@ class Robot:
 @cache
 def _coordinates(robot: Robot, reference: ReferenceFunction) -> RobotCoordinates:
     """The errors of all joints from a reference, made once so that its laws are compiled once."""
-    full, nominal = robot.plant.model, robot.nominal
-    carriers = {full.body(i).name: full.body_weldid[i] for i in range(1, full.nbody)}
-    carriers = {
-        name: int(nominal.jnt_bodyid[full.body_jntadr[carrier]])
-        for name, carrier in carriers.items()
-        if carrier  # not welded to the world
-    }
-    return RobotCoordinates(robot.plant.system, reference, model=nominal, carriers=carriers)
+    return RobotCoordinates(robot.plant.system, reference, model=robot.nominal)
 
 
 def _system(spec: mujoco.MjSpec) -> System:

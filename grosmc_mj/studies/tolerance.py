@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.cells import cell_len
 
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.experiment import Experiment
@@ -91,8 +92,8 @@ class Amount(NamedTuple):
     """A number of one part of a loop.
 
     Attributes:
-        kind: ``computing``, ``sensor`` or ``actuator``.
-        of: The state or input that it is of; empty of the computer.
+        kind: ``computing``, ``sensor`` or ``actuator``; ``run`` for the control period.
+        of: The state or input that it is of; empty for the computer and the control period.
         quantity: Which number.
         value: What the bench has, in ``unit``.
         unit: Its unit.
@@ -142,9 +143,18 @@ class Imperfection:
         return self.single and self.amounts[0].quantity in _LIMITS
 
     @property
+    def least(self) -> float:
+        """Smallest factor that is tried."""
+        return LEAST
+
+    @property
     def most(self) -> float:
         """The factor where it ends; of all at once each ends where it must."""
         return min([MOST, *(x.most for x in self.amounts if self.single)])
+
+    def control_period(self, factor: float) -> float | None:
+        """Control period [s] of runs with this factor; None for that of the target."""
+        return None
 
     def at(self, factor: float) -> Loop:
         """The loop with this factor on what the bench has, its times on the timestep's grid."""
@@ -182,8 +192,38 @@ class Imperfection:
         return number(self.amount(factor) * self.unit[1])
 
 
+@dataclass(frozen=True)
+class LongerPeriod(Imperfection):
+    """A longer control period than the target's in an ideal loop.
+
+    A factor multiplies the period of the target. The result is a whole multiple of the timestep.
+    """
+
+    @property
+    def least(self) -> float:
+        """Smallest factor: the target's own period."""
+        return 1.0
+
+    def at(self, factor: float) -> Loop:
+        """The ideal loop, with every factor."""
+        return self.base
+
+    def amount(self, factor: float) -> float:
+        """Control period [s] for a factor; 0 for none."""
+        return round(self.amounts[0].scaled(factor) / self.timestep) * self.timestep
+
+    def control_period(self, factor: float) -> float | None:
+        """Control period [s] of runs with this factor; None for that of the target."""
+        return None if factor <= self.least else self.amount(factor)
+
+
 def imperfections(
-    bench: Loop, system: System, timestep: float, control_period: float
+    bench: Loop,
+    system: System,
+    timestep: float,
+    control_period: float,
+    *,
+    longer_period: bool = False,
 ) -> list[Imperfection]:
     """Each number of a bench's loop alone, rates that are estimated, and everything.
 
@@ -192,6 +232,7 @@ def imperfections(
         system: Whose.
         timestep: [s].
         control_period: [s].
+        longer_period: Whether a longer control period is one of them.
     """
     everything = list(_amounts(bench, system, timestep, control_period))
     estimated = bench
@@ -206,6 +247,10 @@ def imperfections(
         Imperfection(titles[key], ideal, ideal, tuple(amounts), timestep)
         for key, amounts in groups.items()
     ]
+    if longer_period:
+        most = (_LONGEST - timestep) / control_period
+        period = Amount("run", "", "control_period", control_period, "s", most)
+        single.append(LongerPeriod("control period", ideal, ideal, (period,), timestep))
     every = Imperfection(ALL, estimated, estimated, tuple(everything), timestep)
     if not bench.estimators:
         return [*single, every]
@@ -261,7 +306,9 @@ class Setting:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For another process: the target, to be read there."""
-        return setting, (self.named, [law.name for law in self.laws])
+        longer_period = any(isinstance(x, LongerPeriod) for x in self.imperfections)
+        read = partial(setting, longer_period=longer_period)
+        return read, (self.named, [law.name for law in self.laws])
 
     @property
     def target(self) -> str:
@@ -278,13 +325,16 @@ class Setting:
         return limits_in(self.experiment.file.requirement, law, condition, self.plants)
 
 
-def setting(target: str, chosen: Sequence[str] = (), *, rivals: bool = False) -> Setting:
+def setting(
+    target: str, chosen: Sequence[str] = (), *, rivals: bool = False, longer_period: bool = False
+) -> Setting:
     """A target with its bench, conditions and laws.
 
     Args:
         target: A system, which means its bench, ``SYSTEM/CASE``, or the path of a case file.
         chosen: Names of laws; all by default.
         rivals: Whether all includes the rivals.
+        longer_period: Whether a longer control period is one of the imperfections.
 
     Raises:
         ArgumentError: If there is no such target or law, no loop, or nothing is required.
@@ -298,13 +348,19 @@ def setting(target: str, chosen: Sequence[str] = (), *, rivals: bool = False) ->
         )
     timestep = min(experiment.settings.timestep, owner.settings.timestep)
     bare = experiment.varied(loop=None).with_settings(timestep=timestep)
-    period = bare.settings.control_period
+    found = imperfections(
+        owner.case.loop,
+        bare.nominal.system,
+        timestep,
+        bare.settings.control_period,
+        longer_period=longer_period,
+    )
     return Setting(
         experiment=bare,
         bench=owner.case.loop,
         bench_of=f"{owner.case.system}/{owner.case.name}",
         laws=chosen_laws(bare, chosen, rivals=rivals),
-        imperfections=imperfections(owner.case.loop, bare.nominal.system, timestep, period),
+        imperfections=found,
         conditions=conditions_of(bare),
         named=target,
     )
@@ -395,10 +451,17 @@ class Tolerance:
 
 
 class Trial(NamedTuple):
-    """A loop under a condition."""
+    """A loop under a condition.
+
+    Attributes:
+        condition: Plant and loads.
+        loop: The loop.
+        control_period: [s]; None for that of the target.
+    """
 
     condition: Condition
     loop: Loop
+    control_period: float | None = None
 
 
 class TrialResult(NamedTuple):
@@ -442,13 +505,17 @@ class Trials:
     known: dict[tuple[Trial, int], TrialResult] = field(default_factory=dict)
 
     def results(self, runs: Sequence[tuple[Trial, int]]) -> list[TrialResult]:
-        """Results of runs, by trial and number; those under one condition run together."""
-        groups: dict[Condition, list[tuple[Trial, int]]] = {}
+        """Results of runs, by trial and number.
+
+        Runs under one condition with one control period run together.
+        """
+        groups: dict[tuple[Condition, float | None], list[tuple[Trial, int]]] = {}
         for run in dict.fromkeys(runs):
             if run not in self.known:
-                groups.setdefault(run[0].condition, []).append(run)
-        for condition, group in groups.items():
-            self._run(condition, group)
+                trial = run[0]
+                groups.setdefault((trial.condition, trial.control_period), []).append(run)
+        for (condition, control_period), group in groups.items():
+            self._run(condition, control_period, group)
         return [self.known[run] for run in runs]
 
     def worst(self, trials: Sequence[Trial]) -> list[TrialResult]:
@@ -459,15 +526,32 @@ class Trials:
         runs = ([self.known.get((trial, i)) for i in range(self.seeds)] for trial in trials)
         return [min((r for r in own if r), key=lambda r: (r.kept, r.margin)) for own in runs]
 
-    def _run(self, condition: Condition, runs: Sequence[tuple[Trial, int]]) -> None:
-        """Make runs under one condition, and note their results."""
-        experiment, limits, law = condition.experiment, self.limits[condition], self.law
+    def _run(
+        self,
+        condition: Condition,
+        control_period: float | None,
+        runs: Sequence[tuple[Trial, int]],
+    ) -> None:
+        """Make runs under one condition with one control period, and note their results."""
+        experiment = condition.experiment
+        law: str | Controller = self.law.controller
+        if control_period is not None:
+            # The law by its name: it is sampled, and its discrete surface designed, once more.
+            experiment = experiment.with_settings(control_period=control_period, **self.law.sampled)
+            law = self.law.base
+
+        limits = self.limits[condition]
         plant = experiment.plant(self.plant)
         rows = [
-            Row(law.controller, case=replace(experiment.case, loop=trial.loop), number=i,
-                plant=plant, predict=law.predict)
+            Row(
+                law,
+                case=replace(experiment.case, loop=trial.loop),
+                number=i,
+                plant=plant,
+                predict=self.law.predict,
+            )
             for trial, i in runs
-        ]  # fmt: skip
+        ]
         outcomes = run_rows(
             experiment, rows, limits, self.plant, keep_impossible=True, threads=self.threads
         )
@@ -498,7 +582,11 @@ class Question(Search):
 
     def __init__(self, imperfection: Imperfection, condition: Condition) -> None:
         super().__init__(
-            imperfection.most, geometric_mean, resolved, least=LEAST, same=imperfection.at
+            imperfection.most,
+            geometric_mean,
+            resolved,
+            least=imperfection.least,
+            same=self.trial,
         )
         self.imperfection, self.condition = imperfection, condition
         self.results: dict[float, TrialResult] = {}
@@ -506,7 +594,8 @@ class Question(Search):
 
     def trial(self, factor: float) -> Trial:
         """The trial of a factor."""
-        return Trial(self.condition, self.imperfection.at(factor))
+        loop = self.imperfection.at(factor)
+        return Trial(self.condition, loop, self.imperfection.control_period(factor))
 
     def note(self, factor: float, result: TrialResult) -> None:
         """Note the result of a factor."""

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from faults import FAULTS, OtherLaws
 from shipped import ARM_G, find_case, nominal, robust, run_case, task_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
 from grosmc_mj.assumptions.audit import Audit, Premise, audit, run_audit
 from grosmc_mj.assumptions.balance import Balance, balance
-from grosmc_mj.chapter.claims.faults import FAULTS
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
@@ -27,7 +27,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Fault, Laboratory, trial
+from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -178,8 +178,7 @@ def test_printed_epsilon_fails_by_the_closed_form_and_the_named_one_restores_it(
     # With it s stays within the step of one sample, and with less it does not.
     for epsilon in (1.01 * region, along, 0.9 * along):
         law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, ARM_G)
-        fault = Fault("ε", "another gain", controller=lambda *_, law=law: law)
-        lab = Laboratory(Settings(), fault)
+        lab = OtherLaws(lambda *_, law=law: law)
         other = premise(audit(lab, case), "epsilon")
         assert other.along is not None
         assert other.holds is (epsilon == 1.01 * region)
@@ -220,7 +219,7 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
 
         return replace(law, law=off)
 
-    lab = Laboratory(Settings(engine="python"), Fault("off", "s(0) = 0.1", controller=shifted))
+    lab = OtherLaws(shifted, Settings(engine="python"))
     found = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
     assert not premise(found, "s(0) = 0").holds
     # G B = 0, which a design refuses, of a law of one's own: a surface that no input steers.
@@ -267,8 +266,7 @@ def test_premises_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
-    fault = next(own for own in FAULTS if own.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_experiment("arm", "case1"))
+    found = audit(FAULTS["zero switching gain"](), find_experiment("arm", "case1"))
     failed = premise(found, "epsilon")
     assert failed.along is not None
     # Without a gain the margin is minus the requirement, and no multiple of it restores anything.

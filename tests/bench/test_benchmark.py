@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable
 from itertools import repeat
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from commands import Patch
 
 import grosmc_mj as gm
-from benchmarks import timing
+from benchmarks import switching, timing
 from benchmarks.batches import batch_at
 from benchmarks.growth import benchmark_growth
 from benchmarks.loops import benchmark
@@ -119,3 +120,24 @@ def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
     begun = batch_at([plant] * 2, x0)
     np.testing.assert_array_equal(begun.bind("qpos"), run.physics[:, 0, 1:5])
     np.testing.assert_array_equal(begun.bind("qvel"), run.physics[:, 0, 5:9])
+
+
+def test_switching_laws_are_tabled_and_drawn(
+    monkeypatch: Patch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(switching, "LAWS", ("implicit", "implicit-estimate"))
+    monkeypatch.setattr(switching, "SAMPLE_TIMES", (2e-3, 1e-3))
+    monkeypatch.setattr(switching, "GAIN_RATIOS", (1.0, 1.9, 2.1))
+    monkeypatch.setattr(switching, "CONTROL_PERIODS", (1e-3,))
+    monkeypatch.setattr(switching, "DRAWN", ("servo/nominal",))
+    monkeypatch.setattr(switching, "CASES", ("servo/nominal",))
+    figure = tmp_path / "switching.png"
+    switching.main([str(figure)])
+
+    assert list(tmp_path.iterdir()) == [figure]
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["implicit", "1.00"] in [row[:2] for row in rows]
+    # The estimate is of second order, and diverges from r = 2 on.
+    assert ["implicit-estimate", "2.00", "2.10"] in [[*row[:2], *row[-1:]] for row in rows]
+    # Nominally the implicit law costs the optimum.
+    assert ["servo/nominal", "implicit", "1"] in [[*row[:2], *row[-1:]] for row in rows]

@@ -126,7 +126,7 @@ def test_every_command_has_a_summary_takes_verbose_and_its_help_names_its_option
         ("", f"usage: grosmc-mj {' '.join(COMMANDS)}"),
         ("validate", "SYSTEM/CASE --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
-        ("study", "switching region tolerance ladder"),
+        ("study", "region tolerance ladder"),
     ):
         assert run(*arguments.split(), "--help") == cli.DONE
         output = capsys.readouterr().out

@@ -149,6 +149,19 @@ def test_integrals_hold_and_the_observer_is_told_while_an_input_is_cut() -> None
     np.testing.assert_allclose(q, p.F @ p.start @ z + p.G @ z + p.L @ [1.5], rtol=1e-12)
 
 
+@pytest.mark.parametrize("limit", [0.01, math.inf])
+def test_estimates_hold_while_an_input_is_beyond_its_limit(limit: float) -> None:
+    law = adaptive(task_of("arm"), 2.0, 1.0, limit).sampled(PERIOD)
+    memory: Any = law.memory()
+    u = law.input_at(0.0, np.array([0.5, 0.0]), memory)
+    assert abs(u.item()) > 0.01
+
+    parametrization = nominal("arm").system.parametrization
+    assert parametrization is not None
+    estimates = parametrization.nominal(law.parameters.plant)
+    assert np.array_equal(memory.theta, estimates) == (limit == 0.01)
+
+
 @pytest.mark.parametrize(
     ("design", "wrong"),
     [

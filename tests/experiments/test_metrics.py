@@ -17,6 +17,7 @@ from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
     compare_with_optimum,
+    cost_shares,
     measure,
     overshoot,
     settling_time,
@@ -202,6 +203,14 @@ def test_a_limit_is_of_its_own_metric_and_kept_if_just_met(kind, metrics, value)
         judgement = judge(limit(kind, allowed), result)
         assert (judgement.measured, judgement.kept) == (value, kept)
         assert judgement.margin == allowed - value
+
+
+def test_the_rest_of_the_input_costs_a_second_over_the_optimum() -> None:
+    metrics = {name: Metric(cost, "1") for name, cost in COSTS.items()}
+    continuous, rest = cost_shares(metrics, duration=0.5)
+    assert continuous.value == 5.0 / 2.0
+    assert rest.value == (3.0 - 5.0) / (2.0 * 0.5)
+    assert cost_shares(metrics | {"cost_optimal": Metric(None, "1")}, 0.5)[1].value is None
 
 
 def test_a_surface_starts_at_zero_and_an_error_stays_within_to_both_sides() -> None:

@@ -80,7 +80,8 @@ OWNS = [
 LEVITATED, ITS_LAW, FAMILY = 'at = { gap = "10 mm" }', '"lqr"', '"linear-grosmc"\nuncertainty = '
 OPERATING_POINTS = [
     (LEG, 'model = "leg.xml"', 'model = "lag.xml"', "lag.xml"),
-    (LEG, 'law = "lqr"', 'law = "fl-lqr"', "unknown law 'fl-lqr'"),
+    (LEG, 'law = "lqr"', 'law = "fl-lqr"', "law 'fl-lqr' does not fit leg, a model"),
+    (LEG, 'law = "lqr"', 'law = "adaptive"', "law 'adaptive' does not fit leg, a model"),
     (MAGLEV, LEVITATED, 'at = { gap = "10" }', 'plant: at: gap: "10" has no unit'),
     (MAGLEV, LEVITATED, 'at = { current = "0 A", gap = "10 mm" }', "at: maglev rests nowhere"),
     (MAGLEV, "R = 1e-3", 'R = 1\nreference = ["1"]', "under lqr all states are held"),

@@ -23,9 +23,10 @@ from grosmc_mj.control.design import (
     tracking_grosmc,
 )
 from grosmc_mj.control.references import FourierSeries, Setpoints, fourier_series, setpoints
+from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.task import Task
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, ModelError
+from grosmc_mj.errors import ArgumentError, ModelError, PremiseError
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import load_spec
@@ -283,10 +284,12 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: regulating_grosmc(two_link_task(), Uncertainty({}, (1.0,) * 18, (1.0,) * 4, 1.0)),
      "no equations in symbols"),
     (lambda: two_link().plant.analytic(), "no equations in symbols"),
+    (lambda: adaptive(two_link_task(), 1.0, 1.0),
+     "two_link_arm has no torques Y theta in symbols.*: take lqi, pid or adrc"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
 def test_no_robot_or_no_design_for_one_is_refused(call: Callable[[], Any], words: str) -> None:
-    with pytest.raises((ModelError, ArgumentError), match=words):
+    with pytest.raises((ModelError, ArgumentError, PremiseError), match=words):
         call()

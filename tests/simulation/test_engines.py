@@ -21,7 +21,6 @@ from shipped import find_case
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series
-from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
@@ -81,8 +80,6 @@ def law_of(system: str, law: str = "grosmc") -> Controller:
     series = FourierSeries(2.0, np.full(n, 0.1), np.zeros((n, 1)), np.full((n, 1), 0.2))
     Q = np.kron(np.eye(n), np.diag([100.0, 0.0]))
     task = robot(system).task(fourier_series(n, 1), series, Q, np.eye(n))
-    if law == "adaptive":
-        return adaptive(task, 5.0, 2.0, np.inf)
     return linearized_lqr(task, "lqr") if law == "lqr" else tracking_grosmc(task, 5.0, 2.0)
 
 
@@ -119,7 +116,8 @@ MATRIX = [
     *itertools.product([("cart_pendulum", "printed"), ("arm", "printed"), ("arm", "Euler"),
                         ("arm", "implicit"), ("machine", "own"), ("lag", "RK4"), ("delay", "RK4"),
                         ("coupled", None), ("tree", "RK4")], ["grosmc"], ["ideal"]),
-    *((("tree", "Euler"), law, "ideal") for law in ("lqr", "adaptive")),
+    (("tree", "Euler"), "lqr", "ideal"),
+    (("arm", "corrected"), "adaptive", "ideal"),
     (("tree", "implicitfast"), "grosmc", "eso"),
     *((("cart_pendulum", "RK4"), "lqr", loop) for loop in ("ideal", "eso")),
     (("two_link_arm", "corrected"), "pd", "ideal"),

@@ -144,7 +144,8 @@ def test_all_seeds_must_keep_it(monkeypatch: pytest.MonkeyPatch) -> None:
     studied = setting("servo", ["lqr"])
     for failing in (None, 0, 1, 3):
 
-        def made(self: tolerance.Trials, _: object, runs: Any, failing: Any = failing) -> None:
+        def made(self: tolerance.Trials, *groups: Any, failing: Any = failing) -> None:
+            runs = groups[-1]
             self.known.update(
                 {x: tolerance.TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs}
             )
@@ -190,6 +191,54 @@ def test_lqr_stands_its_delay_margin_and_physics_confirms_it(
     differs = lambda *parts: dict.fromkeys(confirmed(*parts), False)  # noqa: E731
     monkeypatch.setattr(tolerance, "_confirmed", differs)
     assert [row.physics_agrees for row in checked()] == [False] * 4
+
+
+def spectral_radius(studied: Setting, control_period: float) -> float:
+    """Largest |eigenvalue| of the LQR loop sampled with this period."""
+    optimum = studied.laws[0].controller.designed.lqr
+    sampled = control.c2d(control.ss(optimum.A, optimum.B, np.eye(2), 0), control_period)
+    return float(np.abs(np.linalg.eigvals(sampled.A - sampled.B @ optimum.K)).max())
+
+
+def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(FILE, encoding="utf-8")
+    studied = setting(str(tmp_path / "mine.toml"), ["lqr"], longer_period=True)
+    kinds = {kind.name: kind for kind in studied.imperfections}
+    studied = replace(
+        studied, imperfections=[kinds["control period"]], conditions=studied.conditions[:1]
+    )
+    (found,) = tolerances(studied, 0, seeds=1)
+    assert found.physics_agrees
+    assert found.smallest_failed is not None
+    # A growth by less than half in fifty seconds is not told from none.
+    longest = found.imperfection.amount(found.largest_kept)
+    assert spectral_radius(studied, longest) < 1.005
+    assert spectral_radius(studied, found.imperfection.amount(found.smallest_failed)) > 0.995
+    # Far beyond the 5 ms of the file, on the grid of the timestep.
+    assert longest > 0.05
+    assert math.remainder(longest, 5e-3) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_longer_period_is_asked_for_and_samples_the_law_and_its_surface() -> None:
+    assert "control period" not in {kind.name for kind in setting("servo").imperfections}
+    studied = setting("servo", ["sign", "implicit"], longer_period=True)
+    copied = pickle.loads(pickle.dumps(studied))
+    names = [kind.name for kind in studied.imperfections]
+    assert [kind.name for kind in copied.imperfections] == names
+    period = studied.imperfections[names.index("control period")]
+    assert period.heading == "control period [ms]"
+    assert period.control_period(1.0) is None
+    assert period.control_period(2.0) == pytest.approx(2e-3)
+
+    # A discrete surface of another period than the run's would be refused.
+    law = studied.laws[1]
+    nominal = studied.conditions[0]
+    limits = {nominal: studied.limits(law, nominal)}
+    trials = tolerance.Trials(law, "corrected", limits, studied.bench, seeds=1)
+    (usual,) = trials.worst([tolerance.Trial(nominal, period.base)])
+    (longer,) = trials.worst([tolerance.Trial(nominal, period.base, 4e-3)])
+    assert (usual.kept, longer.kept) == (True, True)
+    assert usual.margin != longer.margin
 
 
 # The answer.

@@ -1,4 +1,4 @@
-"""claims.json, sweeps.json and self_test.json."""
+"""claims.json and sweeps.json."""
 
 from __future__ import annotations
 
@@ -8,14 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
-from grosmc_mj.chapter.claims.self_test import Caught
-from grosmc_mj.chapter.claims.story import (
-    claims_tables,
-    noticed_table,
-    turning_table,
-)
+from grosmc_mj.chapter.claims.story import claims_tables, turning_table
 from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     KEPT,
@@ -135,19 +129,4 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: Laboratory) -> dict[st
         "sweeps", asdict(lab.settings), seed=0, values=values, sweeps=rows,
         answers=[Answer(question="Choices that are not printed", verdict=MEASURED, words=words)],
         sheets=[Sheet(table=turning_table(rows), charts=charts)],
-    )  # fmt: skip
-
-
-def self_test_result(caught: Sequence[Caught], settings: Settings) -> dict[str, Any]:
-    """The content of self_test.json."""
-    missed = [one.fault.name for one in caught if not one.claims]
-    words = f"All {len(caught)} faults are noticed"
-    if missed:
-        words = f"{len(missed)} of {len(caught)} faults are not noticed: {'; '.join(missed)}"
-    verdict = NOT_KEPT if missed else KEPT
-    answer = Answer(question="Faults put into laws and plants", verdict=verdict, words=words)
-    return result(
-        "self_test", asdict(settings), seed=0, answers=[answer],
-        sheets=[Sheet(table=noticed_table(caught))],
-        noticed_by={one.fault.name: list(one.claims) for one in caught},
     )  # fmt: skip

@@ -15,7 +15,6 @@ from grosmc_mj.chapter.claims.claim import (
     sentences_of,
     verdicts_of,
 )
-from grosmc_mj.chapter.claims.self_test import Caught
 from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.tables import Column, Table, numbers, table, text, verdicts, words
@@ -172,13 +171,3 @@ def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
         if row["flips"]
     ]
     return table("What the claims turn on", [*words("claim", "choice"), *text("flips")], rows)
-
-
-def noticed_table(caught: Sequence[Caught]) -> Table:
-    """Which claims noticed each fault, of those that were tried; the least noticed first."""
-    rows = [
-        (one.fault.name, f"{len(one.claims)} of {one.tried}", ", ".join(one.claims))
-        for one in sorted(caught, key=lambda one: len(one.claims))
-    ]
-    columns = [*words("fault"), *numbers("noticed by"), Column(header="claims", width=60)]
-    return table("Faults that claims notice", columns, rows)

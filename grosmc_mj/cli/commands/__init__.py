@@ -17,7 +17,6 @@ from grosmc_mj.cli.commands.report import ReportCommand
 from grosmc_mj.cli.commands.run import RunCommand
 from grosmc_mj.cli.commands.study.ladder import LadderCommand
 from grosmc_mj.cli.commands.study.region import RegionCommand
-from grosmc_mj.cli.commands.study.switching import SwitchingCommand
 from grosmc_mj.cli.commands.study.tolerance import ToleranceCommand
 from grosmc_mj.cli.commands.validate import ValidateCommand
 from grosmc_mj.cli.commands.view import ViewCommand
@@ -25,7 +24,6 @@ from grosmc_mj.cli.commands.view import ViewCommand
 Studies = Mapping[str, type[Command]]
 
 STUDIES: Studies = {
-    "switching": SwitchingCommand,
     "region": RegionCommand,
     "tolerance": ToleranceCommand,
     "ladder": LadderCommand,

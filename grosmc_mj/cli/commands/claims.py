@@ -1,4 +1,4 @@
-"""grosmc-mj claims: judge them, vary their choices, try them with faults, check premises."""
+"""grosmc-mj claims: judge them, vary their choices, check premises."""
 
 from __future__ import annotations
 
@@ -109,45 +109,6 @@ class SweepCommand(Command):
 
 
 @dataclass(frozen=True)
-class SelfTestCommand(Command):
-    """Put faults into laws and plants, one at a time, and show which claims notice.
-
-    A claim that has noticed one is asked no more, but with --verbose. Writes self_test.json. Exit
-    code 1 if a fault is not noticed, or a claim notices none.
-
-    Attributes:
-        target: servo, cart_pendulum, arm or two_link_arm; or one claim.
-        out: Folder for self_test.json.
-    """
-
-    target: _Claims = None
-    out: Out = Path("renders")
-
-    def execute(self) -> int:
-        """Try, write, print."""
-        from grosmc_mj.chapter.claims.faults import FAULTS
-        from grosmc_mj.chapter.claims.ledger import select_claims
-        from grosmc_mj.chapter.claims.results import self_test_result
-        from grosmc_mj.chapter.claims.self_test import self_test
-        from grosmc_mj.executors import executor_for
-        from grosmc_mj.experiments.runs import Settings
-
-        claims, settings = select_claims(self.target), Settings()
-        with screen.progress(len(claims), "claims") as advance:
-            caught = self_test(
-                settings, claims, FAULTS, executor_for(len(claims)), advance, screen.notice,
-                thorough=self.verbose,
-            )  # fmt: skip
-        noticing = {name for fault in caught for name in fault.claims}
-        blind = [f"{claim.id} notices no fault" for claim in claims if claim.id not in noticing]
-        content, path = self_test_result(caught, settings), self.out / "self_test.json"
-        screen.say_result(content, path, blind, full=self.verbose)
-        return (
-            screen.DONE if not blind and all(fault.claims for fault in caught) else screen.DIFFERS
-        )
-
-
-@dataclass(frozen=True)
 class PremisesCommand(Command):
     """Check the premises of the theorems in each case.
 
@@ -185,7 +146,6 @@ class PremisesCommand(Command):
 CLAIMS = {
     "judge": JudgeCommand,
     "sweep": SweepCommand,
-    "self-test": SelfTestCommand,
     "premises": PremisesCommand,
 }
 

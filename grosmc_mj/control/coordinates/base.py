@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,28 +71,6 @@ class Chains:
     def B(self) -> Array:
         """Input matrix, (sum r, m)."""
         return np.eye(sum(self.relative_degree))[:, list(self.last_rows)]
-
-
-class LinearTorques(NamedTuple):
-    """M(q) a + C(q, q') r + G(q) = known + Y theta, in the unit of the inputs.
-
-    C is the matrix of Christoffel's symbols, so that M' - 2 C is skew-symmetric. All but
-    ``inertia`` are jitable, and ``known`` and ``regressor`` take (x, r, a, memory, p): the state,
-    reference rates and accelerations, the run's memory and the law's parameters.
-
-    Attributes:
-        size: k, the number of parameters.
-        nominal: p -> theta by which the nominal plant's torques come out, k numbers.
-        known: The torques that no unknown parameter has a part in, (m,).
-        regressor: Y row by row, m k numbers.
-        inertia: (q, plant's parameters) -> the nominal M(q), (m, m).
-    """
-
-    size: int
-    nominal: Callable[[Any], Any]
-    known: Callable[..., Any]
-    regressor: Callable[..., Any]
-    inertia: Callable[[Array, Any], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,18 +322,6 @@ class OutputCoordinates(Coordinates):
                 f"the reference gives {shown(values)} at t = 0, must give finite values of each "
                 f"output with derivatives up to {degrees}"
             )
-
-    def torques(self, body: str | None = None) -> LinearTorques:
-        """The joints' torques, linear in what is unknown; for outputs that are all joints.
-
-        Args:
-            body: The body whose inertia is unknown; None for the system's own choice.
-
-        Raises:
-            ArgumentError: If there is no such body to choose.
-            PremiseError: If there are none.
-        """
-        raise PremiseError(f"adaptive: {self.system.name} has no torques Y theta")
 
     @property
     def size(self) -> int:

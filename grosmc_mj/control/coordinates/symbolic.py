@@ -14,7 +14,6 @@ from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import (
     InputMap,
-    LinearTorques,
     OutputCoordinates,
     StateMap,
 )
@@ -172,40 +171,6 @@ class ErrorCoordinates(OutputCoordinates):
         near = self.guess if near is None else near
         guess = np.zeros(len(self.system.states)) if near is None else np.array(near, float)
         return self.linearization.place(self.placed(t, z, p), p.plant, guess)
-
-    @cached_property
-    def _torques(self) -> LinearTorques:
-        """The torques of the system's parametrization: all of them are Y theta."""
-        linear: Any = self.system.parametrization
-        regressor, nominal, none = linear.regressor, linear.nominal, (0.0,) * self.inputs
-        return LinearTorques(
-            size=len(linear.theta),
-            nominal=jitable(lambda p: nominal(p.plant)),
-            known=jitable(lambda x, r, a, memory, p: none),
-            regressor=jitable(lambda x, r, a, memory, p: regressor(x, r, a, p.plant)),
-            inertia=linear.inertia,
-        )
-
-    def torques(self, body: str | None = None) -> LinearTorques:
-        """As for all coordinates: all parameters of the plant's torques are unknown.
-
-        Args:
-            body: None, for there is none to choose.
-
-        Raises:
-            ArgumentError: If a body is given.
-            PremiseError: If the system has no parametrization, or other outputs than its joints.
-        """
-        name, joints = self.system.name, tuple(self.system.equations.x[: self.inputs])
-        if self.system.parametrization is None:
-            return super().torques(body)
-        if body is not None:
-            raise ArgumentError(f"adaptive: {name} has no body to choose: all of it is adapted")
-        if self.linearization.h != joints:
-            raise PremiseError(
-                f"adaptive: the outputs of {name} must be its joints, {', '.join(map(str, joints))}"
-            )
-        return self._torques
 
     def require_task(self, plant: Plant, p: Any) -> None:
         """As for outputs; outputs whose E is singular at zero error are refused too."""

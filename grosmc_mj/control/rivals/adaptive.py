@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.control.coordinates.base import LinearTorques, OutputCoordinates
+from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.matrices import row_times
 from grosmc_mj.control.task import Limit, Task
+from grosmc_mj.errors import PremiseError
 from grosmc_mj.fields import Positive, checked_call
+from grosmc_mj.plants.parametrization import LinearParametrization
 
 
 @checked_call
@@ -24,7 +27,6 @@ def adaptive(
     frequency: Positive,
     adaptation: Positive,
     limit: Limit = math.inf,
-    body: str | None = None,
     *,
     linearizing: bool = True,
 ) -> Controller:
@@ -40,33 +42,38 @@ def adaptive(
     instead of settling. Nominally, without adaptation and as long
     as the inertia stays what it is, both poles of the error are at -Lambda.
 
-    Of a robot what is unknown is the inertia of one body, ten parameters about the nominal ones,
-    beside the loads; all else is MuJoCo's nominal dynamics, which take the place of Y theta.
-
     Args:
-        task: What is designed for; the outputs must be the joints of a robot, or of a system with
-            a parametrization: the servo, the arm, the two-link arm.
+        task: What is designed for; the outputs must be the joints of a system with a
+            parametrization: the servo, the arm, the two-link arm.
         frequency: Lambda [1/s].
         adaptation: gamma, the same for all parameters in SI units.
         limit: Largest |u|, in the unit of the input: the estimates hold while an input is beyond.
-        body: Of a robot, the body that carries what is unknown; by default the one that its last
-            joint moves.
         linearizing: Whether it is judged against the optimum after feedback linearization; else
             against that of the plant's linearization.
 
     Raises:
-        ArgumentError: If a number is not positive, or there is no such body.
+        ArgumentError: If a number is not positive.
         PremiseError: If the system has no parametrization, or other outputs than its joints.
     """
-    error, torques, m = task.outputs, task.outputs.torques(body), task.error.inputs
+    error = task.outputs
+    parametrization = _parametrization_of(error)
+    m = error.inputs
+
     q_d = np.array(error.reference(0.0, task.reference))[::3]
+    damping = frequency * parametrization.inertia(q_d, task.plant.parameters)
     gains = {"frequency": frequency, "adaptation": adaptation}
-    damping = frequency * torques.inertia(q_d, task.plant.parameters)
+
     # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
-    sizes = {"theta": torques.size, "composite": m, "z": error.size, "r": m, "a": m}
+    sizes = {
+        "theta": len(parametrization.theta),
+        "composite": m,
+        "z": error.size,
+        "r": m,
+        "a": m,
+    }
     law = custom_controller(
         "adaptive",
-        slotine_li(error, torques),
+        slotine_li(error, parametrization),
         (linearized_lqr if linearizing else linear_lqr)(task),
         {**gains, "damping": damping, "limit": limit},
         {field: np.zeros(size) for field, size in sizes.items()},
@@ -74,34 +81,66 @@ def adaptive(
     return replace(law, design=replace(law.designed, source="Slotine and Li 1987", gains=gains))
 
 
+def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:
+    """Torques of the system that are linear in its parameters.
+
+    Raises:
+        PremiseError: If the system has none, or other outputs than its joints.
+    """
+    system = error.system
+    if system.parametrization is None or not isinstance(error, ErrorCoordinates):
+        raise PremiseError(
+            f"adaptive: {system.name} has no torques Y theta in symbols, as servo, arm and "
+            "two_link_arm have: take lqi, pid or adrc"
+        )
+
+    joints = tuple(system.equations.x[: error.inputs])
+    if error.linearization.h != joints:
+        names = ", ".join(map(str, joints))
+        raise PremiseError(f"adaptive: the outputs of {system.name} must be its joints, {names}")
+    return system.parametrization
+
+
 @cache
-def slotine_li(error: OutputCoordinates, torques: LinearTorques) -> Law:
-    """The law on some error coordinates, of one reference with two derivatives a joint."""
-    k, sign = torques.size, float(error.sign)
-    error_state, reference = error.state, error.reference
-    nominal, known, regressor = torques.nominal, torques.known, torques.regressor
+def slotine_li(error: OutputCoordinates, parametrization: LinearParametrization) -> Law:
+    """Law on error coordinates of one reference with two derivatives for each joint."""
+    k = len(parametrization.theta)
+    sign = float(error.sign)
+    error_state = error.state
+    reference = error.reference
+    nominal = parametrization.nominal
+    regressor = parametrization.regressor
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        z, s, r, a, theta = memory.z, memory.composite, memory.r, memory.a, memory.theta
+        z = memory.z
+        s = memory.composite
+        r = memory.r
+        a = memory.a
+        theta = memory.theta
         m = len(u)
+
         if t == memory.first:
-            start = nominal(p)
+            start = nominal(p.plant)
             for j in range(k):
                 theta[j] = start[j]
+
         error_state(t, x, p, z)
         y = reference(t, p.reference)
         for i in range(m):
             s[i] = sign * (z[2 * i + 1] + p.frequency * z[2 * i])
             r[i] = y[3 * i + 1] - sign * p.frequency * z[2 * i]
             a[i] = y[3 * i + 2] - sign * p.frequency * z[2 * i + 1]
-        fixed, Y = known(x, r, a, memory, p), regressor(x, r, a, memory, p)
-        cut = False
+
+        Y = regressor(x, r, a, p.plant)
+        limited = False
         for i in range(m):
-            u[i] = fixed[i] - row_times(i, p.damping, s)
+            u[i] = -row_times(i, p.damping, s)
             for j in range(k):
                 u[i] += Y[i * k + j] * theta[j]
-            cut = cut or abs(u[i]) > p.limit
-        if not cut:
+            limited = limited or abs(u[i]) > p.limit
+
+        # The estimates hold while an input is beyond its limit.
+        if not limited:
             for j in range(k):
                 change = 0.0
                 for i in range(m):

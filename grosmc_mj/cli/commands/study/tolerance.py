@@ -38,6 +38,7 @@ class ToleranceCommand(Command):
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
             file; all by default, but for the rivals.
         rivals: Study lqi, pid, adrc and adaptive, too.
+        control_period: Search the longest control period too, in an otherwise ideal loop.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
         out: Folder for tolerance_NAME.json and the figure.
     """
@@ -45,6 +46,7 @@ class ToleranceCommand(Command):
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
     laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     rivals: Annotated[bool, FlagCreatePairsOff] = False
+    control_period: Annotated[bool, FlagCreatePairsOff] = False
     seeds: Annotated[int, arg(metavar="N")] = 4
     out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
 
@@ -55,7 +57,9 @@ class ToleranceCommand(Command):
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
-        studied = setting(self.target, self.laws, rivals=self.rivals)
+        studied = setting(
+            self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
+        )
         answers: dict[int, list[Tolerance]] = {}
         size = len(studied.imperfections) * len(studied.conditions)
 
