@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import enum
 import inspect
 import os
 import subprocess
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -219,3 +220,49 @@ def test_a_damaged_entry_of_the_cache_is_compiled_again(
 
 def store_seven(address: Any) -> None:
     array_at(address, (1,), np.float64)[0] = 7.0
+
+
+# Slices, of which each assignment takes numba a second to compile
+
+# A law of the user's own may return an array.
+SLICES_ALLOWED = {("control/law.py", "u[:] = returned")}
+
+
+def compiled_functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    """Functions of a file that it marks or hands over for compilation."""
+    handed_over = {
+        argument.id
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call)
+        and ast.unparse(call.func).split(".")[-1]
+        in ("jitable", "njit", "compile_c", "compile_python")
+        for argument in call.args
+        if isinstance(argument, ast.Name)
+    }
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            marks = [ast.unparse(mark) for mark in function.decorator_list]
+            if function.name in handed_over or any("jit" in mark for mark in marks):
+                yield function
+
+
+def slices_assigned(function: ast.FunctionDef) -> Iterator[str]:
+    """Assignments of a function to slices of arrays."""
+    for statement in ast.walk(function):
+        targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+        for target in targets:
+            if isinstance(target, ast.Subscript) and any(
+                isinstance(part, ast.Slice) for part in ast.walk(target.slice)
+            ):
+                yield ast.unparse(statement)
+
+
+def test_compiled_functions_assign_to_no_slices() -> None:
+    package = ROOT / "grosmc_mj"
+    found = {
+        (file.relative_to(package).as_posix(), assignment)
+        for file in package.rglob("*.py")
+        for function in compiled_functions(ast.parse(file.read_text(encoding="utf-8")))
+        for assignment in slices_assigned(function)
+    }
+    assert found == SLICES_ALLOWED
