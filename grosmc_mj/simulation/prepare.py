@@ -19,16 +19,16 @@ from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.problem import Meters, Problem
 
 ANALYTIC_TIMESTEP = 1e-3
-# Of a run, every one of which may be kept: some GB.
+# Timesteps of a run: if every one is kept, it takes some GB.
 _MOST_STEPS = 10**8
 
 
 @dataclass(frozen=True)
 class OneOrMore(Is):
-    """One value of a class as it is, or several of them as a tuple."""
+    """A value of a class as it is, or several of them as a tuple."""
 
     def __call__(self, value: Any) -> Any:
-        """The value or the values, if all are such."""
+        """Return the value or the values, if all are of the class."""
         several = isinstance(value, (list, tuple))
         if not all(isinstance(item, self.kinds) for item in (value if several else [value])):
             raise refused(self.wanted)
@@ -36,7 +36,7 @@ class OneOrMore(Is):
 
 
 class _Lists(Check):
-    """One list of disturbances for all simulations, or one for each: a tuple of such."""
+    """A list of disturbances for all simulations, or a list for each: a tuple of such lists."""
 
     def __call__(self, value: Any) -> tuple[tuple[Disturbance, ...], ...]:
         several = isinstance(value, (list, tuple))
@@ -77,23 +77,31 @@ def prepare(
     record: Flag = True,
     threads: Annotated[int, Range(0, 1024, whole=True)] = 0,
 ) -> tuple[Problem, bool]:
-    """The problem that the arguments of ``simulate`` describe, and whether it is a single run.
+    """Lay out the problem of the arguments of ``simulate``.
+
+    Returns:
+        The problem, and whether it is a single run.
 
     Raises:
         ArgumentError: If an argument does not fit.
     """
-    plants, controllers, accumulated = (
-        items if isinstance(items, tuple) else (items,) for items in (plant, controller, meters)
-    )
-    states, lists = reals(x0), disturbances
-    starts, system = np.atleast_2d(states), plants[0].system if plants else None
-    counts = {len(items) for items in (plants, controllers, lists, accumulated, starts)} - {1}
-    if len(counts) > 1 or 0 in counts or system is None:
+    plants = _several(plant)
+    controllers = _several(controller)
+    accumulated = _several(meters)
+    states = reals(x0)
+    starts = np.atleast_2d(states)
+
+    counts = {len(items) for items in (plants, controllers, disturbances, accumulated, starts)}
+    counts.discard(1)
+    if len(counts) > 1 or 0 in counts:
         raise ArgumentError(
-            f"{len(plants)} plants, {len(controllers)} controllers, {len(lists)} disturbance "
-            f"lists and {len(starts)} starts: each must be 1 or the number of simulations"
+            f"{len(plants)} plants, {len(controllers)} controllers, {len(disturbances)} "
+            f"disturbance lists and {len(starts)} starts: each must be 1 or the number of "
+            "simulations"
         )
-    nsim, n = max(counts, default=1), len(system.states)
+    nsim = max(counts, default=1)
+    system = plants[0].system
+    n = len(system.states)
     if starts.shape[1:] != (n,) or not np.all(np.isfinite(starts)):
         names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
         raise ArgumentError(
@@ -101,6 +109,7 @@ def prepare(
         )
     _require_alike(plants, controllers, accumulated)
     plants[0].require_unchanged(plants)
+
     h = _timestep(plants[0], timestep)
     stride, period = stride_of(control_period, h)
     for item in dict.fromkeys(controllers):
@@ -110,10 +119,11 @@ def prepare(
             f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
             f"{_MOST_STEPS:.0e} are made"
         )
+
     sampled = {item: item.sampled(period) for item in dict.fromkeys(controllers)}
     problem = Problem(
         plants=plants * (nsim // len(plants)),
-        controllers=tuple(map(sampled.__getitem__, controllers)) * (nsim // len(controllers)),
+        controllers=tuple(sampled[item] for item in controllers) * (nsim // len(controllers)),
         meters=accumulated * (nsim // len(accumulated)),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, n))),
         # Rounded up.
@@ -121,7 +131,7 @@ def prepare(
         stride=stride,
         timestep=h,
         control_period=period,
-        disturbances=lists,
+        disturbances=disturbances,
         record=record,
         threads=threads,
     )
@@ -130,6 +140,11 @@ def prepare(
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
     single = not counts and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
     return problem, single
+
+
+def _several(items: Any) -> tuple[Any, ...]:
+    """Several values as they are, one as a tuple."""
+    return items if isinstance(items, tuple) else (items,)
 
 
 def _timestep(plant: Plant, asked: float | None) -> float:
@@ -155,39 +170,51 @@ def _require_alike(
 ) -> None:
     """Refuse a batch that one compiled loop cannot run."""
     several = dict.fromkeys(controllers)
-    # One that runs in Python only, as a policy, may have numbers of any kind.
-    numbers = {record_dtype(c.parameters) for c in several} if len(several) > 1 else set()
-    memories = dict.fromkeys(c.memory for c in several)
-    for rule, kinds in (
-        ("plants of a batch must be of one system and of one kind",
-         {(plant.system, type(plant)) for plant in plants}),
-        ("plants of a batch must have one timestep", {plant.step_length for plant in plants}),
-        ("controllers of a batch must have the same law", {c.law for c in several}),
-        ("controllers of a batch must be in a loop, or none", {c.loop is None for c in several}),
-        ("controllers of a batch must have the same kinds of numbers", numbers),
-        ("controllers of a batch must have the same kind of memory",
-         {record_dtype(memory()) for memory in memories}),
-        ("runs of a batch must have the same kind of meters",
-         {m and m.kind for m in dict.fromkeys(meters)}),
-    ):  # fmt: skip
-        if len(kinds) > 1:
+    # A single controller that runs in Python only, as a policy, may have numbers of any kind.
+    numbers = set()
+    if len(several) > 1:
+        numbers = {record_dtype(item.parameters) for item in several}
+    memories = dict.fromkeys(item.memory for item in several)
+    kinds = {
+        "plants of a batch must be of one system and of one kind": {
+            (plant.system, type(plant)) for plant in plants
+        },
+        "plants of a batch must have one timestep": {plant.step_length for plant in plants},
+        "controllers of a batch must have the same law": {item.law for item in several},
+        "controllers of a batch must be in a loop, or none": {
+            item.loop is None for item in several
+        },
+        "controllers of a batch must have the same kinds of numbers": numbers,
+        "controllers of a batch must have the same kind of memory": {
+            record_dtype(memory()) for memory in memories
+        },
+        "runs of a batch must have the same kind of meters": {
+            item and item.kind for item in dict.fromkeys(meters)
+        },
+    }
+    for rule, found in kinds.items():
+        if len(found) > 1:
             raise ArgumentError(f"all {rule}")
 
 
 def _require_designed_for(system: System, law: Controller, h: float, period: float) -> None:
     """Refuse a controller of another system, timestep or control period."""
-    designed, own = (
-        (law.design.error.system, law.design.control_period) if law.design else (system, None)
-    )
-    # Another model of the same plant may be what a law believes in.
-    if (designed.states, designed.inputs) != (system.states, system.inputs):
-        raise ArgumentError(
-            f"{law.name} is designed for {designed.name}, the plant is {system.name}"
-        )
-    for quantity, needed, used in (
-        ("is in a loop for a timestep", law.loop and law.loop.timestep, h),
-        ("is in a loop for a control period", law.loop and law.loop.period, period),
-        ("is designed for a control period", own, period),
-    ):
-        if needed is not None and not math.isclose(needed, used, rel_tol=1e-9):
-            raise ArgumentError(f"{law.name} {quantity} of {needed:g} s, not {used:g} s")
+    if law.design is not None:
+        designed = law.design.error.system
+        # The law may know another model of the same plant.
+        if (designed.states, designed.inputs) != (system.states, system.inputs):
+            raise ArgumentError(
+                f"{law.name} is designed for {designed.name}, the plant is {system.name}"
+            )
+    if law.loop is not None:
+        _require_equal(f"{law.name} is in a loop for a timestep", law.loop.timestep, h)
+        _require_equal(f"{law.name} is in a loop for a control period", law.loop.period, period)
+    if law.design is not None and law.design.control_period is not None:
+        designed_period = law.design.control_period
+        _require_equal(f"{law.name} is designed for a control period", designed_period, period)
+
+
+def _require_equal(statement: str, needed: float, used: float) -> None:
+    """Refuse another time [s] than a controller needs."""
+    if not math.isclose(needed, used, rel_tol=1e-9):
+        raise ArgumentError(f"{statement} of {needed:g} s, not {used:g} s")

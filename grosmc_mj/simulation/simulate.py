@@ -67,42 +67,61 @@ def simulate(
     if not isinstance(engine, str) or engine not in _ENGINES:
         raise ArgumentError(unknown_name("engine", engine, _ENGINES))
     problem, single = prepare(
-        plant, controller, x0, duration=duration, control_period=control_period, timestep=timestep,
-        disturbances=disturbances, meters=meters, record=record, threads=threads,
-    )  # fmt: skip
-    result = _ENGINES[engine](problem)
-    trajectory = _trajectory(problem, result)
+        plant,
+        controller,
+        x0,
+        duration=duration,
+        control_period=control_period,
+        timestep=timestep,
+        disturbances=disturbances,
+        meters=meters,
+        record=record,
+        threads=threads,
+    )
+    trajectory = _trajectory(problem, _ENGINES[engine](problem))
     if not single:
         return trajectory
-    run, status, end = trajectory[0], trajectory.status[0], float(trajectory.valid_until[0])
-    if status is not Status.COMPLETED:
-        why = why_ended(status, run.system, problem.controller, end, run.state[-1])
-        raise (DivergenceError if status is Status.DIVERGED else UndefinedLawError)(why, end, run)
-    return run
+
+    run = trajectory[0]
+    status = trajectory.status[0]
+    if status is Status.COMPLETED:
+        return run
+    end = float(trajectory.valid_until[0])
+    reason = why_ended(status, run.system, problem.controller, end, run.state[-1])
+    if status is Status.DIVERGED:
+        raise DivergenceError(reason, end, run)
+    raise UndefinedLawError(reason, end, run)
 
 
 def _trajectory(problem: Problem, record: Record) -> Trajectory:
-    """What the engine wrote, with names, as a batch."""
+    """Record of an engine as a batch of trajectories."""
     rows = record.rows
-    columns = problem.columns
-    # The last valid row is repeated; of an unrecorded run that ended early only the start is.
+    # The last valid row is repeated; an unrecorded run that ended early has only its start.
     for run in np.flatnonzero(record.status).tolist():
         last = int(record.valid[run]) if problem.record else 0
         rows[run, last + 1 :] = rows[run, last]
+
+    columns = problem.columns
     held = {name: rows[:, 1:, place] for name, place in columns.items()}
     memory = held["memory"].view(problem.memory_dtype)[..., 0]
-    names, looped, meters = memory.dtype.names or (), problem.looped, problem.meters[0]
-    if "workspace" in names:
-        memory["workspace"] = 0.0  # an address, which means nothing after the run
+    fields = memory.dtype.names or ()
+    if "workspace" in fields:
+        # An address, which means nothing after the run.
+        memory["workspace"] = 0.0
+
     time = np.arange(problem.steps + 1) * problem.timestep
+    if not problem.record:
+        time = time[[0, -1]]
+    output = held["given"] if problem.looped else held["command"]
+    meters = problem.meters[0]
     return Trajectory(
         system=problem.system,
-        time=time if problem.record else time[[0, -1]],
+        time=time,
         state=rows[..., columns["x"]],
         command=_squeezed(held["command"]),
-        seen=held["seen"] if looped else None,
-        input=_squeezed(_applied(problem, held["given" if looped else "command"])),
-        sliding=_squeezed(memory["s"]) if "s" in names else None,
+        seen=held["seen"] if problem.looped else None,
+        input=_squeezed(_applied(problem, output)),
+        sliding=_squeezed(memory["s"]) if "s" in fields else None,
         weighed=_squeezed(memory["v"]),
         memory=memory,
         wrench=held["w"] if problem.disturbed else None,
@@ -126,11 +145,13 @@ def _physics(problem: Problem, rows: Array) -> Array | None:
 
 
 def _squeezed(rows: Array) -> Array:
-    """Values of one input without an axis of their own: (nsim, rows) instead of (nsim, rows, 1)."""
-    return rows[..., 0] if rows.ndim == 3 and rows.shape[-1] == 1 else rows
+    """Values of a single input without an axis for it: (nsim, rows) for (nsim, rows, 1)."""
+    if rows.ndim == 3 and rows.shape[-1] == 1:
+        return rows[..., 0]
+    return rows
 
 
 def _applied(problem: Problem, u: Array) -> Array:
-    """Commands within the actuator's range, as MuJoCo applies them."""
+    """Commands within the range of the actuators, as MuJoCo applies them."""
     low, high = np.stack([plant.input_limits for plant in problem.plants], axis=1)
     return np.clip(u, low[:, None], high[:, None])

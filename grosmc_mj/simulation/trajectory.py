@@ -1,4 +1,4 @@
-"""What a simulation leaves behind."""
+"""Trajectories: the result of a simulation, and its files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +34,12 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Of a law's memory: an address, and when it began.
+# Fields of a law's memory that files do not have: an address, and the time of the first sample.
 _NOT_SAVED = ("workspace", "first")
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _INTERVALS = ("command", "input", "sliding", "weighed", "memory", "wrench", "seen")
-# Key of a file's description, and ending of files.
+# Key of the description in a file.
 _ABOUT = "grosmc_mj"
 _PARQUET = ".parquet"
 _FORMATS = (_PARQUET, ".csv")
@@ -94,16 +94,16 @@ class Trajectory:
     meters: Any = None
 
     def __repr__(self) -> str:
-        """What it is, without its rows."""
+        """System, number of instants and how it ended, without rows."""
         runs = "" if self.state.ndim == 2 else f"{len(self.state)} runs, "
-        until, ended = self.time[-1], {status.name.lower() for status in np.ravel(self.status)}
+        endings = sorted({status.name.lower() for status in np.ravel(self.status)})
         return (
-            f"Trajectory({self.system.name}: {runs}{len(self.time)} instants, 0 to {until:g} s, "
-            f"{', '.join(sorted(ended))})"
+            f"Trajectory({self.system.name}: {runs}{len(self.time)} instants, "
+            f"0 to {self.time[-1]:g} s, {', '.join(endings)})"
         )
 
     def to_arrow(self, *, sliding_unit: str = "") -> Any:
-        """The signals of one run as a ``pyarrow.Table``; a column each, see ``save``.
+        """Return the signals of one run as a ``pyarrow.Table``; a column each, see ``save``.
 
         Args:
             sliding_unit: Unit of s, which the law's design knows.
@@ -113,41 +113,27 @@ class Trajectory:
         """
         if self.state.ndim != 2:
             raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
-        system, physics = self.system, self.physics
-        unseen = [state.of(physics) for state in self.unseen if physics is not None]
-        tables: list[tuple[str, list[tuple[str, str]], Array | None]] = [
-            ("state", [(state.name, state.unit) for state in system.states], self.state),
-            ("seen", [(f"{state.name} seen", state.unit) for state in system.states], self.seen),
-            ("input", [(signal.name, signal.unit) for signal in system.inputs], self.input),
-            ("command", [(f"{u.name} asked", u.unit) for u in system.inputs], self.command),
-            ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
-            ("weighed", _numbered("v", "", self.weighed), self.weighed),
-            ("wrench", _wrench_labels(system), self.wrench),
-            ("physics", _numbered("mjSTATE_FULLPHYSICS", "", physics), physics),
-            ("unseen", [(state.name, state.unit) for state in self.unseen],
-             np.stack(unseen, axis=1) if unseen else None),
-            *((f"memory {name}", _numbered(f"memory {name}", "", rows), rows)
-              for name in self.memory.dtype.names or () if name not in _NOT_SAVED
-              for rows in [self.memory[name]]),
-        ]  # fmt: skip
-        columns, signals = [("time", "s", self.time)], {}
-        for signal, labels, rows in tables:
-            if rows is None:
-                continue
-            taken = {name for name, _, _ in columns}
+
+        columns = [_Column("time", "s", self.time)]
+        signals = {}
+        for signal, labels, rows in self._signals(sliding_unit):
+            taken = {column.name for column in columns}
             names = [f"{signal} {name}" if name in taken else name for name, _ in labels]
             signals[signal] = names, rows.shape[1:]
-            # What is held over intervals has no value at the last instant.
+
+            # A signal that is held over intervals has no value at the last instant.
             held = np.full((len(self.time), len(names)), np.nan)
             held[: len(rows)] = rows.reshape(len(rows), -1)
-            units = [unit for _, unit in labels]
-            columns += [row for row in zip(names, units, held.T, strict=True) if row[0]]
+            for name, (_, unit), values in zip(names, labels, held.T, strict=True):
+                if name:
+                    columns.append(_Column(name, unit, values))
+
         about = {
-            "system": system.name,
-            "states": [astuple(state) for state in system.states],
-            "inputs": [astuple(signal) for signal in system.inputs],
-            "controlled": system.controlled,
-            "bodies": system.bodies,
+            "system": self.system.name,
+            "states": [astuple(state) for state in self.system.states],
+            "inputs": [astuple(signal) for signal in self.system.inputs],
+            "controlled": self.system.controlled,
+            "bodies": self.system.bodies,
             "signals": signals,
             "unseen": [astuple(state) for state in self.unseen],
             "status": np.ravel(self.status)[0].name,
@@ -155,6 +141,30 @@ class Trajectory:
             "versions": versions(),
         }
         return _table(columns, json.dumps(about))
+
+    def _signals(self, sliding_unit: str) -> list[tuple[str, _Labels, Array]]:
+        """Name, labels of its columns and rows of each signal that this run has."""
+        states = self.system.states
+        inputs = self.system.inputs
+        signals: list[tuple[str, _Labels, Array | None]] = [
+            ("state", [(state.name, state.unit) for state in states], self.state),
+            ("seen", [(f"{state.name} seen", state.unit) for state in states], self.seen),
+            ("input", [(signal.name, signal.unit) for signal in inputs], self.input),
+            ("command", [(f"{u.name} asked", u.unit) for u in inputs], self.command),
+            ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
+            ("weighed", _numbered("v", "", self.weighed), self.weighed),
+            ("wrench", _wrench_labels(self.system), self.wrench),
+            ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
+        ]
+        if self.physics is not None and self.unseen:
+            hidden = np.stack([state.of(self.physics) for state in self.unseen], axis=1)
+            signals.append(("unseen", [(state.name, state.unit) for state in self.unseen], hidden))
+        for field in self.memory.dtype.names or ():
+            if field not in _NOT_SAVED:
+                name = f"memory {field}"
+                rows = self.memory[field]
+                signals.append((name, _numbered(name, "", rows), rows))
+        return [(name, labels, rows) for name, labels, rows in signals if rows is not None]
 
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet`` or ``.csv``, by the ending.
@@ -201,13 +211,13 @@ class Trajectory:
         return len(self.state)
 
     def __getitem__(self, run: int) -> Trajectory:
-        """One run of a batch, cut where it stopped being valid."""
+        """Return one run of a batch, cut where it stopped being valid."""
         end = int(np.searchsorted(self.time, self.valid_until[run] * (1 + 1e-12), side="right"))
         lengths = {**dict.fromkeys(_INSTANTS, end), **dict.fromkeys(_INTERVALS, end - 1)}
-        cut = {
-            name: None if (rows := getattr(self, name)) is None else rows[run, :length]
-            for name, length in lengths.items()
-        }
+        cut = {}
+        for name, length in lengths.items():
+            rows = getattr(self, name)
+            cut[name] = None if rows is None else rows[run, :length]
         return replace(
             self,
             time=self.time[:end],
@@ -219,30 +229,54 @@ class Trajectory:
         )
 
 
-def _numbered(name: str, unit: str, rows: Array | None) -> list[tuple[str, str]]:
-    """Name and unit of each column of a signal, (N,) or (N, ...)."""
+# Name and unit of each column of a signal; an empty name for a column that is not written.
+_Labels = list[tuple[str, str]]
+
+
+class _Column(NamedTuple):
+    """A column of a file.
+
+    Attributes:
+        name: Name.
+        unit: Unit; empty where it is not known.
+        values: Values, (N + 1,); NaN for none.
+    """
+
+    name: str
+    unit: str
+    values: Array
+
+
+def _numbered(name: str, unit: str, rows: Array | None) -> _Labels:
+    """Labels of a signal, (N,) or (N, ...), with numbers from 1 if it has several columns."""
     count = 0 if rows is None else math.prod(rows.shape[1:])
-    return [(name if count == 1 else f"{name} {i + 1}", unit) for i in range(count)]
+    if count == 1:
+        return [(name, unit)]
+    return [(f"{name} {i + 1}", unit) for i in range(count)]
 
 
-def _wrench_labels(system: System) -> list[tuple[str, str]]:
-    """Name and unit of each column of the wrenches; no name of one that is not used."""
+def _wrench_labels(system: System) -> _Labels:
+    """Labels of the wrenches; a disturbance of an input or a rate uses the first column only."""
     labels = []
     for body in system.bodies:
         if body in system.pushes:
-            labels += [(f"disturbance of {body}", system.pushes[body]), *[("", "")] * 5]
+            labels.append((f"disturbance of {body}", system.pushes[body]))
+            labels += [("", "")] * 5
             continue
         for kind, unit in (("force", "N"), ("torque", "N m")):
             labels += [(f"{kind} {axis} on {body}", unit) for axis in "xyz"]
     return labels
 
 
-def _table(columns: Sequence[tuple[str, str, Array]], about: str) -> Any:
-    """Columns by their names with their units as a ``pyarrow.Table``; NaN is no value."""
+def _table(columns: Sequence[_Column], about: str) -> Any:
+    """Columns with their units as a ``pyarrow.Table``; NaN becomes a missing value."""
     import pyarrow as pa
 
-    fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit, _ in columns]
-    arrays = [pa.array(values, pa.float64(), from_pandas=True) for _, _, values in columns]
+    fields = []
+    arrays = []
+    for column in columns:
+        fields.append(pa.field(column.name, pa.float64(), metadata={"unit": column.unit}))
+        arrays.append(pa.array(column.values, pa.float64(), from_pandas=True))
     return pa.table(arrays, schema=pa.schema(fields, metadata={_ABOUT: about}))
 
 
@@ -282,73 +316,108 @@ def load_trajectory(path: Annotated[Any, Is((str, Path), "the path of a file")])
 
 
 def _restored(table: Any) -> Trajectory:
-    """A trajectory from its table.
+    """Read a trajectory from its table.
 
     Raises:
-        Exception: Of any class, if the table is none of a run.
+        Exception: Of any class, if the table holds no run.
     """
-    if others := [
-        f"{field.name}: {field.type}" for field in table.schema if field.type != "double"
-    ]:
-        raise ArgumentError(f"columns must be real numbers, not {', '.join(others)}")
-    about, time = json.loads(table.schema.metadata[_ABOUT.encode()]), table["time"].to_numpy()
+    wrong = [f"{field.name}: {field.type}" for field in table.schema if field.type != "double"]
+    if wrong:
+        raise ArgumentError(f"columns must be real numbers, not {', '.join(wrong)}")
+    time = table["time"].to_numpy()
     if not (len(time) and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)):
         raise ArgumentError("time must be finite and increasing")
+
+    about = json.loads(table.schema.metadata[_ABOUT.encode()])
     signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen"))
     memory: dict[str, Array] = {}
     for signal, (names, shape) in about["signals"].items():
-        unused = np.zeros(len(time))
-        rows = np.column_stack([table[name].to_numpy() if name else unused for name in names])
-        rows = np.ascontiguousarray(rows if signal in _INSTANTS else rows[:-1])
-        target = memory if signal.startswith("memory ") else signals
-        target[signal.removeprefix("memory ")] = rows.reshape(len(rows), *shape)
+        rows = _rows(table, names)
+        if signal not in _INSTANTS:
+            rows = rows[:-1]
+        rows = np.ascontiguousarray(rows).reshape(len(rows), *shape)
+        if signal.startswith("memory "):
+            memory[signal.removeprefix("memory ")] = rows
+        else:
+            signals[signal] = rows
+    # Its columns are columns of physics, too.
+    signals.pop("unseen", None)
+
     sizes = {"state": about["states"], "command": about["inputs"], "input": about["inputs"]}
-    for signal, of in sizes.items():
-        if math.prod(signals[signal].shape[1:]) != len(of) or signals[signal].ndim > 2:
-            raise ArgumentError(f"{signal} must have {len(of)} numbers at each instant")
-    signals.pop("unseen", None)  # columns of physics
-    kinds = [(name, np.float64, rows.shape[1:]) for name, rows in memory.items()]
-    remembered = np.zeros(len(time) - 1, np.dtype(kinds))
-    for name, rows in memory.items():
-        remembered[name] = rows
-    states, inputs = (tuple(Signal(*row) for row in about[key]) for key in ("states", "inputs"))
-    system = SYSTEMS.get(name := about["system"])
-    if system is None or (system.states, system.inputs) != (states, inputs):
-        system = System(
-            name, name, states, inputs, NoEquations(name),
-            controlled=tuple(about["controlled"]), bodies=tuple(about["bodies"]),
-        )  # fmt: skip
-    until: Any = np.float64(about["valid_until"])
+    for signal, described in sizes.items():
+        rows = signals[signal]
+        if math.prod(rows.shape[1:]) != len(described) or rows.ndim > 2:
+            raise ArgumentError(f"{signal} must have {len(described)} numbers at each instant")
     return Trajectory(
-        system=system, time=time, memory=remembered, status=Status[about["status"]],  # pyright: ignore[reportArgumentType]
-        valid_until=until, unseen=tuple(HiddenState(*row) for row in about["unseen"]), **signals,
-    )  # fmt: skip
+        system=_system(about),
+        time=time,
+        memory=_memory(memory, len(time) - 1),
+        status=Status[about["status"]],  # pyright: ignore[reportArgumentType]
+        valid_until=np.float64(about["valid_until"]),  # pyright: ignore[reportArgumentType]
+        unseen=tuple(HiddenState(*row) for row in about["unseen"]),
+        **signals,
+    )
+
+
+def _rows(table: Any, names: Sequence[str]) -> Array:
+    """Columns of a signal side by side, (N + 1, columns); zeros for a column without a name."""
+    unused = np.zeros(table.num_rows)
+    return np.column_stack([table[name].to_numpy() if name else unused for name in names])
+
+
+def _memory(fields: dict[str, Array], length: int) -> NDArray[np.void]:
+    """Memory of a law as a structured array, (N,), of its fields, (N, ...)."""
+    kinds = [(name, np.float64, rows.shape[1:]) for name, rows in fields.items()]
+    memory = np.zeros(length, np.dtype(kinds))
+    for name, rows in fields.items():
+        memory[name] = rows
+    return memory
+
+
+def _system(about: Any) -> System:
+    """System of the package that a file names; one without equations if it is none of them."""
+    states = tuple(Signal(*row) for row in about["states"])
+    inputs = tuple(Signal(*row) for row in about["inputs"])
+    name = about["system"]
+    system = SYSTEMS.get(name)
+    if system is not None and system.states == states and system.inputs == inputs:
+        return system
+    return System(
+        name,
+        name,
+        states,
+        inputs,
+        NoEquations(name),
+        controlled=tuple(about["controlled"]),
+        bodies=tuple(about["bodies"]),
+    )
 
 
 def why_ended(status: Status, system: System, controller: Controller, time: float, x: Array) -> str:
-    """One line for a run that could not go on; empty for one that could.
+    """Reason in one line why a run could not go on; empty for one that could.
 
     Args:
         status: How it ended.
-        system: The plant's.
-        controller: Whose law it was.
-        time: Up to which the run is valid [s].
+        system: System of the plant.
+        controller: Controller of the run.
+        time: Time up to which the run is valid [s].
         x: State there, (n,).
     """
     if status is Status.COMPLETED:
         return ""
-    at = ", ".join(f"{value:.4g}" for value in x)
-    linearizing = controller.design is not None and controller.design.linearizing
-    outside = f"the law is undefined outside {system.region}"
-    if linearizing and system.linearizable(x):
-        outside = (
-            f"the law is undefined at x = ({at}): the decoupling matrix E(x) of eq. (21) is "
+    values = ", ".join(f"{value:.4g}" for value in x)
+    reason = ""
+    if status is Status.DIVERGED:
+        reason = "the state grew without bound; try a smaller control period or timestep"
+    elif status is Status.SINGULAR_PLANT:
+        reason = f"the plant is singular at {system.singularity}"
+    elif status is Status.UNDEFINED_INPUT:
+        reason = f"the law returned no finite number at x = ({values})"
+    elif controller.design is not None and controller.design.linearizing and system.linearizable(x):
+        reason = (
+            f"the law is undefined at x = ({values}): the decoupling matrix E(x) of eq. (21) is "
             "singular there"
         )
-    why = {
-        Status.DIVERGED: "the state grew without bound; try a smaller control period or timestep",
-        Status.SINGULAR_PLANT: f"the plant is singular at {system.singularity}",
-        Status.UNDEFINED_INPUT: f"the law returned no finite number at x = ({at})",
-        Status.UNDEFINED_LAW: outside,
-    }[status]
-    return f"{system.name} under {controller.name} at t = {time:g} s: {why}"
+    else:
+        reason = f"the law is undefined outside {system.region}"
+    return f"{system.name} under {controller.name} at t = {time:g} s: {reason}"
