@@ -534,7 +534,10 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
         GrosmcError: If there is none, or its configuration cannot be had here.
     """
     manifest = read_manifest(folder)
-    specification = Specification.of_document(manifest["question"])
+    try:
+        specification = Specification.of_document(manifest["question"])
+    except ArgumentError as error:
+        raise ArgumentError(f"{folder}: {error}; run the campaign again") from None
     if case_file is not None:
         if specification.text not in (resolved_text(case_file), read_text(case_file)):
             raise ArgumentError(

@@ -115,7 +115,8 @@ def test_who_judged_is_shown_and_why(file: Path, tmp_path: Path, capsys: Screen)
         (("--axes", "load amplitude"), "--axes load amplitude: name two uncertain numbers"),
         (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
         (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
-        (("--at-least", "0.5", "--sampler", "sobol"), "sobol does not draw: take --sampler random"),
+        (("--at-least", "0.5", "--sampler", "corners"), "corners does not draw: take --sampler"),
+        (("--sampler", "lhs"), "unknown sampler 'lhs': valid: random, corners"),
         (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
     ],
 )

@@ -13,7 +13,7 @@ from scipy import stats
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
-from grosmc_mj.sweep.family import unit_points
+from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import Judges, findings, judged_words, results_document, run_campaign
 from grosmc_mj.sweep.replay import replay
 from grosmc_mj.sweep.screening import PHYSICS, SAMPLE, Batch, drawn_by_chance, screening_of
@@ -90,7 +90,7 @@ def test_the_band_is_ten_times_the_largest_difference_of_a_sample(monkeypatch: P
     heavier(monkeypatch, 1.0005)
     declared = campaign(pair(), runs=2048, seed=11)
     screening = screening_of(declared)
-    values = declared.family.values(unit_points("random", 2, 12, 0, SAMPLE))
+    values = declared.family.values(random_points(2, 12, 0, SAMPLE))
     assert not np.isin(values, declared.values(range(2048))).any()
     batch = Batch(declared, values, range(SAMPLE))
     for law in declared.laws:

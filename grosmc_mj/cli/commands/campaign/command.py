@@ -40,8 +40,8 @@ class CampaignCommand(Command):
         runs: Plants.
         shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
         seed: Of the sampler; run i depends on it and on i alone.
-        sampler: random, sobol, lhs or corners. Random runs are independent, so that they alone give
-            intervals; the others spread over the ranges for maps and searches.
+        sampler: random or corners. Random runs are independent, so that they alone give intervals;
+            corners are all combinations of the ranges' ends.
         controllers: Laws to run, of the file's controllers or of its [laws].
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
