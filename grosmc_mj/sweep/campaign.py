@@ -291,10 +291,6 @@ class Campaign:
         """The laws that something is required of."""
         return [law for law in self.laws if any(law in limit.of for limit in self.requirements)]
 
-    def limits_of(self, controller: str) -> list[Limit]:
-        """The requirements of a law."""
-        return [limit for limit in self.requirements if controller in limit.of]
-
     @cached_property
     def plant(self) -> Plant:
         """The plant with the file's edits."""

@@ -265,7 +265,7 @@ COMMANDS = (
     "run CASE --no-figures --out OUT",
     "new mine --like arm/case1",
     "campaign CASE --runs 2 --shard 1 --seed 3 --sampler corners --out OUT --no-figures",
-    "campaign OUT --replay 0 --controller lqr --engine python",
+    "campaign OUT --plant 0 --laws lqr",
     "claims premises servo/case9 --controller nothing --out OUT",
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
     "view arm/case9 --controller lqr --speed 0",
