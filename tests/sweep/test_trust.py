@@ -4,6 +4,7 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,22 @@ def test_python_in_a_campaign_s_folder_is_never_imported(folder: Folder, file: P
     assert named_in(read_case_file(written)) == []
     assert run("run", written, "--no-figures", "--out", folder.path / "runs") in RAN
     assert not trap.exists()
+
+
+def test_laws_that_only_a_campaign_chose_are_python_too(file: Path, tmp_path: Path) -> None:
+    """A manifest may choose a law of [laws], which no [[controller]] of its file runs."""
+    text = servo(INERTIA, laws=LQR, limits=DEVIATION) + '[laws.mine]\nlaw = "canary_law:bump"\n'
+    file.write_text(text)
+    chosen = replace(question(file), controllers=("lqr", "mine"))
+    declared = Campaign.of(
+        replace(chosen, text=servo(INERTIA, laws=LQR, limits=DEVIATION), controllers=())
+    )
+    out = begun(declared, tmp_path / "chosen")
+    manifest = read_manifest(out.path)
+    manifest["question"] = chosen.document()
+    (out.path / "manifest.json").write_text(json.dumps(manifest))
+    assert "its case file names Python, canary_law:bump" in refusal(read_campaign, out.path)
+    assert not file.with_name("trace").exists()
 
 
 def test_a_folder_names_no_file_to_read_or_place_to_write(folder: Folder, tmp_path: Path) -> None:
