@@ -1,4 +1,4 @@
-"""Films as commands write them: film itself, and those of validate, run and campaign --replay."""
+"""Films as commands write them: film itself, and those of validate and run."""
 
 from __future__ import annotations
 

@@ -118,6 +118,9 @@ def _unknown(path: list[str], command: type[Command] | Mapping[str, Any], token:
             else f"unexpected argument {shown(token)}"
         )
     options = [] if isinstance(command, Mapping) else list(_options(command))
+    removed = {} if isinstance(command, Mapping) else command.removed
+    if (option := token.partition("=")[0]) in removed:
+        return f"{option} is gone: {removed[option]}"
     near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
     return f"unknown option {shown(token, str)}" + (f": did you mean {near[0]}?" if near else "")
 

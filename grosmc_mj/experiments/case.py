@@ -11,7 +11,13 @@ from typing import Any
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.experiments.file.parts import in_model, loop_of_file, machine_of_file
+from grosmc_mj.experiments.file.parts import (
+    in_model,
+    known_loop_of_file,
+    loop_of_file,
+    machine_of_file,
+    run_of_file,
+)
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.units import number_in, numbers_of
 from grosmc_mj.experiments.file.user_code import is_named, load_named
@@ -36,6 +42,8 @@ class Case:
         edits: Edits of the plant; the controller keeps the nominal numbers.
         disturbances: Wrenches on the plant.
         loop: What lies between laws and plant; None for nothing.
+        known_loop: The loop that predicting laws take for theirs; None for the loop itself.
+        run: Number of the run: each run of a seed has its own noise, jitter and missed samples.
         design: What its laws are called together; empty for the system's name.
     """
 
@@ -48,6 +56,8 @@ class Case:
     edits: tuple[Edit, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     loop: Loop | None = None
+    known_loop: Loop | None = None
+    run: int = 0
     design: str = ""
 
     @property
@@ -118,9 +128,11 @@ def case_of(
     for i, table in enumerate(file.disturbance):
         with mistakes.gathered(f"disturbance {i + 1}: "):
             disturbances.append(_disturbance(table, system, folder))
-    loop, edits, parts = None, (), ()
+    loop, known_loop, edits, parts = None, None, (), ()
     with mistakes.gathered():
         loop = loop_of_file(file, system)
+    with mistakes.gathered("known_loop: "):
+        known_loop = known_loop_of_file(file, system)
     with mistakes.gathered():
         edits = edits_of(file, system, known=False)
     with mistakes.gathered():
@@ -136,6 +148,8 @@ def case_of(
         edits=(*edits, *parts),
         disturbances=tuple(disturbances),
         loop=loop,
+        known_loop=known_loop,
+        run=run_of_file(file),
         design=file.task.name,
     )
 
@@ -208,7 +222,8 @@ def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> Distu
         wrench = (*numbers_of(table, units, units.__getitem__).values(), 0.0, 0.0, 0.0, 0.0, 0.0)
     elif not system.bodies:
         raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
-    if not any(wrench):
+    # Zero is a number too: a disturbance without effect still ends the transient.
+    if not table.model_fields_set & {"force", "torque", "amplitude"}:
         lacks = "neither force nor torque" if table.body else "no amplitude"
         raise ArgumentError(f"it has {lacks}")
     if is_named(table.profile):

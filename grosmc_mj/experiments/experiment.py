@@ -232,9 +232,15 @@ class Experiment:
                 return controller
             # The law knows its loop if its table says so.
             return _in_loop(
-                controller, self.case.loop, self.nominal.system, control_period=period,
-                timestep=self.settings.timestep, predict=bool(table.predict),
-            )  # fmt: skip
+                controller,
+                self.case.loop,
+                self.nominal.system,
+                control_period=period,
+                timestep=self.settings.timestep,
+                predict=bool(table.predict),
+                run=self.case.run,
+                known=self.case.known_loop,
+            )
         except GrosmcError as error:
             owner = "" if str(error).startswith("task: ") else f"controller {name}: "
             raise ArgumentError(f"{owner}{error}") from error
@@ -450,6 +456,9 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
             )
         if experiment.controllers.count(table.called) > 1:
             mistakes.note(f"two controllers are called {table.called!r}: give one another name")
+    predicting = [table for table in file.controller if file.law(table.called).predict]
+    if file.known_loop is not None and not predicting:
+        mistakes.note("known_loop: no controller has predict = true, so none knows its loop")
     for name in file.plant.compare or ():
         with mistakes.gathered("plant: compare: "):
             require_known("plant", name, nominal.names)

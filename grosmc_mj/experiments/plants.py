@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -40,7 +39,7 @@ class NominalPlant:
     Attributes:
         plant: Before any edit.
         robot: The robot that it is, if it is one: its laws are designed from MuJoCo's dynamics.
-        scales: Factors on parameters of equations without a model, which the true ones have.
+        scales: Parameters of equations without a model, with factors that the true ones have.
         believed: The equations that laws are designed from, if they are not its own.
         at: Its operating point, if the file has one or laws need one.
         pushed: Inputs and rates of equations that disturbances act on.
@@ -48,7 +47,7 @@ class NominalPlant:
 
     plant: AnalyticPlant | MujocoPlant
     robot: Robot | None = None
-    scales: Mapping[str, float] = field(default_factory=dict)
+    scales: tuple[tuple[str, float], ...] = ()
     believed: AnalyticPlant | None = None
     at: OperatingPoint | None = None
     pushed: tuple[str, ...] = ()
@@ -102,7 +101,10 @@ class NominalPlant:
             integrator: MuJoCo's.
         """
         if not isinstance(self.plant, MujocoPlant):
-            return self.plant.changed(scales=self.scales).pushed(self.pushed)
+            true = self.plant
+            for parameter, factor in self.scales:
+                true = true.changed(scales={parameter: factor})
+            return true.pushed(self.pushed)
         machine = self.plant if self.robot is None else self.robot.built
         physics = _edited(machine, edits, timestep, integrator)
         return physics if name == "physics" else physics.analytic(name)
@@ -150,7 +152,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
         require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
     return replace(
         nominal,
-        scales={table.parameter or "": table.scale or 0.0 for table in file.edit},
+        scales=tuple((table.parameter or "", table.scale or 0.0) for table in file.edit),
         pushed=tuple(dict.fromkeys(table.of for table in file.disturbance if not table.body)),
     )
 

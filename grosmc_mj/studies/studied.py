@@ -98,7 +98,7 @@ def of_system(experiment: Experiment, case: str) -> Experiment | None:
 def conditions_of(experiment: Experiment) -> list[Condition]:
     """The nominal plant without disturbances, then the target's own loads or its system's."""
     case, nominal = experiment.case, experiment.nominal
-    calm = replace(experiment, nominal=replace(nominal, scales={}))
+    calm = replace(experiment, nominal=replace(nominal, scales=()))
     first = Condition("nominal", "the nominal plant", calm.varied(edits=(), disturbances=()))
     if case.edits or case.disturbances or nominal.scales:
         return [first, Condition(UNDER_LOAD, case.title, experiment)]

@@ -35,7 +35,7 @@ from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.sweep.family import Family, Quantity, family_of, inside, unit_points
+from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
 from grosmc_mj.sweep.parameters import Varied, varied
 from grosmc_mj.sweep.search import largest_passing
 
@@ -56,7 +56,7 @@ class Specification:
         folder: Where it lies, and what it names.
         runs: Plants; each meets every controller.
         seed: Of the sampler.
-        sampler: ``random``, which alone gives intervals, ``sobol``, ``lhs`` or ``corners``.
+        sampler: ``random``, which alone gives intervals, or ``corners``.
         controllers: Names of those to run; empty for all of the file.
         control_period: Instead of the file's [s].
         duration: Instead of the file's [s].
@@ -71,7 +71,7 @@ class Specification:
     folder: str
     runs: Annotated[int, Range(1, 10**12, whole=True)] = 1024
     seed: Annotated[int, Range(0, 2**63, whole=True, below=True)] = 0
-    sampler: Literal["random", "sobol", "lhs", "corners"] = "random"
+    sampler: Literal["random", "corners"] = "random"
     controllers: tuple[str, ...] = ()
     control_period: _Time = None
     duration: _Time = None
@@ -291,10 +291,6 @@ class Campaign:
         """The laws that something is required of."""
         return [law for law in self.laws if any(law in limit.of for limit in self.requirements)]
 
-    def limits_of(self, controller: str) -> list[Limit]:
-        """The requirements of a law."""
-        return [limit for limit in self.requirements if controller in limit.of]
-
     @cached_property
     def plant(self) -> Plant:
         """The plant with the file's edits."""
@@ -332,8 +328,10 @@ class Campaign:
 
     def points(self, sampler: str, first: int, count: int, more: int = 0) -> Array:
         """Points of the unit cube (count, d), of the campaign's seed and so many more."""
-        d, seed = len(self.family.quantities), self.specification.seed
-        return unit_points(sampler, d, seed + more, first, count)
+        dimensions = len(self.family.quantities)
+        if sampler == "corners":
+            return corner_points(dimensions, first, count)
+        return random_points(dimensions, self.specification.seed + more, first, count)
 
     def values(self, ids: range) -> Array:
         """The uncertain numbers of runs, (n, d)."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from scipy import stats
-from scipy.stats import qmc
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
@@ -119,57 +117,38 @@ def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distributi
 
 # Points stay off the faces of the cube, where quantiles may be infinite.
 _EDGE = 2.0**-53
-# Points of one block by sampler; each block of a sequence is randomised anew.
-SEQUENCE, HYPERCUBE = 2**16, 128
-SAMPLERS: Mapping[str, int] = {
-    "random": 1,
-    "sobol": SEQUENCE,
-    "lhs": HYPERCUBE,
-    "corners": 2**62,
-}
 
 
-def unit_points(sampler: str, dimensions: int, seed: int, first: int, count: int) -> Array:
-    """Points number first, first + 1 ... of a sampler, each by the seed and its own number alone.
+def random_points(dimensions: int, seed: int, first: int, count: int) -> Array:
+    """Independent points of the unit cube, each by the seed and its own number alone.
 
     Args:
-        sampler: One of ``SAMPLERS``.
         dimensions: Of the cube, d.
-        seed: Of all the points.
-        first: Number of the first one.
-        count: How many.
+        seed: Of all points.
+        first: Number of the first point.
+        count: Number of points.
 
     Returns:
-        Points, (count, d); only those of ``corners`` lie on the faces.
+        Points off the faces of the cube, (count, d).
     """
-    size, blocks = SAMPLERS[sampler], list[Array]([np.zeros((0, dimensions))])
-    while count > 0:
-        block, start = divmod(first, size)
-        points = min(count, size - start)
-        blocks.append(_block(sampler, dimensions, seed, block, start, points))
-        first, count = first + points, count - points
-    points = np.concatenate(blocks)
-    return points if sampler == "corners" else inside(points)
+    points = np.zeros((count, dimensions))
+    for row in range(count):
+        bits = np.random.Philox(key=seed, counter=[0, 0, 0, first + row])
+        points[row] = np.random.Generator(bits).random(dimensions)
+    return inside(points)
 
 
-def _block(sampler: str, d: int, seed: int, block: int, start: int, count: int) -> Array:
-    """Points (count, d) of one block, from number ``start`` of it on."""
-    if sampler == "random":
-        key = np.random.Philox(key=seed, counter=[0, 0, 0, block])
-        return np.random.Generator(key).random((count, d))
-    if sampler == "corners":
-        # Bit j of a corner's number is its coordinate j.
-        return (np.arange(start, start + count)[:, None] >> np.arange(d) & 1).astype(float)
-    rng = np.random.default_rng([seed, block])
-    if sampler == "lhs":
-        return qmc.LatinHypercube(d, rng=rng).random(HYPERCUBE)[start : start + count]
-    engine = qmc.Sobol(d, rng=rng)
-    if start:
-        engine.fast_forward(start)
-    with warnings.catch_warnings():
-        # A shard is part of a sequence, whose balance is not the shard's.
-        warnings.filterwarnings("ignore", "The balance properties", UserWarning)
-        return engine.random(count)
+def corner_points(dimensions: int, first: int, count: int) -> Array:
+    """Corners of the unit cube, (count, d): bit j of a corner's number is its coordinate j.
+
+    Args:
+        dimensions: Of the cube, d.
+        first: Number of the first corner.
+        count: Number of corners.
+    """
+    numbers = np.arange(first, first + count)
+    bits = numbers[:, None] >> np.arange(dimensions) & 1
+    return bits.astype(float)
 
 
 def inside(points: Array) -> Array:

@@ -50,7 +50,7 @@ class Basis(NamedTuple):
     Attributes:
       runs: Runs that are done, of each law.
       planned: Runs that the campaign shall have.
-      sampler: random, sobol, lhs or corners.
+      sampler: random or corners.
       seed: The campaign's seed.
     """
 

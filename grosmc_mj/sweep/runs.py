@@ -50,7 +50,7 @@ class Row:
         values: Values by parameter, or by its path such as ``sensor.rotor angle.delay``, where
             they are not the case's.
         case: Start, edits, disturbances and loop; the experiment's by default.
-        number: Number of the run, which sets what its loop draws at random.
+        number: Number of the run, which sets what its loop draws at random; the case's by default.
         plant: A plant that has the values already; by default it is made.
         predict: Whether the law knows the loop that it is put into.
     """
@@ -58,7 +58,7 @@ class Row:
     law: str | Controller
     values: Mapping[str | Parameter, float] = field(default_factory=dict)
     case: Case | None = None
-    number: int = 0
+    number: int | None = None
     plant: Plant | None = None
     predict: bool = False
 
@@ -199,12 +199,13 @@ def ready(
         plant = plants[key]
         plant.require_start(np.array(case.x0))
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
+    number = case.run if row.number is None else row.number
     if case.loop is not None and law.loop is not None:
-        law = relooped(law, case.loop, row.number)
+        law = relooped(law, case.loop, number)
     elif case.loop is not None:
         law = in_loop(
             law, case.loop, experiment.nominal.system, control_period=settings.control_period,
-            timestep=settings.timestep, predict=row.predict, run=row.number,
+            timestep=settings.timestep, predict=row.predict, run=number,
         )  # fmt: skip
     return Run(plant, law, case)
 

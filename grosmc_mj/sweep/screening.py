@@ -17,7 +17,7 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.family import unit_points
+from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.parameters import Varied
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
@@ -287,7 +287,7 @@ def screened_all(
 
 def drawn_by_chance(seed: int, ids: range) -> NDArray[np.bool_]:
     """Which runs are confirmed by chance, each by the seed and its own number, (n,)."""
-    return unit_points("random", 1, seed ^ _DRAW, ids.start, len(ids))[:, 0] < RANDOM
+    return random_points(1, seed ^ _DRAW, ids.start, len(ids))[:, 0] < RANDOM
 
 
 def _within(margins: Sequence[Array], band: float) -> NDArray[np.bool_]:

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.executors import Executor, Notice
-from grosmc_mj.experiments.file.reading import read_text, resolved_text
+from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.files import cannot_write, written_aside
@@ -534,11 +534,15 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
         GrosmcError: If there is none, or its configuration cannot be had here.
     """
     manifest = read_manifest(folder)
-    specification = Specification.of_document(manifest["question"])
+    try:
+        specification = Specification.of_document(manifest["question"])
+    except ArgumentError as error:
+        raise ArgumentError(f"{folder}: {error}; run the campaign again") from None
     if case_file is not None:
-        if specification.text not in (resolved_text(case_file), read_text(case_file)):
+        # The layout of a text does not decide: versions of this package lay it out otherwise.
+        if parse_case_file(specification.text, case_file) != read_case_file(case_file):
             raise ArgumentError(
-                f"{case_file} is not the case file of {folder}: its text is another"
+                f"{case_file} is not the case file of {folder}: its content is another"
             )
         specification = replace(specification, folder=str(case_file.parent.resolve()))
     elif named := named_in(specification.file):

@@ -97,7 +97,7 @@ def worst(
     family, seed, d = campaign.family, campaign.specification.seed, len(campaign.family.quantities)
     sampler, corners = campaign.specification.sampler, family.corners(_CORNERS)
     samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
-    rest = campaign.points("lhs", 0, _POPULATION - len(samples) - len(corners), more=1)
+    rest = campaign.points("random", 0, _POPULATION - len(samples) - len(corners), more=2)
     first: Any = np.concatenate([samples, corners, rest])
     search = _Contender(campaign, controller, advance)
     differential_evolution(

@@ -35,8 +35,11 @@ REFUSALS = [
     ("study tolerance maglev", "there is no loop"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("study switching", "unknown command 'switching': valid: region, tolerance, ladder"),
-    ("campaign servo --film", "--film is for --replay only"),
-    ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
+    ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
+    ("campaign out --plant 3 --runs 7", "--runs is not for --plant"),
+    ("campaign out --plant 3 --laws lqr grosmc", "--laws lqr grosmc: name one, for --plant"),
+    ("campaign out --replay 3", "--replay is gone: --plant WHICH writes the case file of"),
+    ("campaign out --replay=3", "--replay is gone: --plant WHICH writes the case file of"),
     ("view nothing.toml", "there is no such file"),
     ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
@@ -79,7 +82,7 @@ def test_wrong_use_is_one_line_and_leaves_no_file(
 
 @pytest.mark.parametrize("name", ["a\0b", "a\x1b[31mb.toml", "\udcff", "x" * 5000, "a/" * 999])
 def test_odd_names_are_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    for command in ("run", "campaign", "view", "new", "campaign --replay 0"):
+    for command in ("run", "campaign", "view", "new", "campaign --plant 0"):
         assert run(*command.split(), name) == cli.WRONG
         assert_one_line(capsys.readouterr().err)
 

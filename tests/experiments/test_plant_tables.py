@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 from campaign_cases import run
-from case_texts import BALL, BEAM, FURUTA, MAGLEV, STEP, load
+from case_texts import BALL, BEAM, FURUTA, MAGLEV, OWN, STEP, load
 
 from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
@@ -50,6 +50,27 @@ def test_a_load_is_where_the_file_says(tmp_path) -> None:
     edit = '[[edit]]\nbody = "rod"\nadded_mass = "20 g"\nat = ["1 cm", "2 cm", "3 cm"]\n'
     edits = load(tmp_path, FURUTA.replace("grosmc", "lqr") + edit).case.edits
     assert edits == (AddedMass("rod", 0.02, (0.01, 0.02, 0.03)),)
+
+
+def test_edits_of_one_parameter_multiply_one_after_the_other(tmp_path) -> None:
+    edit = '[[edit]]\nparameter = "m"\nscale = 1.1\n'
+    experiment = load(tmp_path, OWN + edit)
+    nominal = experiment.nominal.plant.parameters.m
+    assert experiment.plant("corrected").parameters.m == 1.1 * (1.5 * nominal)
+
+
+def test_a_disturbance_of_zero_acts_on_nothing_but_ends_the_transient(tmp_path) -> None:
+    zero = """[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0 N m", "0 N m"]
+profile = "pulse"
+start = "0.1 s"
+stop = "0.2 s"
+"""
+    disturbed, free = load(tmp_path, CASE + zero), load(tmp_path, CASE)
+    assert (disturbed.case.onset, free.case.onset) == (0.1, np.inf)
+    with_zero, without = (one.run().trajectory.state for one in (disturbed, free))
+    np.testing.assert_array_equal(with_zero, without)
 
 
 CASE = STEP + 'stays_within = "1e9 rad"\n'

@@ -264,8 +264,8 @@ def test_mutated_models(hostile: Trial, tmp_path: Path) -> None:
 COMMANDS = (
     "run CASE --no-figures --out OUT",
     "new mine --like arm/case1",
-    "campaign CASE --runs 2 --shard 1 --seed 3 --sampler lhs --out OUT --no-figures",
-    "campaign OUT --replay 0 --controller lqr --engine python",
+    "campaign CASE --runs 2 --shard 1 --seed 3 --sampler corners --out OUT --no-figures",
+    "campaign OUT --plant 0 --laws lqr",
     "claims premises servo/case9 --controller nothing --out OUT",
     "film arm --duration 0 --controllers lqr grosmc --switching banana --surface printed -o f.mp4",
     "view arm/case9 --controller lqr --speed 0",

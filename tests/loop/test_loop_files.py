@@ -13,6 +13,7 @@ import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.sweep.runs import Row, run_rows
 
 CASE = """
 title = "a loop"
@@ -125,3 +126,66 @@ def test_measurements_and_commands_are_kept_in_files(tmp_path: Path) -> None:
     schema = run.trajectory.to_arrow().schema
     assert schema.field("rotor angle seen").metadata[b"unit"] == b"rad"
     assert not [name for name in schema.names if "loop" in name]
+
+
+NOISY = """
+[computing]
+delay = "1 ms"
+seed = 7
+run = 3
+[[sensor]]
+of = "rotor angle"
+noise = "1 mrad"
+[[actuator]]
+of = "current"
+delay = "1 ms"
+"""
+PREDICTING = '[[controller]]\nlaw = "lqr"\npredict = true\n'
+
+
+def test_the_run_of_a_file_has_the_noise_of_that_run_of_a_batch(tmp_path: Path) -> None:
+    looped = Experiment.load(written(tmp_path, NOISY, PLAIN))
+    without_run = Experiment.load(written(tmp_path, NOISY.replace("run = 3", ""), PLAIN))
+    batch = run_rows(without_run, [Row("lqr", number=number) for number in range(4)])
+    alone = run_rows(looped, [Row("lqr")])
+    state = looped.run("physics", "lqr").trajectory.state[-1]
+    assert np.array_equal(alone["last"][0], batch["last"][3])
+    assert np.array_equal(state, batch["last"][3])
+    assert len(np.unique(batch["last"], axis=0)) == 4
+
+
+def delays_of(file: Path) -> tuple[float, float]:
+    """True delay of the computer, and the dead time that LQR knows, in timesteps."""
+    law = Experiment.load(file).law("physics", "lqr")
+    assert law.loop is not None
+    (computer,) = law.loop.start.computer
+    return computer["delay"], computer["dead"]
+
+
+def test_a_predicting_law_knows_the_loop_that_the_file_names(tmp_path: Path) -> None:
+    known = '[known_loop]\ncomputing = { delay = "3 ms" }\n'
+    # The true loop delays by the computer and the actuator, the known one by its computer alone.
+    assert delays_of(written(tmp_path, NOISY, PREDICTING)) == (1, 2)
+    assert delays_of(written(tmp_path, NOISY, known, PREDICTING)) == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((NOISY.replace("run = 3", "run = -1"), PLAIN), "computing: run = -1 must be"),
+        (
+            (NOISY, '[known_loop]\ncomputing = { delay = "3 ms" }\n', PLAIN),
+            "known_loop: no controller has predict = true, so none knows its loop",
+        ),
+        (
+            (NOISY, '[known_loop]\nsensor = [{ of = "rotor angel" }]\n', PREDICTING),
+            "sensor: unknown state 'rotor angel': did you mean 'rotor angle'?",
+        ),
+    ],
+)
+def test_a_wrong_run_or_known_loop_is_refused(
+    parts: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ArgumentError) as refused:
+        Experiment.load(written(tmp_path, *parts))
+    assert words in str(refused.value)

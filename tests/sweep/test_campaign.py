@@ -127,7 +127,7 @@ def test_a_wrong_file_is_refused_in_one_line(text: str, words: str) -> None:
     [
         ({"runs": 0}, "runs = 0 must be a whole number from 1"),
         ({"runs": 10**9, "shard": 1}, "take a larger shard"),
-        ({"sampler": "sobel"}, "unknown sampler 'sobel': did you mean 'sobol'?"),
+        ({"sampler": "sobol"}, "unknown sampler 'sobol': valid: random, corners"),
         ({"control_period": 0.0015}, "no multiple of the timestep 0.001 s"),
         ({"sampler": "corners"}, "8 runs, but there are 4 corners"),
     ],

@@ -1,19 +1,20 @@
-"""grosmc-mj campaign and its replays: the files, the exit codes, wrong use in one line."""
+"""grosmc-mj campaign: the files, the exit codes, wrong use in one line."""
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import AMPLITUDE, DEVIATION, LQR, forged, replaced, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, servo
 from commands import Patch, Screen, run
 
 from grosmc_mj import cli
 from grosmc_mj.cli.commands.campaign import answer
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.sweep import map as maps
+from grosmc_mj.sweep.runs import Row, run_rows
 from grosmc_mj.sweep.store import Folder
 
 TEXT = servo(laws=LQR, limits=DEVIATION)
@@ -98,8 +99,10 @@ def test_who_judged_is_shown_and_why(file: Path, tmp_path: Path, capsys: Screen)
     judges = pq.read_table(tmp_path / "a" / PART)["judged_by"].to_pylist()
     assert f"{judges.count('equations')} of 64 runs judged by the equations, " in shown.out
     number = judges.index("equations")
-    assert run("campaign", tmp_path / "a", "--replay", number, "--no-figures") == cli.DONE
-    assert "campaign stored by the equations, bit for bit" in words(capsys)
+    assert run("campaign", tmp_path / "a", "--plant", number) == cli.DONE
+    text = (tmp_path / "a" / f"small_{number}_lqr.toml").read_text()
+    assert f"run {number} under lqr, judged by the equations." in text
+    capsys.readouterr()
     assert run(*screened, tmp_path / "b", "--integrator", "implicitfast") == cli.DONE
     why = "equations are stepped by RK4, the model by implicitfast"
     other = capsys.readouterr()
@@ -115,7 +118,8 @@ def test_who_judged_is_shown_and_why(file: Path, tmp_path: Path, capsys: Screen)
         (("--axes", "load amplitude"), "--axes load amplitude: name two uncertain numbers"),
         (("--confidence", "95"), "--confidence 95 must lie between 0 and 1"),
         (("--at-least", "1"), "--at-least 1 must lie between 0 and 1"),
-        (("--at-least", "0.5", "--sampler", "sobol"), "sobol does not draw: take --sampler random"),
+        (("--at-least", "0.5", "--sampler", "corners"), "corners does not draw: take --sampler"),
+        (("--sampler", "lhs"), "unknown sampler 'lhs': valid: random, corners"),
         (("--worst", "--evaluations", "10"), "--evaluations 10 must be 128 or more"),
     ],
 )
@@ -134,7 +138,7 @@ def test_a_wrong_file_or_folder_is_one_line(folder: Path, tmp_path: Path, capsys
         assert "two are uncertain 'load amplitude'" in line
     assert not (tmp_path / "out").exists()
     line = wrong(capsys, "campaign", folder)
-    assert "is a campaign's folder: --replay RUN repeats one of its runs" in line
+    assert "is a campaign's folder: --plant WHICH writes the case file of one of its plants" in line
 
 
 def test_a_second_campaign_waits_for_the_first(
@@ -176,42 +180,34 @@ def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatc
     assert [*written] == ["say_verdict", "say_worst", "say_radius", "figures"]
 
 
-def test_replays(folder: Path, capsys: Screen) -> None:
+@pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
+def test_a_plant_s_file_is_run_like_any_other(
+    which: str, folder: Path, tmp_path: Path, capsys: Screen
+) -> None:
     worst, radius = (document(folder, name)["controllers"]["lqr"] for name in ("worst", "radius"))
     least = {look["scale"]: look["least"] for look in radius["looks"]}
-    for which, relative in (
-        ("3", pq.read_table(folder / PART)["relative"][3].as_py()),
-        ("worst", worst["relative"]), ("shrunk", worst["shrunk_relative"]),
-        ("outside", least[radius["outside_scale"]]),
-    ):  # fmt: skip
-        replay = ("campaign", folder, "--replay", which, "--engine", "python", "--no-figures")
-        assert run(*replay) == cli.DONE
-        assert ("bit for bit" in words(capsys)) == (which == "3")
-        (margin,) = document(folder / "replays", f"{which}_lqr")["margins"].values()
-        assert margin / 3e-3 == relative
+    relative = {
+        "3": pq.read_table(folder / PART)["relative"][3].as_py(),
+        "worst": worst["relative"],
+        "shrunk": worst["shrunk_relative"],
+        "outside": least[radius["outside_scale"]],
+    }
+    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
+    file = tmp_path / f"small_{which}_lqr.toml"
+    assert capsys.readouterr().out.endswith(f"{file}\ngrosmc-mj run {file}\n")
+    # The same command again writes the same; what somebody has changed is kept.
+    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
 
+    outcome = run_rows(Experiment.load(file), [Row("lqr")])
+    assert outcome["relative"].tolist() == [relative[which]]
+    code = cli.DONE if relative[which] >= 0 else cli.DIFFERS
+    assert run("run", file, "--no-figures", "--out", tmp_path) == code
+    assert run("diff", tmp_path, tmp_path, "--out", tmp_path / "diff") == cli.DONE
 
-@pytest.mark.parametrize("code", [cli.DIFFERS, cli.DONE], ids=["a file", "a link"])
-def test_a_replay_without_a_file_is_judged(
-    folder: Path, tmp_path: Path, code: int, capsys: Screen
-) -> None:
-    """A file, where root cannot write either; a folder of somebody else's may lead anywhere."""
-    copy = Path(shutil.copytree(folder, tmp_path / "copy", ignore=lambda *_: ["replays"]))
-    if code == cli.DIFFERS:
-        (copy / "replays").touch()
-        forged(copy / PART, replaced(pq.read_table(copy / PART), "ended", 3, 0.049))
-    else:
-        (copy / "replays").symlink_to(tmp_path)
-    assert run("campaign", copy, "--replay", "3", "--film") == code
-    shown = words(capsys)
-    assert ("bit for bit" in shown) == (code == cli.DONE)
-    assert ("differs: ended: 0.049 was stored, 0.05 is found" in shown) == (code == cli.DIFFERS)
-    for phrase in ("Nothing is written: ", "--out DIR keeps it."):
-        assert phrase in shown
-    assert not list(tmp_path.rglob("3_lqr*"))
-    own = ("--no-figures", "--out", tmp_path / "own")
-    assert run("campaign", copy, "--replay", "3", *own) == code
-    assert [path.name for path in (tmp_path / "own").iterdir()] == ["3_lqr.json"]
+    file.write_text(file.read_text() + "# mine\n")
+    line = wrong(capsys, "campaign", folder, "--plant", which, "--out", tmp_path)
+    assert f"{file} is there already with other content: rename or remove it" in line
+    assert file.read_text().endswith("# mine\n")
 
 
 def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
@@ -219,5 +215,7 @@ def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
     laws = LQR + 'name = "/../../../up/../a.b"\n'
     file.write_text(servo(AMPLITUDE, laws=laws, limits=DEVIATION))
     assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DONE
-    assert run("campaign", out, "--replay", "0", "--no-figures") == cli.DONE
-    assert [path.name for path in out.rglob("0_*")] == ["0__.._.._.._up_.._a.b.json"]
+    assert run("campaign", out, "--plant", "0") == cli.DONE
+    (written,) = out.glob("*.toml")
+    assert written.name == "case_0__.._.._.._up_.._a.b.toml"
+    assert set(tmp_path.rglob("*.toml")) == {file, written}

@@ -2,21 +2,22 @@
 
 import itertools
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from campaign_cases import BOTH, CORRELATED, INERTIA, campaign, of, plain
 from scipy import stats
-from scipy.stats import qmc
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.file.schema import DistributionTable
-from grosmc_mj.sweep.family import SAMPLERS, Distribution, distribution, unit_points
+from grosmc_mj.sweep.family import Distribution, corner_points, distribution, random_points
 
 INF = math.inf
 SHARES = np.array([2.0**-53, 1e-6, 0.01, 0.25, 0.5, 0.9, 1 - 1e-6])
 D = 3
-SEQUENCE, CUBE = SAMPLERS["sobol"], SAMPLERS["lhs"]
 
 
 def drawn(kind: str, unit: str = "", **numbers: Any) -> Distribution:
@@ -63,42 +64,30 @@ def test_distributions_are_cut_off_where_the_distribution_function_is_0_and_1() 
     assert drawn("lognormal", median=1, spread=0.3, least=0.5).support == (0.5, INF)
 
 
-@pytest.mark.parametrize("sampler", ["sobol", "lhs", "random", "corners"])
-def test_a_point_is_the_same_whatever_the_part(sampler: str) -> None:
-    most = 8 if sampler == "corners" else 400
-    # Around the seam between two scrambles as well.
-    for first in (0,) if sampler == "corners" else (0, 100, SEQUENCE - 200):
-        cuts = [0, 1, most // 3, most // 2 + 1, most]
-        parts = [unit_points(sampler, D, 7, first + a, b - a) for a, b in itertools.pairwise(cuts)]
-        assert np.array_equal(np.concatenate(parts), unit_points(sampler, D, 7, first, most))
+@pytest.mark.parametrize("points", [corner_points, partial(random_points, seed=7)])
+def test_a_point_is_the_same_whatever_the_part(points: Callable[..., Array]) -> None:
+    cuts = [0, 1, 2, 5, 8]
+    parts = [points(D, first=a, count=b - a) for a, b in itertools.pairwise(cuts)]
+    assert np.array_equal(np.concatenate(parts), points(D, first=0, count=8))
 
 
-@pytest.mark.parametrize(("sampler", "block"), [("sobol", SEQUENCE), ("lhs", CUBE), ("random", 64)])
-def test_blocks_of_all_seeds_differ_and_lie_inside_the_cube(sampler: str, block: int) -> None:
-    starts = itertools.product(range(3), range(0, 3 * block, block))
-    several = [unit_points(sampler, D, seed, first, 64) for seed, first in starts]
+def test_random_points_of_all_seeds_differ_and_lie_inside_the_cube() -> None:
+    starts = itertools.product(range(3), range(0, 192, 64))
+    several = [random_points(D, seed, first, 64) for seed, first in starts]
     assert all(np.all((points > 0) & (points < 1)) for points in several)
     # Philox makes four numbers at a time: a point of nine needs three such blocks.
-    numbers = np.concatenate([*map(np.ravel, several), unit_points("random", 9, 9, 0, 64).ravel()])
+    numbers = np.concatenate([*map(np.ravel, several), random_points(9, 9, 0, 64).ravel()])
     assert len(np.unique(numbers)) == numbers.size
 
 
-def test_points_are_scipys_sequence_latin_hypercubes_and_all_corners() -> None:
-    known = qmc.Sobol(D, rng=np.random.default_rng([5, 0])).random_base2(6)
-    assert np.array_equal(unit_points("sobol", D, 5, 0, 64), known)
-    # A (t, m, s)-net: in each dimension, one point in each of 256 intervals.
-    nets = [unit_points("sobol", D, 5, first, 256) for first in (0, SEQUENCE)]
-    for points in (*nets, *unit_points("lhs", D, 3, 0, 4 * CUBE).reshape(4, CUBE, D)):
-        n = len(points)
-        cells = np.sort((points * n).astype(int), axis=0)
-        assert np.array_equal(cells, np.tile(np.arange(n)[:, None], D))
-    corners = unit_points("corners", D, 0, 0, 8).tolist()
+def test_the_corners_are_all_corners() -> None:
+    corners = corner_points(D, 0, 8).tolist()
     assert sorted(map(tuple, corners)) == list(itertools.product((0.0, 1.0), repeat=D))
 
 
 def test_the_copula_correlates_and_keeps_the_marginals() -> None:
     family = campaign(plain(BOTH + CORRELATED.replace("0.5", "-0.8"))).family
-    values = family.values(unit_points("random", 2, 1, 0, 4096))
+    values = family.values(random_points(2, 1, 0, 4096))
     # Spearman's coefficient of a Gaussian copula; its standard error is at most that of none.
     expected, rank = 6 / np.pi * np.arcsin(-0.8 / 2), stats.rankdata(values, axis=0)
     assert abs(np.corrcoef(rank.T)[0, 1] - expected) < 4 / np.sqrt(4096)

@@ -79,7 +79,7 @@ def test_margins_of_a_batch_are_a_recorded_runs(text: str, law: str, tmp_path: P
     other = evaluate(python, law, declared.family.nominal[None])
     for name in row.columns.keys() - {"status", "controller", "judged_by"}:
         assert row[name].tobytes() == other[name].tobytes(), name
-    judged = judge_all(declared.limits_of(law), [result])
+    judged = judge_all(declared.requirements, [result])
     assert judged
     for judgement in judged:
         margin = row[f"margin {judgement.limit.key}"][0]

@@ -11,7 +11,7 @@ from commands import Patch
 
 from grosmc_mj.sweep import worst as worst_module
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.family import unit_points
+from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Look, Radius, _away, radius
@@ -63,7 +63,7 @@ def test_the_search_finds_the_known_worst_plant_and_shrinks_it(known: Worst) -> 
 
 def test_samples_and_random_plants_compete_with_it(known: Worst, monkeypatch: Patch) -> None:
     declared = loads(1.0, BOTH)
-    plants = declared.family.values(unit_points("random", 2, 1, 0, 256)), declared.values(range(8))
+    plants = declared.family.values(random_points(2, 1, 0, 256)), declared.values(range(8))
     random, samples = (evaluate(declared, "lqr", own)["relative"].min() for own in plants)
     assert (known.random, known.samples) == (random, samples)
 

@@ -115,7 +115,10 @@ def test_another_campaign_in_the_folder_is_refused(copy: Folder, tmp_path: Path)
     declared = campaign(pair())
     for changed, difference in (
         ({"runs": 9}, "runs: 8 there, 9 now"),
-        ({"sampler": "lhs", "seed": 1}, "seed: 0 there, 1 now; sampler: random there, lhs now"),
+        (
+            {"sampler": "corners", "runs": 4, "seed": 1},
+            "runs: 8 there, 4 now; seed: 0 there, 1 now; sampler: random there, corners now",
+        ),
         ({"controllers": ("lqr",)}, "controllers 2: stiff there, nothing now"),
     ):
         other = Campaign.of(replace(declared.specification, **changed))
@@ -152,6 +155,7 @@ def test_another_campaign_in_the_folder_is_refused(copy: Folder, tmp_path: Path)
         ({"runs": 10**4000}, "must be a whole number from 1 to"),
         ({"controllers": [["lqr"]]}, "controllers.0"),
         ({"colour": "red"}, "there is no argument colour"),
+        ({"sampler": "sobol"}, "copy: unknown sampler 'sobol': valid: random, corners; run the"),
     ],
 )
 def test_a_manifest_of_others(copy: Folder, content: bytes | dict[str, Any], words: str) -> None:

@@ -4,6 +4,7 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from case_texts import LEG_MODEL
 from commands import Screen
 
 from grosmc_mj import cli
-from grosmc_mj.experiments.file.user_code import sources
+from grosmc_mj.experiments.file.reading import read_case_file
+from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_shard
 
@@ -28,6 +30,8 @@ def bump(t):
     return HEIGHT if t > 0.02 else 0.0
 """,
 }
+# A run that is judged, whatever the verdict.
+RAN = (cli.DONE, cli.DIFFERS)
 TEXT = servo(BUMP + INERTIA, laws=LQR, limits=DEVIATION)
 
 
@@ -71,15 +75,79 @@ def folder(file: Path, tmp_path: Path) -> Folder:
     return out
 
 
-def test_a_replay_imports_only_what_lies_beside_a_named_file(folder: Folder, file: Path) -> None:
+def test_a_plant_imports_and_names_only_what_lies_beside_a_named_file(
+    folder: Folder, file: Path, capsys: Screen
+) -> None:
     assert list(read_manifest(folder.path)["sources"]) == list(FILES)
     line = refusal(read_campaign, folder.path)
     assert "its case file names Python, canary_law:bump" in line
     assert "--case-file" in line
     assert not file.with_name("trace").exists()
-    replay = ("campaign", folder.path, "--replay", "0", "--no-figures", "--case-file", file)
-    assert run(*replay) == cli.DONE
+    plant = ("campaign", folder.path, "--plant", "0")
+    assert run(*plant) == cli.WRONG
+    assert "--case-file" in capsys.readouterr().err
+    assert not file.with_name("trace").exists()
+    assert run(*plant, "--case-file", file) == cli.DONE
     assert file.with_name("trace").exists()
+    # The new file lies beside that one, where alone Python is imported from, and nowhere else.
+    written = file.with_name("small_0_lqr.toml")
+    assert named_in(read_case_file(written)) == named_in(read_case_file(file))
+    assert not list(folder.path.rglob("*.toml"))
+    line = f"--out {folder.path}: with --case-file the new file lies beside that one"
+    assert run(*plant, "--case-file", file, "--out", folder.path) == cli.WRONG
+    assert line in capsys.readouterr().err
+
+
+def test_python_in_a_campaign_s_folder_is_never_imported(folder: Folder, file: Path) -> None:
+    """Neither for the campaign, nor for a plant's file, nor by a run of that."""
+    trap = folder.path / "trap"
+    for name in FILES:
+        (folder.path / name).write_text(f"open({str(trap)!r}, 'w')\n")
+    assert run("campaign", folder.path, "--plant", "1", "--case-file", file) == cli.DONE
+    written = file.with_name("small_1_lqr.toml")
+    assert run("run", written, "--no-figures", "--out", folder.path / "runs") in RAN
+    # A folder whose case file names no Python gets a file that names none, beside whatever lies
+    # there.
+    declared = Campaign.of(specification(servo(INERTIA, laws=LQR, limits=DEVIATION), runs=2))
+    other = begun(declared, folder.path / "other")
+    for name in FILES:
+        (other.path / name).write_text(f"open({str(trap)!r}, 'w')\n")
+    assert run("campaign", other.path, "--plant", "1") == cli.DONE
+    written = other.path / "small_1_lqr.toml"
+    assert named_in(read_case_file(written)) == []
+    assert run("run", written, "--no-figures", "--out", folder.path / "runs") in RAN
+    assert not trap.exists()
+
+
+def test_laws_that_only_a_campaign_chose_are_python_too(file: Path, tmp_path: Path) -> None:
+    """A manifest may choose a law of [laws], which no [[controller]] of its file runs."""
+    text = servo(INERTIA, laws=LQR, limits=DEVIATION) + '[laws.mine]\nlaw = "canary_law:bump"\n'
+    file.write_text(text)
+    chosen = replace(question(file), controllers=("lqr", "mine"))
+    declared = Campaign.of(
+        replace(chosen, text=servo(INERTIA, laws=LQR, limits=DEVIATION), controllers=())
+    )
+    out = begun(declared, tmp_path / "chosen")
+    manifest = read_manifest(out.path)
+    manifest["question"] = chosen.document()
+    (out.path / "manifest.json").write_text(json.dumps(manifest))
+    assert "its case file names Python, canary_law:bump" in refusal(read_campaign, out.path)
+    assert not file.with_name("trace").exists()
+
+
+def test_a_folder_names_no_file_to_read_or_place_to_write(folder: Folder, tmp_path: Path) -> None:
+    """A manifest may say anything: its text may extend nothing, and its name be no path."""
+    for changed, words in (
+        ({"text": f'extends = "/etc/passwd"\n{TEXT}'}, "unknown key 'extends'"),
+        ({"text": f'extends = "small.toml"\n{TEXT}'}, "unknown key 'extends'"),
+        ({"name": "../../up"}, "must be a name for files"),
+    ):
+        other = Folder(Path(shutil.copytree(folder.path, tmp_path / "other")))
+        manifest = read_manifest(other.path)
+        manifest["question"] |= changed
+        (other.path / "manifest.json").write_text(json.dumps(manifest))
+        assert words in refusal(read_campaign, other.path)
+        shutil.rmtree(other.path)
 
 
 def test_python_that_is_not_the_recorded_one_is_refused(
@@ -97,7 +165,7 @@ def test_python_that_is_not_the_recorded_one_is_refused(
     file.write_text(TEXT.replace('duration = "', 'duration = "1'))
     line = refusal(read_campaign, folder.path, file)
     assert f"{file} is not the case file of" in line
-    assert "its text is another" in line
+    assert "its content is another" in line
     # A worker builds its own campaign: all of a folder may be another's, but where it is built.
     declared = Campaign.of(specification(servo(INERTIA, laws=LQR, limits=DEVIATION), runs=2))
     other = begun(declared, folder.path / "other")

@@ -18,6 +18,7 @@ from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.file.units import Metres, Table, Three, numbers_of
 from grosmc_mj.fields import range_of
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import PARTS, MachinePart
 from grosmc_mj.physics.edits import Edit
@@ -69,8 +70,9 @@ def _table(kind: str, part: Any) -> type[Table]:
         # Of an encoder: steps of its resolution in a turn.
         keys["counts"] = (Annotated[int | None, Field(gt=0)], None)
     if part is Computing:
-        # Of noise, jitter and missed samples.
+        # Of noise, jitter and missed samples: each run of a seed has its own.
         keys["seed"] = (int, 0)
+        keys["run"] = (Annotated[int | None, Field(ge=0, lt=LARGEST_SEED)], None)
     return create_model(f"{part.__name__}Table", __base__=Table, **keys)
 
 
@@ -134,6 +136,28 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
         loop = Loop(computer, *map(tuple, parts.values()), seed=seed)
     mistakes.refuse()
     return loop
+
+
+def known_loop_of_file(file: Any, system: System) -> Loop | None:
+    """Return the loop that predicting laws take for theirs, None for the loop itself.
+
+    Args:
+        file: A ``CaseFile``.
+        system: Whose loop it is.
+
+    Raises:
+        ArgumentError: All numbers that do not fit.
+    """
+    if file.known_loop is None:
+        return None
+    return loop_of_file(file.known_loop, system) or Loop()
+
+
+def run_of_file(file: Any) -> int:
+    """Return the number of the run that the loop of a case file draws for; 0 if it names none."""
+    if file.computing is None or file.computing.run is None:
+        return 0
+    return file.computing.run
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:

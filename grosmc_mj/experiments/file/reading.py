@@ -9,6 +9,7 @@ if it has none, the base's.
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,6 +23,8 @@ from grosmc_mj.experiments.file.shipped import base_file
 
 Content = dict[str, Any]
 _EXTENDS = "extends"
+# Keys that need no quotes.
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 # Wrong types as pydantic and as people call them.
 _TYPES = {
     "float_type": "a number",
@@ -164,7 +167,7 @@ def _joined(text: str, content: Content, base: str) -> str:
         same = tomllib.loads(joined) == both
     except ValueError:
         same = False
-    return joined if same else _written(both)
+    return joined if same else toml_text(both)
 
 
 def _sections(text: str) -> list[tuple[str, str]]:
@@ -180,8 +183,8 @@ def _sections(text: str) -> list[tuple[str, str]]:
     return [(name, "\n".join(lines)) for name, lines in sections]
 
 
-def _written(content: Content) -> str:
-    """Plain values as TOML."""
+def toml_text(content: Content) -> str:
+    """Return plain values as TOML: first the values, then the tables in their order."""
     tables = {key: [value] for key, value in content.items() if isinstance(value, dict)}
     arrays = {
         key: value
@@ -191,22 +194,27 @@ def _written(content: Content) -> str:
     plain = {k: v for k, v in content.items() if k not in tables and k not in arrays}
     texts = ["\n".join(_lines(plain))]
     for key in content:
-        header = f"[{_value(key)}]" if key in tables else f"[[{_value(key)}]]"
+        header = f"[{_key(key)}]" if key in tables else f"[[{_key(key)}]]"
         rows = tables.get(key) or arrays.get(key) or ()
         texts += ["\n".join([header, *_lines(row)]) for row in rows]
     return "\n\n".join(filter(None, texts)) + "\n"
 
 
 def _lines(table: Content) -> Iterator[str]:
-    return (f"{_value(key)} = {_value(value)}" for key, value in table.items())
+    return (f"{_key(key)} = {_value(value)}" for key, value in table.items())
+
+
+def _key(name: str) -> str:
+    """A key of TOML, in quotes where it needs them."""
+    return name if _BARE.fullmatch(name) else _value(name)
 
 
 def _value(value: Any) -> str:
-    """One value of TOML; a text as a key is the same."""
+    """One value of TOML."""
     if isinstance(value, (str, bool)):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, dict):
-        return f"{{ {', '.join(_lines(value))} }}"
+        return f"{{ {', '.join(_lines(value))} }}" if value else "{}"
     return f"[{', '.join(map(_value, value))}]" if isinstance(value, list) else str(value)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -593,14 +593,23 @@ class _Beginning(Table):
     disturbance: list[DisturbanceTable] = []
 
 
+def _fields_of_parts(kinds: Iterable[str]) -> dict[str, Any]:
+    """The fields of a table that has parts of these kinds: one computer, several of the others."""
+    fields: dict[str, Any] = {}
+    for kind in kinds:
+        table = TABLES[kind]
+        fields[kind] = (table | None, None) if kind == "computing" else (list[table], [])
+    return fields
+
+
 _WithParts = create_model(
-    "_WithParts",
-    __base__=_Beginning,
-    **{
-        kind: (TABLES[kind] | None, None) if kind == "computing" else (list[TABLES[kind]], [])
-        for kind in (*LOOP_PARTS, *MACHINE_PARTS)
-    },  # pyright: ignore[reportArgumentType, reportCallIssue]
+    "_WithParts", __base__=_Beginning, **_fields_of_parts((*LOOP_PARTS, *MACHINE_PARTS))
 )
+_LoopParts = create_model("_LoopParts", __base__=Table, **_fields_of_parts(LOOP_PARTS))
+
+
+class KnownLoopTable(_LoopParts):
+    """``[known_loop]``: the loop that predicting laws take for theirs, if it is another one."""
 
 
 class ColumnTable(Table):
@@ -651,6 +660,8 @@ class CaseFile(_WithParts):
         sensor: What the states are measured by; exactly without one.
         estimator: What gives the states that are not measured.
         actuator: What makes the inputs; exactly without one.
+        known_loop: Computer, sensors and actuators that laws with ``predict`` take for theirs; the
+            true ones by default.
         transmission: What gives way between a motor and its joint.
         lugre: Friction of joints by bristles.
         stop: Ends of joints' ways.
@@ -668,6 +679,7 @@ class CaseFile(_WithParts):
         log: How the columns of a log of the machine are read.
     """
 
+    known_loop: KnownLoopTable | None = None
     task: TaskTable = TaskTable()
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]

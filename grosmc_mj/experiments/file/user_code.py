@@ -27,7 +27,7 @@ def is_named(text: str) -> bool:
 
 
 def named_in(file: CaseFile) -> list[str]:
-    """Each ``module:name`` of a case file, which running it would import."""
+    """Each ``module:name`` of a case file, which running it under any of its laws would import."""
     reference = file.task.reference or []
     texts = [
         file.plant.plant or "",
@@ -35,7 +35,7 @@ def named_in(file: CaseFile) -> list[str]:
         *(table.profile for table in file.disturbance),
         *(reference if len(reference) == 1 else ()),
         file.task.outputs.of,
-        *(file.law(table.called).law for table in file.controller),
+        *(table.law for table in (*file.controller, *file.laws.values())),
     ]
     return list(dict.fromkeys(filter(is_named, texts)))
 

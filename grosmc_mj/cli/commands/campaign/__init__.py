@@ -1,1 +1,1 @@
-"""grosmc-mj campaign: many uncertain plants, and one of them again."""
+"""grosmc-mj campaign: many uncertain plants, and the case file of one."""

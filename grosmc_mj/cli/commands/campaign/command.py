@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 from tyro.conf import Positional, arg
@@ -13,9 +14,28 @@ from grosmc_mj.cli.command import Command, Laws
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
-# Options of a replay alone, and those that both have.
-_OF_REPLAY = ("controller", "engine", "case_file", "film")
-_OF_BOTH = ("target", "out", "figures", "verbose", "replay")
+if TYPE_CHECKING:
+    from grosmc_mj.sweep.campaign import Campaign, Specification
+    from grosmc_mj.sweep.findings import Findings
+    from grosmc_mj.sweep.store import Folder
+
+# Options of --plant alone, and those that a campaign has, too.
+_OF_PLANT = ("case_file",)
+_OF_BOTH = ("target", "controllers", "out", "verbose", "plant")
+# Options that are the specification's own.
+_SPECIFIED = (
+    "runs",
+    "shard",
+    "seed",
+    "sampler",
+    "controllers",
+    "control_period",
+    "duration",
+    "integrator",
+    "screen",
+)
+_FOLDER = Path("renders") / "campaigns"
+_MOST_EVALUATIONS = 10**7
 
 
 @dataclass(frozen=True)
@@ -28,21 +48,21 @@ class CampaignCommand(Command):
     margins, differences between the controllers and what drives the margins go to standard output.
     The folder keeps manifest.json, one row a run in parts/*.parquet, results.json and figures.
 
-    With --replay the target is such a folder, and one of its runs is repeated, recorded, and
-    compared to the last bit. RUN.json, the figure and the film go to replays in the folder, or to
-    --out. The folder is data: no Python is imported from it.
+    With --plant the target is such a folder, and one of its plants is written as a case file,
+    which run, film and diff take like any other. The folder is data: no Python is imported from
+    it.
 
-    Exit code: 0 if done, 1 if --at-least is missed or a replay is not what the campaign stored, 2
-    if the command or the set-up is wrong.
+    Exit code: 0 if done, 1 if --at-least is missed, 2 if the command or the set-up is wrong.
 
     Attributes:
-        target: A system, a case of the package or a case file; for --replay a campaign's folder.
+        target: A system, a case of the package or a case file; for --plant a campaign's folder.
         runs: Plants.
         shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
         seed: Of the sampler; run i depends on it and on i alone.
-        sampler: random, sobol, lhs or corners. Random runs are independent, so that they alone give
-            intervals; the others spread over the ranges for maps and searches.
-        controllers: Laws to run, of the file's controllers or of its [laws].
+        sampler: random or corners. Random runs are independent, so that they alone give intervals;
+            corners are all combinations of the ranges' ends.
+        controllers: Laws to run, of the file's controllers or of its [laws]; for --plant the one
+            that ran on the plant, the campaign's last one by default.
         control_period: Time between two samples of the laws, in s, instead of the file's.
         duration: Of each run, in s, instead of the file's.
         screen: Which runs are made on the equations, with all that are near a limit, ended early or
@@ -52,7 +72,7 @@ class CampaignCommand(Command):
         integrator: MuJoCo's, instead of the file's. implicitfast takes less than half the time of
             RK4, the packaged models' own, and passes plants that RK4 fails: of 9 verdicts on 256
             arms in which they differ RK4 was right in 8, by steps a tenth as long.
-        out: The campaign's folder, by default renders/campaigns/NAME; for --replay where to write.
+        out: The campaign's folder, by default renders/campaigns/NAME; for --plant where to write.
         resume: Go on with what is in the folder.
         executor: batch runs in this process, on all cores; processes in workers of their own; dask
             in those of a Dask scheduler.
@@ -67,14 +87,16 @@ class CampaignCommand(Command):
             controller: exit code 1 if its one-sided lower bound (Clopper and Pearson, at the
             confidence) is below it. It takes independent runs, as --sampler random draws them.
         figures: Whether to draw the figures.
-        replay: Number of the run to repeat; or worst, shrunk or outside, the plants that --worst
-            and --radius found.
-        controller: For --replay: whose run; by default the campaign's last controller.
-        engine: For --replay: native or python.
-        case_file: For --replay: the campaign's case file, if that names Python, which is imported
-            from beside it if it is what the campaign recorded; a model is taken from there too.
-        film: For --replay: whether to film it in MuJoCo: films/RUN.mp4.
+        plant: Number of the run whose plant is written as a case file; or worst, shrunk or outside,
+            the plants that --worst and --radius found.
+        case_file: For --plant: the campaign's case file. The new file is written beside it and
+            extends it. It is needed if it names a model or Python, which is imported from beside it
+            if it is what the campaign recorded.
     """
+
+    removed: ClassVar[Mapping[str, str]] = {
+        "--replay": "--plant WHICH writes the case file of a run's plant, which grosmc-mj run takes"
+    }
 
     target: Annotated[Positional[str], arg(metavar=f"{TARGET}|FOLDER", name="target")]
     runs: Annotated[int, arg(metavar="N")] = 1024
@@ -103,28 +125,137 @@ class CampaignCommand(Command):
     ] = ()
     at_least: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint="")] = None
     figures: bool = True
-    replay: Annotated[str | None, arg(metavar="RUN", help_behavior_hint="")] = None
-    controller: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
-    engine: Annotated[str, arg(metavar="native|python")] = "native"
+    plant: Annotated[str | None, arg(metavar="WHICH", help_behavior_hint="")] = None
     case_file: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    film: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
 
     def execute(self) -> int:
-        """Run the missing parts, print the answer, search; or repeat a run."""
+        """Run the missing parts, print the answer, search; or write the case file of a plant."""
         self._refuse_idle()
-        if self.replay is not None:
-            from grosmc_mj.cli.commands.campaign.replay import replay_run
+        if self.plant is not None:
+            return self._write_plant(self.plant)
+        return self._run()
 
-            return replay_run(self, self.replay)
-        from grosmc_mj.cli.commands.campaign.running import run
+    def _write_plant(self, which: str) -> int:
+        """Write the case file of one plant of the folder; returns the exit code."""
+        from grosmc_mj.cli.commands.campaign.plant import write_plant
 
-        return run(self)
+        if len(self.controllers) > 1:
+            raise ArgumentError(f"--laws {' '.join(self.controllers)}: name one, for --plant")
+        law = next(iter(self.controllers), None)
+        return write_plant(Path(self.target), which, law, self.case_file, self.out)
+
+    def _run(self) -> int:
+        """Carry out a campaign; returns the exit code."""
+        from grosmc_mj.cli import screen
+        from grosmc_mj.cli.commands.campaign import answer
+        from grosmc_mj.cli.commands.campaign.running import notices, run_parts
+        from grosmc_mj.executors import make_executor
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.sweep.campaign import Campaign
+        from grosmc_mj.sweep.findings import RESULTS, findings, results_document
+        from grosmc_mj.sweep.store import Folder, read_manifest, refuse_other_code
+
+        specification = self._specification()
+        folder = Folder(self.out or _FOLDER / specification.name)
+        if folder.begun:
+            refuse_other_code(folder.path, read_manifest(folder.path), specification)
+        campaign = Campaign.of(specification)
+        self._refuse_axes(campaign.family.names)
+        executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
+
+        with folder.held():
+            for line in (*folder.begin(campaign, resume=self.resume), *notices(campaign)):
+                screen.notice(line)
+            progress = run_parts(campaign, folder, executor)
+
+        result = findings(campaign, folder, self.confidence)
+        write_json(folder.path / RESULTS, results_document(campaign, result))
+        console = screen.console()
+        code = answer.say_verdict(console, campaign, result, self.at_least, self.confidence)
+        answer.say_findings(console, campaign, result, progress, full=self.verbose)
+        self._search(campaign, folder, result)
+        return code
+
+    def _specification(self) -> Specification:
+        """Return the family of plants and how much of it is run.
+
+        Raises:
+            ArgumentError: If the target is a campaign's folder, or a number does not fit.
+        """
+        from grosmc_mj.sweep.campaign import specification_of
+        from grosmc_mj.sweep.store import Folder
+
+        if Folder(Path(self.target)).begun:
+            raise ArgumentError(
+                f"{self.target} is a campaign's folder: --plant WHICH writes the case file of one "
+                "of its plants; its case file with --resume and --out goes on"
+            )
+        self._refuse_numbers()
+        specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
+        return specification_of(self.target, **specified)
+
+    def _search(self, campaign: Campaign, folder: Folder, result: Findings) -> None:
+        """Search as asked for, draw, and say where everything is."""
+        from grosmc_mj.cli import screen
+        from grosmc_mj.cli.commands.campaign import answer
+        from grosmc_mj.cli.commands.campaign.running import search_radii, search_worst
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.sweep import map as maps
+        from grosmc_mj.sweep.findings import RESULTS
+        from grosmc_mj.sweep.radius import RADIUS, radius_document
+        from grosmc_mj.sweep.worst import WORST, worst_document
+
+        console = screen.console()
+        files = [folder.path / RESULTS]
+        if self.worst:
+            plants = search_worst(campaign, result, self.evaluations)
+            files.append(folder.path / WORST)
+            write_json(files[-1], worst_document(campaign, plants))
+            answer.say_worst(console, campaign, plants, full=self.verbose)
+
+        reached = []
+        if self.radius:
+            reached = search_radii(campaign)
+            files.append(folder.path / RADIUS)
+            write_json(files[-1], radius_document(campaign, reached))
+            answer.say_radius(console, campaign, reached, full=self.verbose)
+
+        if self.figures:
+            files += maps.write_figures(campaign, folder, result, reached, self.axes)
+        screen.say_files(console, *files)
 
     def _refuse_idle(self) -> None:
-        """Refuse options of the other kind: of a campaign in a replay, of a replay elsewhere."""
+        """Refuse options of the other kind: of a campaign for --plant, of --plant elsewhere."""
         for option in fields(self):
-            name, of_replay = option.name, option.name in _OF_REPLAY
-            idle = name not in _OF_BOTH and of_replay != (self.replay is not None)
+            name, of_plant = option.name, option.name in _OF_PLANT
+            idle = name not in _OF_BOTH and of_plant != (self.plant is not None)
             if idle and getattr(self, name) != option.default:
-                where = "for --replay only" if of_replay else "not for --replay"
+                where = "for --plant only" if of_plant else "not for --plant"
                 raise ArgumentError(f"--{name.replace('_', '-')} is {where}: leave it out")
+
+    def _refuse_numbers(self) -> None:
+        """Refuse shares that are none, and too short a search, before anything is run."""
+        from grosmc_mj.sweep.worst import LEAST
+
+        for name, value in (("confidence", self.confidence), ("at-least", self.at_least)):
+            if value is not None and not 0 < value < 1:
+                raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
+        if self.at_least is not None and self.sampler != "random":
+            raise ArgumentError(
+                f"--at-least takes independent runs, which --sampler {self.sampler} does not "
+                "draw: take --sampler random"
+            )
+        if self.worst and not LEAST <= self.evaluations <= _MOST_EVALUATIONS:
+            raise ArgumentError(
+                f"--evaluations {self.evaluations} must be {LEAST} or more, up to "
+                f"{_MOST_EVALUATIONS}"
+            )
+
+    def _refuse_axes(self, names: list[str]) -> None:
+        """Refuse axes that are no two uncertain numbers."""
+        from grosmc_mj.arguments import require_known
+
+        for name in self.axes:
+            require_known("uncertain number", name, names)
+        if self.axes and not len(self.axes) == len(set(self.axes)) == 2:
+            raise ArgumentError(f"--axes {' '.join(self.axes)}: name two uncertain numbers")

@@ -1,0 +1,375 @@
+"""Case file of one plant of a campaign, which run, film and diff take like any other."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model
+from grosmc_mj.experiments.file.reading import resolved_text, toml_text
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.plants import System
+from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
+from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.radius import RADIUS
+from grosmc_mj.sweep.screening import EQUATIONS
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.worst import WORST
+
+# Plants that a search has found: the file that has their numbers, and the option that searches.
+SEARCHED = {
+    "worst": (WORST, "--worst"),
+    "shrunk": (WORST, "--worst"),
+    "outside": (RADIUS, "--radius"),
+}
+# Digits of a run's number: more than any campaign has.
+_MOST_DIGITS = 18
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenPlant:
+    """One plant of a campaign.
+
+    Attributes:
+        which: Number of its run, or ``worst``, ``shrunk`` or ``outside``.
+        law: The law that ran on it.
+        values: Its uncertain numbers, (d,).
+        run: Number of the run that the loop draws for; 0 of a plant that was searched for.
+        kind: ``physics``, or ``corrected`` if the equations judged it.
+    """
+
+    which: str
+    law: str
+    values: Array
+    run: int
+    kind: PlantName
+
+    @property
+    def words(self) -> str:
+        """The plant as a title names it."""
+        if self.which in SEARCHED:
+            return f"{self.which} plant under {self.law}"
+        return f"run {self.which} under {self.law}"
+
+    def file_name(self, campaign: str) -> str:
+        """Return a name that leads nowhere else, whatever the law is called.
+
+        Args:
+            campaign: Name of the campaign.
+        """
+        law = re.sub(r"[^\w.+-]+", "_", self.law)
+        return f"{campaign}_{self.which}_{law}.toml"
+
+
+def find_plant(
+    campaign: Campaign, folder: Folder, which: str, law: str | None = None
+) -> ChosenPlant:
+    """Find a plant of a campaign.
+
+    Args:
+        campaign: The campaign.
+        folder: Its folder.
+        which: Number of a run, or ``worst``, ``shrunk`` or ``outside``.
+        law: The law that ran on it; the campaign's last one by default.
+
+    Raises:
+        GrosmcError: If there is no such run, plant or law.
+    """
+    if law is None:
+        law = list(campaign.laws)[-1]
+    require_known("law", law, campaign.laws)
+    if which in SEARCHED:
+        values = searched_values(campaign, folder.path, which, law)
+        return ChosenPlant(which, law, values, run=0, kind=_kind_of(campaign))
+
+    runs = campaign.specification.runs
+    if not (which.isdecimal() and len(which) <= _MOST_DIGITS and int(which) < runs):
+        raise ArgumentError(f"run {which!r}: there are 0 to {runs - 1}, {', '.join(SEARCHED)}")
+    number = int(which)
+    (values,) = campaign.values(range(number, number + 1))
+    kind: PlantName = _kind_of(campaign)
+    if kind == "physics" and _judged_by_equations(campaign, folder, number, law):
+        kind = "corrected"
+    return ChosenPlant(f"{number}", law, values, number, kind)
+
+
+def searched_values(campaign: Campaign, folder: Path, which: str, law: str) -> Array:
+    """Read the uncertain numbers of a plant that a search has found, (d,).
+
+    Args:
+        campaign: The campaign.
+        folder: Its folder.
+        which: ``worst``, ``shrunk`` or ``outside``.
+        law: The law that it was found for.
+
+    Raises:
+        SetupError: If there is no such plant.
+    """
+    name, option = SEARCHED[which]
+    path = folder / name
+    if not path.is_file():
+        raise SetupError(f"{folder} has no {name}: run the campaign with {option}")
+    unreadable = f"{path} cannot be read: run the campaign with {option} again"
+    try:
+        plant = json.loads(path.read_text(encoding="utf-8"))["controllers"][law][which]
+        if plant is None:
+            raise SetupError(f"{path}: no plant was found that fails under {law}")
+        values = np.array([float(plant[name]) for name in campaign.family.names])
+    except (OSError, ValueError, LookupError, TypeError, RecursionError, OverflowError):
+        raise SetupError(unreadable) from None
+    if not np.all(np.isfinite(values)):
+        raise SetupError(unreadable)
+    return values
+
+
+def _kind_of(campaign: Campaign) -> PlantName:
+    """The plant of runs that nothing screens."""
+    return "physics" if campaign.plant.kind == "physics" else "corrected"
+
+
+def _judged_by_equations(campaign: Campaign, folder: Folder, number: int, law: str) -> bool:
+    """Whether the equations judged a run; False if its part is not there."""
+    if campaign.specification.screen == "none":
+        return False
+    part, row = divmod(number, campaign.specification.shard)
+    columns = folder.columns(campaign, ["judged_by"], [part])
+    return bool(columns) and columns[law]["judged_by"][row] == EQUATIONS
+
+
+def case_text(campaign: Campaign, plant: ChosenPlant, base: Path | None = None) -> str:
+    """Return the case file of a plant.
+
+    Args:
+        campaign: The campaign.
+        plant: One of its plants.
+        base: Case file of the campaign, beside which the new one will lie and which it extends.
+            Without it the new file is complete.
+
+    Raises:
+        ArgumentError: If the case file names a model beside it, and is not given.
+    """
+    specification = campaign.specification
+    model = specification.file.plant.model
+    if base is None and model is not None and ":" not in model:
+        raise ArgumentError(
+            f"the case file of {specification.name} names {model}, which lies beside it: give "
+            "that case file by --case-file"
+        )
+
+    content = _content(campaign, plant)
+    if base is not None:
+        changes = _changes(content, tomllib.loads(resolved_text(base)))
+        content = {"extends": base.name, **changes}
+    return _comment(campaign, plant) + toml_text(content)
+
+
+def _comment(campaign: Campaign, plant: ChosenPlant) -> str:
+    """The lines that a case file begins with: the plant and its uncertain numbers, as run."""
+    specification = campaign.specification
+    judge = "MuJoCo" if plant.kind == "physics" else "the equations"
+    lines = [
+        f"Campaign {specification.name}, seed {specification.seed}: {plant.words}, judged by "
+        f"{judge}."
+    ]
+    for quantity, value, nominal in campaign.pairs_as_run(plant.values):
+        number = f"{quantity.name} = {value!r} {quantity.unit}".rstrip()
+        lines.append(f"{number} (nominal {nominal!r})")
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _content(campaign: Campaign, plant: ChosenPlant) -> dict[str, Any]:
+    """The content of a complete case file."""
+    case = campaign.plant_sample(plant.values).case
+    tables = PlantTables(campaign.specification.text, campaign.experiment)
+    tables.set_plant(plant.kind)
+    tables.set_specification(campaign.specification)
+    title = campaign.experiment.case.title
+    tables.content["title"] = f"{title}: {plant.words}"
+
+    pairs = campaign.pairs_as_run(plant.values)
+    uncertain_loop = any(quantity.of_loop for quantity, *_ in pairs)
+    if uncertain_loop and any(law.loop and law.loop.predicts for law in campaign.laws.values()):
+        tables.keep_known_loop()
+    for quantity, value, _ in pairs:
+        if quantity.owner == "disturbance":
+            labels = [disturbance.label for disturbance in case.disturbances]
+            index = labels.index(quantity.of)
+            tables.set_disturbance(index, case.disturbances[index])
+        else:
+            tables.set_number(quantity, value)
+    if case.loop is not None:
+        tables.content.setdefault("computing", {})["run"] = plant.run
+    return tables.content
+
+
+class PlantTables:
+    """Content of a case file that gets the numbers of one plant.
+
+    Attributes:
+        content: Plain values, as TOML has them.
+    """
+
+    def __init__(self, text: str, experiment: Experiment) -> None:
+        """Begin with a case file, without its uncertainty and its name.
+
+        Args:
+            text: The case file, with all that it extends.
+            experiment: The same, read.
+        """
+        self.content: dict[str, Any] = tomllib.loads(text)
+        for key in ("name", "uncertain", "correlation"):
+            self.content.pop(key, None)
+        self._experiment = experiment
+
+    @property
+    def _system(self) -> System:
+        return self._experiment.nominal.system
+
+    def _rows(self, key: str) -> list[dict[str, Any]]:
+        """The tables of an array."""
+        return self.content.setdefault(key, [])
+
+    def set_plant(self, kind: PlantName) -> None:
+        """Run on one kind of plant, where everything is required."""
+        self.content["plant"]["compare"] = [kind]
+        for key in ("requirement", "claim"):
+            for table in self.content.get(key, []):
+                if "on" in table:
+                    table["on"] = [kind]
+
+    def set_specification(self, specification: Specification) -> None:
+        """Run as long, as often sampled, by the integrator and under the laws of a campaign."""
+        run = self.content["run"]
+        for name in ("control_period", "duration"):
+            seconds = getattr(specification, name)
+            if seconds is not None:
+                run[name] = written(seconds, "s")
+        if specification.integrator is not None:
+            run["integrator"] = specification.integrator
+
+        declared = [table.called for table in specification.file.controller]
+        for law in specification.controllers:
+            if law not in declared:
+                self._rows("controller").append({"law": law})
+
+    def keep_known_loop(self) -> None:
+        """Have predicting laws know the loop as it is now, whatever numbers it gets."""
+        if "known_loop" not in self.content:
+            parts = {kind: self.content[kind] for kind in LOOP_PARTS if kind in self.content}
+            self.content["known_loop"] = deepcopy(parts)
+
+    def set_number(self, quantity: Quantity, value: float) -> None:
+        """Give a plant, a start or a loop one number.
+
+        Args:
+            quantity: Which number, of no disturbance.
+            value: Its value, as run.
+        """
+        number = written(value, quantity.unit)
+        match quantity.owner:
+            case "start":
+                self.content["run"].setdefault("start", {})[quantity.of] = number
+            case "parameter":
+                # On top of an edit that the file has.
+                self._rows("edit").append({"parameter": quantity.of, "scale": value})
+            case "body" | "joint":
+                self._set_edit(quantity, value)
+            case "computing":
+                self.content["computing"][quantity.quantity] = number
+            case _:
+                table = self._part(quantity.owner, quantity.of)
+                table[quantity.quantity] = number
+                if quantity.quantity == "resolution":
+                    # The same number of an encoder.
+                    table.pop("counts", None)
+
+    def _set_edit(self, quantity: Quantity, value: float) -> None:
+        """Give a body or a joint one number, in the edit that it has or in a new one."""
+        owner = {quantity.owner: quantity.of}
+        change = {quantity.quantity: written(value, quantity.unit)}
+        if quantity.quantity == "added_mass":
+            # No mass is no edit.
+            if value > 0:
+                at = [written(place, "m") for place in quantity.at]
+                self._rows("edit").append({**owner, **change, "at": at})
+            return
+
+        for table in self._rows("edit"):
+            other = table.get("known") or "added_mass" in table
+            if table.get(quantity.owner) == quantity.of and not other:
+                table.update(change)
+                return
+        self._rows("edit").append({**owner, **change})
+
+    def _part(self, kind: str, of: str) -> dict[str, Any]:
+        """The table of a part of the loop or of the machine."""
+        tables = self._rows(kind)
+        return next(table for table in tables if of in self._owners(kind, table))
+
+    def _owners(self, kind: str, table: Mapping[str, Any]) -> list[str]:
+        """The states, the input, the joint or the body that a part is of, as the model has it."""
+        if kind in MACHINE_PARTS:
+            owner = MACHINE_PARTS[kind].owner
+            return [in_model(table[owner], owner, self._system)]
+        of = table["of"]
+        return of if isinstance(of, list) else [of]
+
+    def set_disturbance(self, index: int, disturbance: Disturbance) -> None:
+        """Give a disturbance its wrench and the numbers of its profile.
+
+        Args:
+            index: Its place in the file.
+            disturbance: With the numbers.
+        """
+        table = self._rows("disturbance")[index]
+        if "force" in table:
+            table["force"] = [written(part, "N") for part in disturbance.wrench[:3]]
+        if "torque" in table:
+            table["torque"] = [written(part, "N m") for part in disturbance.wrench[3:]]
+        if "amplitude" in table:
+            unit = self._system.pushes[disturbance.body]
+            table["amplitude"] = written(disturbance.wrench[0], unit)
+
+        profile = disturbance.profile
+        if isinstance(profile, Pulse):
+            table["start"] = written(profile.start, "s")
+            table["stop"] = written(profile.stop, "s")
+        if isinstance(profile, SineFrom):
+            table["frequency"] = written(profile.frequency, "rad/s")
+            table["phase"] = written(profile.phase, "rad")
+            table["onset"] = written(profile.onset, "s")
+
+
+def written(value: float, unit: str) -> float | str:
+    """Return a number as a case file has it, with all its digits."""
+    return value if unit in {"", "1", "%"} else f"{value!r} {unit}"
+
+
+def _changes(content: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """The content that a base does not have; arrays that only the base has become empty."""
+    changes: dict[str, Any] = {}
+    for key, value in base.items():
+        if key not in content and isinstance(value, list):
+            changes[key] = []
+    for key, value in content.items():
+        old = base.get(key)
+        if isinstance(value, dict) and isinstance(old, dict):
+            inner = _changes(value, old)
+            if inner:
+                changes[key] = inner
+        elif value != old or key not in base:
+            changes[key] = value
+    return changes

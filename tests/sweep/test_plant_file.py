@@ -1,0 +1,319 @@
+"""The case file of one plant of a campaign: its run has the numbers that the campaign stored."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import campaign_cases as small
+import numpy as np
+import pytest
+from campaign_cases import (
+    BOTH,
+    LOOP,
+    MACHINE,
+    PAIR,
+    begun,
+    campaign,
+    falling,
+    kept,
+    of,
+    refusal,
+    servo,
+    standing,
+    uncertain,
+)
+from case_texts import LEG_MODEL
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.metrics import METRICS
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.plant_file import (
+    ChosenPlant,
+    case_text,
+    find_plant,
+    searched_values,
+    written,
+)
+from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
+from grosmc_mj.sweep.screening import Batch, screening_of
+from grosmc_mj.sweep.store import Folder, shards_of
+
+DAMPING = of("joint", "shaft", "damping = [0, 1]")
+NOISE = of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
+# All that a predicting law would otherwise take from the drawn loop.
+DELAYS = (
+    NOISE
+    + uncertain("computing = true", 'delay = ["1 ms", "4 ms"]')
+    + of("actuator", "current", 'limit = ["3 A", "4 A"]')
+    + of("actuator", "current", 'lag = ["1 ms", "2 ms"]')
+)
+PARTS = (
+    of("lugre", "shaft", 'coulomb = ["0.05 N m", "0.06 N m"]')
+    + of("motor", "current", 'resistance = ["2 ohm", "3 ohm"]')
+    + of("transmission", "shaft", 'backlash = ["0 mrad", "1 mrad"]')
+    + of("swinging_load", "rotor", 'mass = ["0.1 kg", "0.2 kg"]')
+)
+# Sine, start, length and a point mass, on a plant with several inputs.
+FORCE = """
+[[disturbance]]
+body = "payload"
+force = ["0 N", "0 N", "5 N"]
+profile = "sine"
+frequency = "1 Hz"
+label = "tip"
+"""
+TWO_LINK = (
+    uncertain('body = "payload"', 'added_mass = ["0 kg", "1 kg"]', 'at = ["1 cm", "0 m", "0 m"]')
+    + of("disturbance", "tip", "amplitude = [0, 1]")
+    + of("disturbance", "tip", 'frequency = ["0.5 Hz", "2 Hz"]')
+    + of("disturbance", "tip", 'phase = ["0 deg", "360 deg"]')
+    + of("start", "shoulder angle", 'value = ["0.5 rad", "0.7 rad"]')
+)
+TWO_LINK_START = '{ "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }'
+STAYS = '[[requirement]]\nstays_within = "3 cm"\nafter = "0.02 s"\non = ["physics"]\n'
+EDITED = '[[edit]]\nbody = "rotor"\nlength_scale = 1.1\n[[edit]]\njoint = "shaft"\nfriction = 0.1\n'
+
+CAMPAIGNS = {
+    "bodies, joints and a pulse": servo(BOTH + DAMPING) + EDITED,
+    "two links": small.case(
+        "two_link_arm",
+        TWO_LINK,
+        start=TWO_LINK_START,
+        laws='[[controller]]\nlaw = "pd"\n',
+        disturbances=FORCE,
+        limits=STAYS,
+    ),
+    "a loop with noise": standing(DELAYS, LOOP),
+    "a machine": standing(PARTS, MACHINE),
+}
+
+
+def written_file(declared: Campaign, plant: ChosenPlant, path: Path) -> Path:
+    """The case file of a plant, complete."""
+    path.write_text(case_text(declared, plant))
+    return path
+
+
+def again(file: Path, law: str, kind: PlantName) -> Outcomes:
+    """The one run of a case file, measured as campaigns do."""
+    return run_rows(Experiment.load(file), [Row(law)], plant=kind)
+
+
+def assert_equal_to_the_bit(outcome: Outcomes, stored: dict[str, Any]) -> None:
+    margins = [MARGIN + limit.key for limit in outcome.limits]
+    for name in (*METRICS, *margins, "relative", "ended"):
+        assert outcome[name][0].tobytes() == np.asarray(stored[name]).tobytes(), name
+    assert outcome["status"][0] == stored["status"]
+
+
+def stored_row(declared: Campaign, folder: Folder, number: int, law: str) -> dict[str, Any]:
+    """The row of a run by column."""
+    names = [*METRICS, *(MARGIN + limit.key for limit in declared.requirements)]
+    names += ["relative", "ended", "status"]
+    part, place = divmod(number, declared.specification.shard)
+    columns = folder.columns(declared, names, [part])[law]
+    return {name: columns[name][place] for name in names}
+
+
+def assert_repeated(declared: Campaign, folder: Folder, which: str, law: str, path: Path) -> None:
+    plant = find_plant(declared, folder, which, law)
+    outcome = again(written_file(declared, plant, path), law, plant.kind)
+    row = stored_row(declared, folder, plant.run, law)
+    assert_equal_to_the_bit(outcome, row)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", CAMPAIGNS.values(), ids=list(CAMPAIGNS))
+def test_the_run_of_a_plant_s_file_has_the_numbers_of_its_row(text: str, tmp_path: Path) -> None:
+    declared = campaign(text, seed=5, runs=4)
+    folder = kept(declared, tmp_path / "out")
+    for law in declared.laws:
+        assert_repeated(declared, folder, "3", law, tmp_path / "plant.toml")
+
+
+def test_a_run_that_ended_early_ends_again_at_the_same_instant(tmp_path: Path) -> None:
+    folder = kept(falling(), tmp_path / "out")
+    status = folder.columns(falling(), ["status"], [0])["fl-lqr"]["status"]
+    early = str(np.flatnonzero(status == "undefined_law")[0])
+    assert_repeated(falling(), folder, early, "fl-lqr", tmp_path / "plant.toml")
+
+
+def test_a_run_that_equations_judged_is_judged_by_them_again(tmp_path: Path) -> None:
+    text = small.pair().replace("[[requirement]]\n", '[[requirement]]\non = ["physics"]\n')
+    declared = campaign(text, runs=32, shard=32, screen="equations")
+    folder = begun(declared, tmp_path / "out")
+    shards_of(declared, folder, 0, screening_of(declared))(0)
+    judges = folder.columns(declared, ["judged_by"], [0])["stiff"]["judged_by"]
+    for judge, kind in (("equations", "corrected"), ("physics", "physics")):
+        number = str(np.flatnonzero(judges == judge)[0])
+        plant = find_plant(declared, folder, number)
+        assert (plant.law, plant.kind) == ("stiff", kind)
+        path = tmp_path / f"{kind}.toml"
+        assert_repeated(declared, folder, number, "stiff", path)
+        # Its requirements are those of this plant, whatever they were on.
+        (result,) = [run for run in Experiment.load(path).runs() if run.controller.name == "stiff"]
+        assert (result.plant, len(result.requirements)) == (kind, 1)
+
+
+def test_the_recorded_run_of_the_file_ends_in_the_same_state(tmp_path: Path) -> None:
+    """Every bit of a noisy run is in its last state."""
+    declared = campaign(standing(DELAYS, LOOP), runs=4)
+    plant = find_plant(declared, begun(declared, tmp_path / "out"), "3", "predicting")
+    result = Experiment.load(written_file(declared, plant, tmp_path / "plant.toml")).run()
+    last = Batch(declared, plant.values[None], [plant.run]).run("predicting")["last"]
+    assert result.trajectory.state[-1].tobytes() == last[0].tobytes()
+    # Of another number of the run, or if the law knew the drawn delay, it is another state.
+    text = (tmp_path / "plant.toml").read_text()
+    others = text.replace("run = 3", "run = 2"), text.replace('"1 ms", missed', '"4 ms", missed')
+    for changed in others:
+        assert changed != text
+        (tmp_path / "other.toml").write_text(changed)
+        other = Experiment.load(tmp_path / "other.toml").run()
+        assert other.trajectory.state[-1].tobytes() != last[0].tobytes()
+
+
+def test_a_number_that_is_nominal_again_is_written_too(tmp_path: Path) -> None:
+    """A shrunk plant has nominal numbers: no load, which ends the transient all the same."""
+    declared = campaign(servo(BOTH), seed=5)
+    plant = ChosenPlant("shrunk", "lqr", declared.family.nominal, 0, "physics")
+    outcome = again(written_file(declared, plant, tmp_path / "plant.toml"), "lqr", "physics")
+    (row,) = [Batch(declared, plant.values[None], [0]).run("lqr")]
+    stored = {name: column[0] for name, column in row.columns.items()}
+    assert_equal_to_the_bit(outcome, stored)
+
+
+OWN_PLANT = """
+import sympy as sp
+import grosmc_mj as gm
+q, w = sp.symbols("q w")
+pendulum = gm.affine_plant("own", states={"q": "rad", "w": "rad/s"}, inputs={"u": "N m"},
+    f=[w, -sp.Symbol("m") * sp.sin(q)], g=[0, 1], h=[q], parameters={"m": 2.1})
+"""
+OWN_CASE = """
+plant = { plant = "own_plant:pendulum" }
+run = { start = { q = "10 deg" }, duration = "0.2 s" }
+task = { Q = [1, 1], R = 1 }
+[[edit]]
+parameter = "m"
+scale = 1.3
+[[disturbance]]
+input = "u"
+amplitude = "0.7 N m"
+label = "load"
+[[controller]]
+law = "lqr"
+[[requirement]]
+stays_within = "1 rad"
+[[uncertain]]
+parameter = "m"
+scale = [0.5, 2]
+[[uncertain]]
+disturbance = "load"
+amplitude = [-1, 1]
+"""
+ROBOT_CASE = """
+plant = { model = "leg.xml" }
+run = { duration = "0.05 s", start = { hip = "0.1 rad" } }
+task = { Q = [1, 1, 1, 1], R = 1 }
+[[controller]]
+law = "lqr"
+[[requirement]]
+input_below = "100 N m"
+[[uncertain]]
+body = "thigh"
+mass_scale = [1, 2]
+"""
+
+
+@pytest.mark.parametrize(
+    ("case", "beside"),
+    [(OWN_CASE, {"own_plant.py": OWN_PLANT}), (ROBOT_CASE, {"leg.xml": LEG_MODEL})],
+    ids=["equations of one's own", "a robot"],
+)
+def test_a_file_beside_the_campaign_s_own_extends_it(
+    case: str, beside: dict[str, str], tmp_path: Path
+) -> None:
+    for name, content in beside.items():
+        (tmp_path / name).write_text(content)
+    base = tmp_path / "mine.toml"
+    base.write_text(case)
+    declared = Campaign.load(str(base), runs=4, duration=0.04)
+    folder = kept(declared, tmp_path / "out")
+    plant = find_plant(declared, folder, "2")
+    path = tmp_path / plant.file_name("mine")
+    assert path.name == "mine_2_lqr.toml"
+
+    path.write_text(case_text(declared, plant, base))
+    content = tomllib.loads(path.read_text())
+    # What is in the base is not in the file; its uncertainty is taken away.
+    assert content["extends"] == "mine.toml"
+    assert content["uncertain"] == []
+    assert content["run"] == {"duration": "0.04 s"}
+    assert not content.keys() & {"task", "controller", "requirement"}
+    outcome = again(path, "lqr", plant.kind)
+    row = stored_row(declared, folder, 2, "lqr")
+    assert_equal_to_the_bit(outcome, row)
+
+
+def test_laws_and_settings_of_the_campaign_are_those_of_the_file(tmp_path: Path) -> None:
+    text = servo(BOTH, laws=PAIR, limits="") + '[laws.softer]\nlaw = "lqr"\nQ = [1, 4]\n'
+    options: Any = {
+        "controllers": ("lqr", "softer"),
+        "duration": 0.04,
+        "control_period": 0.002,
+        "integrator": "implicitfast",
+    }
+    declared = campaign(text, **options)
+    plant = find_plant(declared, begun(declared, tmp_path / "out"), "0")
+    assert plant.law == "softer"
+    experiment = Experiment.load(written_file(declared, plant, tmp_path / "plant.toml"))
+    assert experiment.controllers == ["lqr", "stiff", "softer"]
+    assert experiment.case.duration == 0.04
+    assert experiment.settings == declared.experiment.settings
+    assert experiment.plant_names == ["physics"]
+
+
+@pytest.mark.parametrize("unit", ["rad", "N m s/rad", "kg m^2", "rad/s^2", "ohm", "", "1"])
+@pytest.mark.parametrize("value", [0.1 + 0.2, -1 / 3 * 1e-7, 5e22 / 3, -0.0, 5e-324])
+def test_a_number_keeps_all_its_digits(unit: str, value: float) -> None:
+    number = number_in(written(value, unit), unit)
+    assert np.float64(number).tobytes() == np.float64(value).tobytes()
+
+
+def test_a_run_or_plant_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    declared = campaign(servo(BOTH), seed=5)
+    folder = begun(declared, tmp_path / "out")
+    for which, law, words in (
+        ("8", None, "run '8': there are 0 to 7, worst, shrunk, outside"),
+        ("-1", None, "run '-1': there are 0 to 7"),
+        ("²", None, "run '²'"),
+        ("0", "grosm", "unknown law 'grosm': did you mean 'grosmc'?"),
+        ("worst", None, "has no worst.json: run the campaign with --worst"),
+        ("outside", None, "has no radius.json: run the campaign with --radius"),
+    ):
+        assert words in refusal(find_plant, declared, folder, which, law)
+    path = tmp_path / "worst.json"
+    for content in (
+        "{",
+        '{"controllers": []}',
+        '{"controllers": {"grosmc": {"worst": {"rotor mass scale": 2.0}}}}',
+        '{"controllers": {"grosmc": {"worst": {"rotor mass scale": [], "load amplitude": 1}}}}',
+        '{"controllers": {"grosmc": {"worst": {"rotor mass scale": 1, "load amplitude": NaN}}}}',
+        f'{{"controllers": {{"grosmc": {{"worst": {{"rotor mass scale": {10**400}}}}}}}}}',
+    ):
+        path.write_text(content)
+        line = refusal(searched_values, declared, tmp_path, "worst", "grosmc")
+        assert line == f"{path} cannot be read: run the campaign with --worst again"
+
+
+def test_a_model_beside_the_case_file_needs_that_file(tmp_path: Path) -> None:
+    (tmp_path / "leg.xml").write_text(LEG_MODEL)
+    (tmp_path / "mine.toml").write_text(ROBOT_CASE)
+    declared = Campaign.load(str(tmp_path / "mine.toml"), runs=1)
+    plant = find_plant(declared, begun(declared, tmp_path / "out"), "0")
+    line = refusal(case_text, declared, plant)
+    assert "mine names leg.xml, which lies beside it: give that case file by --case-file" in line
