@@ -18,7 +18,7 @@ from grosmc_mj.experiments.case import Case, seed_of
 from grosmc_mj.experiments.metrics import has_cart
 from grosmc_mj.experiments.requirements import Judgement, Limit
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.loop.controllers import rate_positions
+from grosmc_mj.loop.start import rate_positions
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.palette import (

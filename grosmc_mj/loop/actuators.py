@@ -13,12 +13,12 @@ from grosmc_mj.loop.sensors import quantized, ring_row
 
 @checked()
 class Actuator:
-    """From a command to an input of the plant, in this order.
+    """Path from a command to an input of the plant, in this order.
 
     Attributes:
         of: Name of the input.
         delay: [s]; a multiple of the timestep.
-        resolution: Of the command; 0 for none.
+        resolution: Resolution of the command; 0 for none.
         limit: Largest |u|.
         rate_limit: Largest change per second.
         lag: Time constant [s], discretized exactly: the plant gets the mean over each timestep.
@@ -40,9 +40,9 @@ class Actuator:
     dead_zone: Annotated[float, Range(0, unit="{}"), "dead up to {value:.4g} {unit}"] = 0.0
 
 
-# Of each input: its actuator, the delay in timesteps; the input at rest; the limit that the law
-# knows; exp(-timestep/lag); the computer's output; the output of the rate limit, of the first lag
-# and of the second.
+# Row of each input: its actuator with the delay in timesteps; the input at rest; the limit that the
+# law knows; exp(-timestep/lag); the outputs of the computer, the rate limit, the first lag and the
+# second lag.
 ACTUATOR = row_dtype(Actuator, "rest", "known_limit", "kept", "output", "rated", "first", "second")
 
 
@@ -55,7 +55,7 @@ def kept_in_a_timestep(actuator: Actuator, timestep: float) -> float:
 
 @jitable
 def lagged(u: float, tau: float, kept: float, actuator: Any) -> float:
-    """The mean over a timestep of u behind one or two lags of tau timesteps, exp(-1/tau) kept.
+    """Mean over a timestep of u behind one or two lags of tau timesteps, with kept = exp(-1/tau).
 
     The lags' outputs are brought to the end of the timestep: with the input held they are exact,
     and so is the integral of the output.
@@ -71,7 +71,7 @@ def lagged(u: float, tau: float, kept: float, actuator: Any) -> float:
 
 @jitable
 def actuate(i: int, loop: Any, given: Any) -> None:
-    """Send the computer's output on its way in timestep i and write the actuators' into given."""
+    """Queue the computer's output in timestep i and write the actuators' outputs into given."""
     q = loop.computer[0]
     row = ring_row(i, loop.queue)
     for j in range(len(loop.actuators)):

@@ -21,36 +21,52 @@ class Computing:
             output arrives the actuators are at rest.
         jitter: A sample is late by a whole number of timesteps, evenly from none up to this [s];
             a multiple of the timestep, shorter than the control period.
-        missed: Share of the samples whose output comes too late and is thrown away: the last one
-            is held. The law has been run all the same.
+        missed: Share of the samples whose output comes too late and is thrown away: the previous
+            one is held. The law has been sampled all the same.
     """
 
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms from sample to output"] = 0.0
     jitter: Annotated[float, Range(0, unit="s"), "samples up to {ms:.4g} ms late"] = 0.0
-    missed: Annotated[
-        float, Range(0, 1, below=True), "{percent:.3g} % of the outputs missed"
-    ] = 0.0  # fmt: skip
+    missed: Annotated[float, Range(0, 1, below=True), "{percent:.3g} % of the outputs missed"] = 0.0
 
 
-# The computer, its times in timesteps; the run's timestep [s], control period [s] and timesteps in
-# it, seed and number. Of the Kalman filter: 1 if there is one, 1 if it begins settled, age of its
-# oldest measurement. Of extended-state observers: 1 if there is one. Of the prediction: 1 if the
-# law predicts; the dead time that it knows; the age of its measurements, a part of that; from its
-# sample to the arrival of its output [s]; the share of the model's error that it learns in a
-# period. Of the run so far: samples taken, timestep of the next one.
+# Row of the computer: its own numbers with times in timesteps, then the following ones.
 COMPUTER = row_dtype(
-    Computing, "timestep", "period", "stride", "seed", "run", "filters", "settled", "oldest",
-    "observes", "predicts", "dead", "age", "ahead", "learning", "sample", "due",
-)  # fmt: skip
+    Computing,
+    # The run: timestep [s], control period [s], timesteps in it, seed and number of the run.
+    "timestep",
+    "period",
+    "stride",
+    "seed",
+    "run",
+    # Kalman filter: 1 if there is one, 1 if it begins settled, age of the oldest measurement.
+    "filters",
+    "settled",
+    "oldest",
+    # Extended-state observers: 1 if there is one.
+    "observes",
+    # Prediction: 1 if the law predicts; the dead time that it knows; the age of its measurements, a
+    # part of that; time from a sample to the arrival of its output [s]; share of the model's error
+    # that it learns in a period.
+    "predicts",
+    "dead",
+    "age",
+    "ahead",
+    "learning",
+    # Progress: samples taken, timestep of the next one.
+    "sample",
+    "due",
+)
 
 
 @jitable
 def send(u: Any, loop: Any) -> None:
-    """Put a law's output u, (m,), out unless it is missed, and set the instant of the next sample.
+    """Send a law's output u, (m,), unless it is missed, and set the instant of the next sample.
 
     Sample k is late by a whole number of timesteps from 0 to the jitter.
     """
-    q, n = loop.computer[0], len(loop.sensors)
+    q = loop.computer[0]
+    n = len(loop.sensors)
     k = int(q.sample)
     if q.missed == 0.0 or uniform(q.seed, q.run, n + 1, k) >= q.missed:
         for j in range(len(loop.actuators)):
@@ -64,7 +80,7 @@ def send(u: Any, loop: Any) -> None:
 
 @jitable
 def put_out(a: int, j: int, loop: Any) -> float:
-    """Input j as it was put out in timestep a, within the limit that the law knows."""
+    """Output of the computer to input j in timestep a, within the limit that the law knows."""
     actuator = loop.actuators[j]
     u = actuator.rest if a < 0 else loop.queue[ring_row(a, loop.queue), j]
     return min(actuator.known_limit, max(-actuator.known_limit, u))

@@ -1,4 +1,4 @@
-"""The plant that a law believes in, moved by a time: observers and predictions run it."""
+"""Design models: the plant as a law knows it, which observers and predictions move by a time."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.runge_kutta import state_derivative
 
-# Jitable (t, x, u, h, memory, p, own): move x, (n,), by h [s] under the input u, (m,); memory and p
-# are the law's, own the model's.
+# Jitable (t, x, u, h, memory, p, own): move x, (n,), by h [s] under the input u, (m,), with memory
+# and numbers p of the law and ``own`` of the model.
 Advance = Callable[[float, Any, Any, float, Any, Any, Any], None]
-# Of a state and an input, to differentiate by.
+# Step of a state and an input in central differences.
 _STEP = 1e-6
 
 
 class DesignModel(NamedTuple):
-    """How a design model moves.
+    """Motion of a design model.
 
     Attributes:
-        advance: Moves it.
-        own: Room for ``advance`` to compute in, 2 n numbers, then the model's own numbers.
+        advance: Moves a state.
+        own: Scratch space of ``advance``, 2 n numbers, then the numbers of the model.
     """
 
     advance: Advance
@@ -36,30 +36,31 @@ class DesignModel(NamedTuple):
 
 
 def design_model(controller: Controller, reason: str) -> DesignModel:
-    """How the design model of a controller moves.
+    """Design model of a controller.
 
-    Plants with equations by one step of the midpoint rule, models about an operating point by the
-    same on their linearization, robots by their accelerations, q + h q' + h^2/2 q''.
+    Plants with equations move by one step of the midpoint rule, models about an operating point by
+    the same rule on their linearization, robots by their accelerations, q + h q' + h^2/2 q''.
 
     Args:
-        controller: Whose.
-        reason: What needs it.
+        controller: Controller with a design.
+        reason: Part of the loop that needs the model, for the message of an error.
 
     Raises:
         ArgumentError: If it has none.
     """
     if controller.design is None:
         raise ArgumentError(f"{controller.name} has no design model, which {reason} needs")
-    error, optimum = controller.design.error, controller.design.lqr
+    error = controller.design.error
+    scratch = np.zeros(2 * len(error.system.states))
     if isinstance(error, ErrorCoordinates):
-        advance, numbers = _of_equations(error), [np.zeros(max(1, 6 * len(error.system.bodies)))]
-    elif isinstance(error, StateCoordinates):
+        no_wrench = np.zeros(max(1, 6 * len(error.system.bodies)))
+        return DesignModel(_of_equations(error), np.concatenate([scratch, no_wrench]))
+    if isinstance(error, StateCoordinates):
+        optimum = controller.design.lqr
         point = controller.parameters.reference
-        advance, numbers = _LINEAR, [np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u]
-    else:
-        advance, numbers = _of_robot(error), []
-    room = np.zeros(2 * len(error.system.states))
-    return DesignModel(advance, np.concatenate([room, *numbers]))
+        numbers = [scratch, np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u]
+        return DesignModel(_LINEAR, np.concatenate(numbers))
+    return DesignModel(_of_robot(error), scratch)
 
 
 def _midpoint(slope_at: Callable[[Any, Any, Any, Any, Any], None]) -> Advance:
@@ -68,7 +69,9 @@ def _midpoint(slope_at: Callable[[Any, Any, Any, Any, Any], None]) -> Advance:
     @jitable
     def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
         n = len(x)
-        slope, stage, numbers = own[:n], own[n : 2 * n], own[2 * n :]
+        slope = own[:n]
+        stage = own[n : 2 * n]
+        numbers = own[2 * n :]
         slope_at(x, u, numbers, p, slope)
         for i in range(n):
             stage[i] = x[i] + 0.5 * h * slope[i]
@@ -79,13 +82,14 @@ def _midpoint(slope_at: Callable[[Any, Any, Any, Any, Any], None]) -> Advance:
     return advance
 
 
+# One compiled function serves all loops with the same coordinates.
 @cache
 def _of_equations(error: ErrorCoordinates) -> Advance:
-    """Of a plant with equations, under no wrench."""
+    """Motion of a plant with equations, under no wrench."""
     equations = state_derivative(error.system)
 
-    def slope_at(x: Any, u: Any, calm: Any, p: Any, slope: Any) -> None:
-        equations(x, u, calm, p.plant, slope)
+    def slope_at(x: Any, u: Any, no_wrench: Any, p: Any, slope: Any) -> None:
+        equations(x, u, no_wrench, p.plant, slope)
 
     return _midpoint(jitable(slope_at))
 
@@ -93,8 +97,12 @@ def _of_equations(error: ErrorCoordinates) -> Advance:
 @jitable
 def _linear_slope(x: Any, u: Any, numbers: Any, p: Any, slope: Any) -> None:
     """x' = A (x - x_e) + B (u - u_e) with the numbers A, B, x_e and u_e."""
-    n, m = len(x), len(u)
-    B, x_e, u_e = n * n, n * n + n * m, n * n + n * m + n
+    n = len(x)
+    m = len(u)
+    # Where each of them begins behind A.
+    B = n * n
+    x_e = B + n * m
+    u_e = x_e + n
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -109,8 +117,10 @@ _LINEAR = _midpoint(_linear_slope)
 
 @cache
 def _of_robot(error: Any) -> Advance:
-    """Of ``RobotCoordinates``."""
-    virtual_input, accelerations, joints = error.virtual_input, error.accelerations, error.inputs
+    """Motion of a robot with ``RobotCoordinates``."""
+    virtual_input = error.virtual_input
+    accelerations = error.accelerations
+    joints = error.inputs
 
     @jitable
     def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
@@ -125,27 +135,33 @@ def _of_robot(error: Any) -> Advance:
 
 
 def held(controller: Controller, model: DesignModel, rest: Array, period: float) -> Any:
-    """(A_d, B_d) of the design model over a period, by central differences at zero error.
+    """Linearize the design model over a period, by central differences at zero error.
 
     Args:
-        controller: Whose model it is.
-        model: How it moves.
-        rest: Input about which, (m,).
-        period: [s].
+        controller: Controller with the model.
+        model: Motion of the model.
+        rest: Input at which it is linearized, (m,).
+        period: Control period [s].
 
     Returns:
         A_d (n, n) and B_d (n, m).
     """
-    error, p = controller.designed.error, controller.parameters
-    memory, _kept_alive = controller.begin()
-    of_state = isinstance(error, StateCoordinates)
-    x = p.reference.x if of_state else error.place(0.0, np.zeros(error.size), p)
-    n, point = len(x), np.concatenate([x, rest])
+    error = controller.designed.error
+    p = controller.parameters
+    memory, _workspace = controller.begin()
+    if isinstance(error, StateCoordinates):
+        x = p.reference.x
+    else:
+        x = error.place(0.0, np.zeros(error.size), p)
+    n = len(x)
 
-    def moved(both: Array) -> Array:
-        model.advance(0.0, both[:n], both[n:], period, memory, p, model.own)
-        return both[:n]
+    def moved(point: Array) -> Array:
+        """State after a period from a state and input, (n + m,)."""
+        model.advance(0.0, point[:n], point[n:], period, memory, p, model.own)
+        return point[:n]
 
+    point = np.concatenate([x, rest])
     steps = _STEP * np.eye(len(point))
-    both = np.transpose([(moved(point + h) - moved(point - h)) / (2 * _STEP) for h in steps])
-    return both[:, :n], both[:, n:]
+    columns = [(moved(point + step) - moved(point - step)) / (2 * _STEP) for step in steps]
+    slopes = np.transpose(columns)
+    return slopes[:, :n], slopes[:, n:]

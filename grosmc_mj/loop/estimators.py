@@ -25,8 +25,12 @@ from grosmc_mj.loop.sensors import measured_at, ring_row
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 KINDS = get_args(EstimatorLaw)
-_DIFFERENCE, _FILTERED, _LEVANT, _HIGH_GAIN, ESO, _KALMAN = (float(i) for i in range(len(KINDS)))
-# The number that an estimator is tuned by.
+# Kinds in a row, by their place in ``KINDS``.
+_FILTERED = 1.0
+_LEVANT = 2.0
+_HIGH_GAIN = 3.0
+ESO = 4.0
+# Name of the number that tunes an estimator.
 TUNED_BY: dict[str, str] = {
     "filtered": "time_constant",
     "levant": "slope",
@@ -41,9 +45,12 @@ class _States(Check):
 
     def __call__(self, value: Any) -> tuple[str, ...]:
         names = (value,) if isinstance(value, str) else value
-        several = isinstance(names, (list, tuple)) and len(names) > 0
-        if not (several and all(isinstance(n, str) and n and names.count(n) == 1 for n in names)):
-            raise refused("names of states, at least one, each of them once")
+        wanted = refused("names of states, at least one, each of them once")
+        if not isinstance(names, (list, tuple)) or not names:
+            raise wanted
+        for name in names:
+            if not isinstance(name, str) or not name or names.count(name) > 1:
+                raise wanted
         return tuple(names)
 
 
@@ -52,16 +59,16 @@ class Estimator:
     """Estimation of states that are not measured.
 
     Attributes:
-        of: Names of the states. Any for ``kalman``; for the others a rate, which they estimate
-            from the position that the law sees.
+        of: Names of the states. ``kalman`` estimates any state; the others estimate rates, from
+            the position that the law gets.
         law: ``difference`` of two samples; ``filtered``, the same through a lag; ``levant``, the
             robust exact differentiator in its implicit discretization; ``high-gain``, a critically
             damped observer of two integrators; ``eso``, the same of the design model with a
             constant disturbance; ``kalman``, the steady-state filter of the design model.
-        time_constant: Of ``filtered`` [s].
-        slope: Of ``levant``: bound of the rate's derivative, per second.
-        bandwidth: Of ``high-gain`` and ``eso``: all their poles are there [rad/s].
-        load: Of ``kalman``: standard deviation of an unknown input, constant in a sample, in the
+        time_constant: Time constant of ``filtered`` [s].
+        slope: Bound of the rate's derivative for ``levant``, per second.
+        bandwidth: Place of all poles of ``high-gain`` and ``eso`` [rad/s].
+        load: Standard deviation of an unknown input for ``kalman``, constant in a sample, in the
             unit of the inputs.
         settled: Whether it has run long before the law is switched on, and so begins with the true
             value; else it begins with a rate of zero, and the law with that error.
@@ -76,22 +83,24 @@ class Estimator:
     settled: Flag = True
 
     def __post_init__(self) -> None:
-        needed = [TUNED_BY[self.law]] if self.law in TUNED_BY else []
-        numbers = dict.fromkeys(TUNED_BY.values())
-        if [name for name in numbers if getattr(self, name) is not None] != needed:
-            others = ", ".join(name for name in numbers if name not in needed)
+        needed = TUNED_BY.get(self.law)
+        unneeded = [name for name in dict.fromkeys(TUNED_BY.values()) if name != needed]
+        missing = needed is not None and getattr(self, needed) is None
+        if missing or any(getattr(self, name) is not None for name in unneeded):
             raise ArgumentError(
-                f"{self.law} needs {needed[0] if needed else 'no number'}, has no {others}"
+                f"{self.law} needs {needed or 'no number'}, has no {', '.join(unneeded)}"
             )
 
     @property
     def number(self) -> float:
-        """The number that it is tuned by; 0 for ``difference``."""
-        return float(getattr(self, TUNED_BY[self.law])) if self.law in TUNED_BY else 0.0
+        """Number that tunes the estimator; 0 for ``difference``."""
+        if self.law not in TUNED_BY:
+            return 0.0
+        return float(getattr(self, TUNED_BY[self.law]))
 
 
-# Of each rate that is estimated: the estimator's kind and number, the states that are the rate and
-# its position, 1 if it begins settled. Of the run so far: 1 once it has begun, the estimated
+# Row of each estimated rate: kind and number of the estimator, indices of the rate and of its
+# position in the state, 1 if it begins settled. Memory of a run: 1 once it has begun, the estimated
 # position, rate and disturbance, the last measurement and its timestep.
 _COLUMNS = ("kind", "number", "of", "position", "settled")
 MEMORY = ("begun", "y", "rate", "load", "last", "at")
@@ -101,7 +110,8 @@ ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *MEMORY)])
 @jitable
 def levant(position: float, rate: float, y: float, L: float, T: float) -> tuple[float, float]:
     """Position and rate after a sample y, T after the last one, with |y''| <= L."""
-    a, b = 1.5 * math.sqrt(L) * T, 1.1 * L * T * T
+    a = 1.5 * math.sqrt(L) * T
+    b = 1.1 * L * T * T
     ahead = position + T * rate - y
     if abs(ahead) <= b:
         # The surface is reached: the selection of sgn(0) that holds it there.
@@ -115,13 +125,16 @@ def levant(position: float, rate: float, y: float, L: float, T: float) -> tuple[
 def _difference(estimator: Any, y: float, T: float) -> None:
     """(y_k - y_{k-1}) / T, through a lag of the estimator's time constant if it is filtered."""
     slope = (y - estimator.last) / T
-    kept = math.exp(-T / estimator.number) if estimator.kind == _FILTERED else 0.0
-    estimator.y, estimator.rate = y, kept * estimator.rate + (1.0 - kept) * slope
+    kept = 0.0
+    if estimator.kind == _FILTERED:
+        kept = math.exp(-T / estimator.number)
+    estimator.y = y
+    estimator.rate = kept * estimator.rate + (1.0 - kept) * slope
 
 
 @jitable
 def _high_gain(estimator: Any, y: float, T: float) -> None:
-    """The observer of two integrators with both poles at exp(-w T)."""
+    """Observer of two integrators with both poles at exp(-w T)."""
     pole = math.exp(-estimator.number * T)
     e = y - (estimator.y + T * estimator.rate)
     estimator.y = y - pole * pole * e
@@ -130,8 +143,13 @@ def _high_gain(estimator: Any, y: float, T: float) -> None:
 
 @jitable
 def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
-    """The same with a disturbance as a third state; the design model's rate gained ``gained``."""
-    rate, load, pole = estimator.rate, estimator.load, math.exp(-estimator.number * T)
+    """Observer with a disturbance as a third state, all three poles at exp(-w T).
+
+    ``gained`` is the change of the rate in the period by the design model.
+    """
+    rate = estimator.rate
+    load = estimator.load
+    pole = math.exp(-estimator.number * T)
     e = y - (estimator.y + T * rate + 0.5 * T * (gained + T * load))
     part = 1.0 - pole
     estimator.y = y - pole * pole * pole * e
@@ -141,7 +159,7 @@ def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
 
 @jitable
 def _update(estimator: Any, y: float, T: float, gained: float) -> None:
-    """Bring an estimator up to a sample y, T after the last."""
+    """Update an estimator by a sample y, T after the last one."""
     if estimator.kind == _LEVANT:
         estimator.y, estimator.rate = levant(estimator.y, estimator.rate, y, estimator.number, T)
     elif estimator.kind == _HIGH_GAIN:
@@ -154,7 +172,10 @@ def _update(estimator: Any, y: float, T: float, gained: float) -> None:
 
 @jitable
 def note_gains(i: int, t: float, loop: Any) -> None:
-    """Before a sample: the design model's gains in a period from the extended observers' states."""
+    """Note before a sample by how much the design model changes each state in a period.
+
+    It starts from the estimates of the extended observers.
+    """
     copy(loop.seen, loop.x)
     for row in range(len(loop.estimators)):
         estimator = loop.estimators[row]
@@ -173,16 +194,24 @@ def estimate(i: int, loop: Any) -> None:
     q = loop.computer[0]
     for row in range(len(loop.estimators)):
         estimator = loop.estimators[row]
-        of, position = int(estimator.of), int(estimator.position)
-        y, sensor = loop.seen[position], loop.sensors[position]
+        rate = int(estimator.of)
+        position = int(estimator.position)
+        y = loop.seen[position]
+        sensor = loop.sensors[position]
         at = measured_at(i, sensor)
         if estimator.begun == 0.0:
-            estimator.begun, estimator.y, estimator.last, estimator.at = 1.0, y, y, at
+            estimator.begun = 1.0
+            estimator.y = y
+            estimator.last = y
+            estimator.at = at
             if estimator.settled != 0.0:
-                estimator.rate = loop.past[ring_row(i, loop.past), of]
+                estimator.rate = loop.past[ring_row(i, loop.past), rate]
         elif at > estimator.at:
-            # A sensor of its own pace has a clock; else the computer's own pace is believed.
-            T = (at - estimator.at) * q.timestep if sensor.period > 0.0 else q.period
-            _update(estimator, y, T, loop.sensors[of].gained)
-            estimator.last, estimator.at = y, at
-        loop.seen[of] = estimator.rate
+            # A sensor with a period has a clock of its own; others follow the computer's.
+            T = q.period
+            if sensor.period > 0.0:
+                T = (at - estimator.at) * q.timestep
+            _update(estimator, y, T, loop.sensors[rate].gained)
+            estimator.last = y
+            estimator.at = at
+        loop.seen[rate] = estimator.rate

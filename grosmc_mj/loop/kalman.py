@@ -13,15 +13,16 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
 from grosmc_mj.loop.sensors import ring_row
 
-# Poles of a filter from here on are 1 but for the rounding of the differences in A and B.
+# Larger poles of a filter are 1 up to the rounding of the differences in A and B.
 _FADES = 1 - 1e-9
 
 
 @jitable
 def filter_states(i: int, t: float, loop: Any) -> None:
-    """One step of the filter at the sample of timestep i; its states go into ``loop.seen``."""
-    q, n = loop.computer[0], len(loop.sensors)
-    # Until a sensor tells something new there is nothing to correct by.
+    """Step the filter at the sample of timestep i; its estimates go into ``loop.seen``."""
+    q = loop.computer[0]
+    n = len(loop.sensors)
+    # Until a first measurement arrives there is nothing to correct with.
     fresh = q.sample == 0.0 or i > q.oldest
     for j in range(n):
         loop.x[j] = loop.sensors[j].observed
@@ -46,12 +47,12 @@ def kalman_gain(A: Array, B: Array, measured: list[int], variances: Array, load:
     Args:
         A: (n, n).
         B: (n, m).
-        measured: Rows of x that are measured.
-        variances: Of their noise v, (len(measured),).
+        measured: Indices of the measured states.
+        variances: Variances of their noise v, (len(measured),).
         load: Standard deviation of each entry of w.
 
     Returns:
-        The gain on y - C x of the predicted state, (n, len(measured)).
+        Gain on y - C x of the predicted state, (n, len(measured)).
 
     Raises:
         GainError: If there is no such filter.
@@ -66,9 +67,11 @@ def kalman_gain(A: Array, B: Array, measured: list[int], variances: Array, load:
             f"measure another one ({one_line(str(error))})"
         ) from None
     gain = P @ C.T @ np.linalg.inv(C @ P @ C.T + noise)
-    # Numbers too far apart make a solution that is none.
-    decay = np.linalg.eigvals(A - gain @ C @ A) if np.all(np.isfinite(gain)) else np.inf
-    if not np.abs(decay).max() < _FADES:
+    # Where noise and load are too far apart the solver returns numbers that are no solution.
+    largest_pole = np.inf
+    if np.all(np.isfinite(gain)):
+        largest_pole = np.abs(np.linalg.eigvals(A - gain @ C @ A)).max()
+    if not largest_pole < _FADES:
         raise GainError(
             "kalman: no steady filter for what is measured: noise and load are too far apart, or "
             "a state that the load does not reach is not seen"

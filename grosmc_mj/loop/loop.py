@@ -1,4 +1,4 @@
-"""All that lies between a law and its plant, as one value."""
+"""The loop as a value: sensors, computer, estimators and actuators between law and plant."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _LISTS = ("sensor", "estimator", "actuator")
 
 @checked()
 class Loop:
-    """All that lies between a law and its plant.
+    """Sensors, computer, estimators and actuators between a law and its plant.
 
     Attributes:
-        computing: The computer.
-        sensors: At most one of a state; a state without one is known exactly.
-        estimators: At most one of a state.
-        actuators: At most one of an input.
-        seed: Of noise, jitter and missed samples.
+        computing: Computer.
+        sensors: Sensors, at most one of a state; a state without one is known exactly.
+        estimators: Estimators, at most one of a state.
+        actuators: Actuators, at most one of an input.
+        seed: Seed of noise, jitter and missed samples.
     """
 
     computing: Computing = field(default_factory=Computing)
@@ -45,14 +45,17 @@ class Loop:
     @property
     def parts(self) -> list[tuple[str, Part]]:
         """Every part, with its kind."""
-        lists = ((kind, part) for kind in _LISTS for part in getattr(self, f"{kind}s"))
-        return [("computing", self.computing), *lists]
+        parts: list[tuple[str, Part]] = [("computing", self.computing)]
+        for kind in _LISTS:
+            parts += [(kind, part) for part in getattr(self, f"{kind}s")]
+        return parts
 
     @property
     def random(self) -> bool:
         """Whether anything in it is drawn at random."""
-        drawn = self.computing.jitter or self.computing.missed
-        return bool(drawn or any(sensor.noise for sensor in self.sensors))
+        if self.computing.jitter or self.computing.missed:
+            return True
+        return any(sensor.noise for sensor in self.sensors)
 
     @property
     def not_known_exactly(self) -> set[str]:
@@ -61,30 +64,38 @@ class Loop:
         return measured.union(*(part.of for part in self.estimators))
 
     def part(self, kind: str, of: str) -> Any:
-        """One of its parts.
+        """Return one of the parts.
 
         Args:
             kind: ``computing``, ``sensor``, ``estimator`` or ``actuator``.
-            of: Of which state or input; of ``computing`` anything.
+            of: Name of its state or input; ignored for ``computing``.
 
         Raises:
             ArgumentError: If there is no such part.
         """
         if kind == "computing":
             return self.computing
-        parts = {name: part for own, part in self.parts if own == kind for name in _names(part)}
+        parts = self._named(kind)
+        if not parts:
+            raise ArgumentError(f"there is no [[{kind}]]")
         if of not in parts:
-            none = f"there is no [[{kind}]]"
-            raise ArgumentError(unknown_name(kind, of, parts) if parts else none)
+            raise ArgumentError(unknown_name(kind, of, parts))
         return parts[of]
 
+    def _named(self, kind: str) -> dict[str, Part]:
+        """Parts of a kind by the names of their states or inputs."""
+        parts = {}
+        for part in getattr(self, f"{kind}s"):
+            parts.update(dict.fromkeys(_names(part), part))
+        return parts
+
     def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
-        """The same loop with other numbers of one of its parts.
+        """Copy with other numbers of one of the parts.
 
         Args:
-            kind: As of ``part``.
-            of: As of ``part``.
-            numbers: What is different.
+            kind: Kind of the part, see ``part``.
+            of: Name of its state or input, see ``part``.
+            numbers: New numbers by their names.
 
         Raises:
             ArgumentError: If there is no such part, or a number does not fit.
@@ -97,39 +108,35 @@ class Loop:
         return replace(self, **{f"{kind}s": parts})
 
     def require_fits(self, system: System, timestep: float, control_period: float) -> None:
-        """Refuse parts of what the system has not, twice of one thing, or off the timestep's grid.
+        """Refuse unknown states and inputs, two parts of one, and times off the timestep's grid.
 
         Args:
-            system: The plant's.
-            timestep: Of the physics [s].
-            control_period: Of the law [s].
+            system: System of the plant.
+            timestep: Timestep of the physics [s].
+            control_period: Control period of the law [s].
 
         Raises:
-            ArgumentError: All that is wrong.
+            ArgumentError: With all mistakes.
         """
-        mistakes, jitter = Mistakes(), self.computing.jitter
+        mistakes = Mistakes()
         for kind in _LISTS:
-            noun = "input" if kind == "actuator" else "state"
-            valid = [signal.name for signal in getattr(system, f"{noun}s")]
-            parts = (part for own, part in self.parts if own == kind)
-            for name, count in Counter(name for part in parts for name in _names(part)).items():
-                if name not in valid:
-                    mistakes.note(f"{kind}: {unknown_name(noun, name, valid)}")
-                elif count > 1:
-                    mistakes.note(f"{count} {kind}s of {name!r}: give one")
+            self._note_names(kind, system, mistakes)
+
         for kind, part in self.parts:
-            label = " of ".join(filter(None, (kind, ", ".join(_names(part)))))
+            names = ", ".join(_names(part))
+            label = f"{kind} of {names}" if names else kind
             for name in TIMES:
                 with mistakes.gathered(f"{label}: "):
                     steps_in(name, getattr(part, name, 0.0), timestep)
-        mistakes.note(
-            *(
-                f"actuator of {part.of}: lag = {part.lag:g} s is more than {MOST_STEPS} timesteps "
-                f"of {timestep:g} s"
-                for part in self.actuators
-                if part.lag * part.order > MOST_STEPS * timestep
-            )
-        )
+
+        for part in self.actuators:
+            if part.lag * part.order > MOST_STEPS * timestep:
+                mistakes.note(
+                    f"actuator of {part.of}: lag = {part.lag:g} s is more than {MOST_STEPS} "
+                    f"timesteps of {timestep:g} s"
+                )
+
+        jitter = self.computing.jitter
         if jitter and not jitter < control_period * (1 - 1e-9):
             mistakes.note(
                 f"computing: jitter = {jitter:g} s must be shorter than the control period "
@@ -137,50 +144,78 @@ class Loop:
             )
         mistakes.refuse()
 
+    def _note_names(self, kind: str, system: System, mistakes: Mistakes) -> None:
+        """Note parts of a kind whose state or input is unknown, or has two of them."""
+        noun = "input" if kind == "actuator" else "state"
+        valid = [signal.name for signal in getattr(system, f"{noun}s")]
+        counts = Counter[str]()
+        for part in getattr(self, f"{kind}s"):
+            counts.update(_names(part))
+        for name, count in counts.items():
+            if name not in valid:
+                mistakes.note(f"{kind}: {unknown_name(noun, name, valid)}")
+            elif count > 1:
+                mistakes.note(f"{count} {kind}s of {name!r}: give one")
+
     def rounded(self, timestep: float, control_period: float = math.inf) -> Loop:
-        """The same with all times on the timestep's grid, the nearest; jitter within a period."""
+        """Copy with times on the nearest multiples of a timestep [s], jitter within a period."""
         rounded = self
         for kind, part in self.parts:
-            times = {name: getattr(part, name) for name in TIMES if hasattr(part, name)}
-            near = {
-                name: time_as_run(name, time, timestep, control_period)
-                for name, time in times.items()
-            }
-            rounded = rounded.changed(kind, next(iter(_names(part)), ""), **near)
+            times = {}
+            for name in TIMES:
+                if hasattr(part, name):
+                    time = getattr(part, name)
+                    times[name] = time_as_run(name, time, timestep, control_period)
+            names = _names(part)
+            rounded = rounded.changed(kind, names[0] if names else "", **times)
         return rounded
 
     def words(self, system: System) -> list[str]:
-        """What is between a law and its plant, a line for each part that is not ideal.
+        """Description of each part that is not ideal, a line each.
 
         Args:
-            system: Whose states and inputs give the units.
+            system: System of the plant, with the units of its states and inputs.
         """
-        states, inputs = ({s.name: s.unit for s in g} for g in (system.states, system.inputs))
         lines = []
         for kind, part in self.parts:
-            units = inputs if kind == "actuator" else states
-            unit = "".join(units[name] for name in _names(part)[:1])
-            lines.append((", ".join(_names(part)) or "computer", ", ".join(_words(part, unit))))
-        return [f"{name}: {words}" for name, words in lines if words]
+            signals = system.inputs if kind == "actuator" else system.states
+            units = {signal.name: signal.unit for signal in signals}
+            names = _names(part)
+            unit = units[names[0]] if names else ""
+            words = ", ".join(_words(part, unit))
+            if words:
+                lines.append(f"{', '.join(names) or 'computer'}: {words}")
+        return lines
 
 
 def _names(part: Part) -> tuple[str, ...]:
-    """States or inputs that a part is of; none of the computer."""
-    of = getattr(part, "of", ())
-    return (of,) if isinstance(of, str) else of
+    """Names of the states or inputs of a part; none of the computer."""
+    names = getattr(part, "of", ())
+    if isinstance(names, str):
+        return (names,)
+    return names
 
 
 def _words(part: Part, unit: str) -> Iterator[str]:
-    """The words of each number that is not ideal, which stand beside its bounds."""
+    """Description of each number that is not ideal, by the text in its annotation."""
     if isinstance(part, Estimator):
-        by = TUNED_BY.get(part.law, "").replace("_", " ")
-        tuned = f" with {by} {part.number:.4g}" if by else ""
-        yield f"estimated by {part.law}{tuned}" + ("" if part.settled else ", from rest")
+        words = f"estimated by {part.law}"
+        if part.law in TUNED_BY:
+            words += f" with {TUNED_BY[part.law].replace('_', ' ')} {part.number:.4g}"
+        if not part.settled:
+            words += ", from rest"
+        yield words
+
     lags = "two lags" if getattr(part, "order", 1) == 2 else "a lag"
     for name, hint in get_type_hints(type(part), include_extras=True).items():
-        words = next((note for note in get_args(hint)[1:] if isinstance(note, str)), "")
+        texts = [note for note in get_args(hint)[1:] if isinstance(note, str)]
         value = getattr(part, name)
-        if words and value != getattr(type(part), name) and math.isfinite(value):
-            yield words.format(
-                value=value, unit=unit, ms=1e3 * value, percent=100 * value, lags=lags
-            )
+        if not texts or value == getattr(type(part), name) or not math.isfinite(value):
+            continue
+        yield texts[0].format(
+            value=value,
+            unit=unit,
+            ms=1e3 * value,
+            percent=100 * value,
+            lags=lags,
+        )

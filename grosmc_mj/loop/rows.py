@@ -18,23 +18,25 @@ def numbers_of(part: type) -> Iterator[str]:
 
 
 def row_dtype(part: type, *memory: str) -> np.dtype[Any]:
-    """Dtype of a row: the numbers of a part, then what a run knows and remembers of it."""
+    """Dtype of a row: the numbers of a part, then constants and memory of a run."""
     return np.dtype([(name, np.float64) for name in (*numbers_of(part), *memory)])
 
 
 def rows_of(parts: Any, dtype: np.dtype[Any], h: float, **more: Any) -> np.ndarray[Any, Any]:
-    """A row for each part, its times in timesteps.
+    """Make a row for each part, with its times in timesteps.
 
     Args:
         parts: Parts of one kind, at least one.
-        dtype: Of a row.
+        dtype: Dtype of a row.
         h: Timestep [s].
         more: Further columns.
     """
     rows = np.zeros(len(parts), dtype)
     for name in numbers_of(type(parts[0])):
         values = [getattr(part, name) for part in parts]
-        rows[name] = [round(value / h) for value in values] if name in TIMES else values
+        if name in TIMES:
+            values = [round(value / h) for value in values]
+        rows[name] = values
     for name, column in more.items():
         rows[name] = column
     return rows

@@ -10,7 +10,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.counter import normal
 from grosmc_mj.loop.rows import row_dtype
 
-# Whole multiples beyond this are no longer told apart by a float64.
+# A float64 cannot tell whole multiples beyond this apart.
 _EXACT = 2.0**52
 
 
@@ -20,7 +20,7 @@ class Sensor:
 
     Attributes:
         of: Name of the state.
-        resolution: q, of an encoder; 0 for none.
+        resolution: Step q of an encoder; 0 for none.
         scale: Factor of the state; 1 of a sensor that is calibrated.
         noise: Standard deviation of a sample.
         bias: Constant error.
@@ -40,14 +40,14 @@ class Sensor:
     period: Annotated[float, Range(0, unit="s"), "every {ms:.4g} ms"] = 0.0
 
 
-# Of each state: its sensor, times in timesteps; 1 if the Kalman filter gives it; the filter's
-# estimate; the rate that the design model misses; its gain in a period by the design model.
+# Row of each state: its sensor with times in timesteps; 1 if the Kalman filter estimates it; the
+# filter's estimate; the rate that the design model misses; its change in a period by the model.
 SENSOR = row_dtype(Sensor, "filtered", "observed", "missed", "gained")
 
 
 @jitable
 def quantized(value: float, q: float) -> float:
-    """The nearest multiple of q; the value itself for q = 0."""
+    """Nearest multiple of q; the value itself for q = 0."""
     if q > 0.0 and abs(value) < _EXACT * q:
         return q * math.floor(value / q + 0.5)
     return value
@@ -55,14 +55,15 @@ def quantized(value: float, q: float) -> float:
 
 @jitable
 def ring_row(i: int, ring: Any) -> int:
-    """Row of timestep i in a ring of a power of two rows: no division, which is slow."""
+    """Row of timestep i in a ring of a power of two rows, without a division, which is slow."""
     return i & (ring.shape[0] - 1)
 
 
 @jitable
 def measured_at(i: int, sensor: Any) -> int:
-    """The timestep of the measurement that is there in timestep i; before the first, the start."""
-    a, period = i - int(sensor.delay), int(sensor.period)
+    """Timestep of the newest measurement in timestep i; 0 before the first one arrives."""
+    a = i - int(sensor.delay)
+    period = int(sensor.period)
     if a > 0 and period > 0:
         a -= a % period
     return max(a, 0)
@@ -70,7 +71,7 @@ def measured_at(i: int, sensor: Any) -> int:
 
 @jitable
 def measure(i: int, loop: Any) -> None:
-    """Write the measurements that are there in timestep i into ``loop.seen``."""
+    """Write the newest measurements in timestep i into ``loop.seen``."""
     q = loop.computer[0]
     for j in range(len(loop.sensors)):
         sensor = loop.sensors[j]

@@ -71,13 +71,13 @@ class LoopRun(NamedTuple):
     own: Vector
 
     def uncompiled(self) -> LoopRun:
-        """The same with rows as Python objects, for the functions of this package as they are."""
+        """Copy with rows as Python objects, for the stages as plain Python."""
         rows = {}
         for name in ("computer", "sensors", "estimators", "actuators"):
             table = getattr(self, name)
-            names = table.dtype.names
+            columns = table.dtype.names
             rows[name] = [
-                SimpleNamespace(**dict(zip(names, row, strict=True))) for row in table.tolist()
+                SimpleNamespace(**dict(zip(columns, row, strict=True))) for row in table.tolist()
             ]
         return self._replace(**rows)
 

@@ -8,9 +8,10 @@ from typing import Annotated
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, checked_call
 
-# Of a duration, a timestep and a control period [s]: beyond them is a slip of the unit.
-SHORTEST, LONGEST = 1e-9, 1e9
-# Beyond this many timesteps a delay is a slip of the unit.
+# Bounds of durations, timesteps and control periods [s]: beyond them the unit is mistaken.
+SHORTEST = 1e-9
+LONGEST = 1e9
+# A delay of more timesteps has a mistaken unit.
 MOST_STEPS = 100_000
 # Numbers of parts that are times on the timestep's grid.
 TIMES = ("delay", "jitter", "period")
@@ -21,7 +22,7 @@ ControlPeriod = Annotated[float, Range(0, LONGEST, unit="s", above=True)] | None
 
 @checked_call
 def stride_of(control_period: ControlPeriod, timestep: float) -> tuple[int, float]:
-    """Timesteps [s] in a control period, and the period [s]; the timestep for None.
+    """Number of timesteps [s] in a control period, and the period [s]; the timestep for None.
 
     Raises:
         ArgumentError: If it is no multiple of the timestep, or too long.
@@ -39,23 +40,25 @@ def stride_of(control_period: ControlPeriod, timestep: float) -> tuple[int, floa
 def time_as_run(
     name: str, seconds: float, timestep: float, control_period: float = math.inf
 ) -> float:
-    """The time on the timestep's grid that a drawn or scaled one is run as [s].
+    """Round a drawn or scaled time to a multiple of the timestep [s].
 
     Args:
-        name: Which of ``TIMES``: jitter stays shorter than a control period.
-        seconds: The time [s].
+        name: One of ``TIMES``; jitter stays shorter than a control period.
+        seconds: Time [s].
         timestep: [s].
         control_period: [s].
     """
-    near = round(seconds / timestep) * timestep
-    return min(near, control_period - timestep) if name == "jitter" else near
+    nearest = round(seconds / timestep) * timestep
+    if name == "jitter":
+        return min(nearest, control_period - timestep)
+    return nearest
 
 
 def steps_in(name: str, seconds: float, timestep: float) -> int:
-    """A time as a number of timesteps.
+    """Number of timesteps in a time.
 
     Raises:
-        ArgumentError: If it is none.
+        ArgumentError: If it is no whole number, or too large.
     """
     steps = round(seconds / timestep)
     if not math.isclose(steps * timestep, seconds, rel_tol=1e-9, abs_tol=1e-15):

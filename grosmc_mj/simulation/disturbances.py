@@ -13,9 +13,12 @@ from grosmc_mj.errors import ArgumentError, shown, unknown_name
 from grosmc_mj.fields import Finite, Is, Numbers, Range, checked
 from grosmc_mj.jitable import jitable
 
-# Which course in time: by one of the formulas below, or by its values at all timesteps.
-CONSTANT, PULSE, SINE, VALUES = 0.0, 1.0, 2.0, 3.0
-# A disturbance as numbers is [body, course, a, b, c, force, torque].
+# Kinds of courses in time: one of the formulas below, or values at all timesteps.
+CONSTANT = 0.0
+PULSE = 1.0
+SINE = 2.0
+VALUES = 3.0
+# Numbers of a disturbance: body, course, a, b, c, force (3), torque (3).
 PUSH = 11
 
 # An instant counts as reached when it is this close [s]: k times h is not exact in binary.
@@ -24,11 +27,15 @@ _INSTANT = 1e-9
 
 @jitable
 def course(kind: float, t: float, a: float, b: float, c: float) -> float:
-    """The value at t [s] of the formula of this kind with its numbers."""
+    """Value at t [s] of the formula of this kind with its numbers."""
     if kind == PULSE:
-        return 1.0 if a - _INSTANT <= t < b - _INSTANT else 0.0
+        if a - _INSTANT <= t < b - _INSTANT:
+            return 1.0
+        return 0.0
     if kind == SINE:
-        return 0.0 if t < b - _INSTANT else math.sin(a * t + c)
+        if t < b - _INSTANT:
+            return 0.0
+        return math.sin(a * t + c)
     return 1.0
 
 
@@ -37,20 +44,24 @@ def push(pushes: Array, values: Array, step: int, t: float, wrenches: Array) -> 
     """Write the wrenches of disturbances at t [s].
 
     Args:
-        pushes: The disturbances as numbers, (count, PUSH), see ``packed``.
-        values: Courses that are known by their values, (count, steps).
-        step: The timestep that begins at t.
+        pushes: Numbers of the disturbances, (count, PUSH), see ``packed``.
+        values: Values of courses without a formula, (count, steps).
+        step: Number of the timestep that begins at t.
         t: [s].
-        wrenches: Of each body, flat, (6 * bodies,).
+        wrenches: Wrench on each body, flat, (6 * bodies,).
     """
     for i in range(len(wrenches)):
         wrenches[i] = 0.0
     for k in range(len(pushes)):
-        kind, a, b, c = pushes[k, 1], pushes[k, 2], pushes[k, 3], pushes[k, 4]
-        value = values[int(a), step] if kind == VALUES else course(kind, t, a, b, c)
-        at = 6 * int(pushes[k, 0])
+        kind = pushes[k, 1]
+        a = pushes[k, 2]
+        if kind == VALUES:
+            value = values[int(a), step]
+        else:
+            value = course(kind, t, a, pushes[k, 3], pushes[k, 4])
+        first = 6 * int(pushes[k, 0])
         for i in range(6):
-            wrenches[at + i] += value * pushes[k, 5 + i]
+            wrenches[first + i] += value * pushes[k, 5 + i]
 
 
 Profile = Callable[[float], float]
@@ -65,7 +76,7 @@ class _Formula:
         return CONSTANT, 0.0, 0.0, 0.0
 
     def __call__(self, t: float) -> float:
-        """The value at t [s]."""
+        """Value at t [s]."""
         kind, a, b, c = self.numbers
         return course(kind, t, a, b, c)
 
@@ -124,8 +135,8 @@ class Disturbance:
     Attributes:
         body: Name of the body.
         wrench: [force, torque] in N and N m, (6,).
-        profile: Any function of t [s]; 1 by default.
-        label: What it is called in figures.
+        profile: Function of t [s]; 1 by default.
+        label: Name in figures.
     """
 
     body: Annotated[str, Is(str, "the name of a body")]
@@ -146,26 +157,28 @@ class Disturbance:
 def packed(
     disturbances: Sequence[Disturbance], bodies: Sequence[str], steps: range, timestep: float
 ) -> tuple[Array, Array]:
-    """Disturbances as numbers, and their courses that no formula gives, as ``push`` takes them.
+    """Numbers of disturbances for ``push``, and the values of courses without a formula.
 
     A profile of another kind than the classes above is called once for each timestep, in order.
 
     Args:
-        disturbances: On these bodies.
-        bodies: The system's.
-        steps: Which timesteps.
+        disturbances: Disturbances.
+        bodies: Names of the system's bodies.
+        steps: Numbers of the timesteps.
         timestep: [s].
 
     Returns:
-        (count, PUSH) and (count, steps).
+        Numbers, (count, PUSH), and values, (count, steps).
 
     Raises:
         ArgumentError: If a body is not among ``bodies``, or a profile gives a value that is not
             a finite number.
     """
-    pushes, values = np.zeros((len(disturbances), PUSH)), list[Array]()
+    pushes = np.zeros((len(disturbances), PUSH))
+    values: list[Array] = []
     for row, disturbance in zip(pushes, disturbances, strict=True):
-        body, profile = disturbance.body, disturbance.profile
+        body = disturbance.body
+        profile = disturbance.profile
         if body not in bodies:
             raise ArgumentError(unknown_name("body", body, bodies))
         # A subclass may compute something else.
@@ -181,7 +194,7 @@ def packed(
 
 
 def _values(disturbance: Disturbance, time: Array) -> Array:
-    """The values of a profile at these instants [s], all finite."""
+    """Values of a profile at these instants [s], all finite."""
     try:
         values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
     except (TypeError, ValueError) as error:

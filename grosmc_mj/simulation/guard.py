@@ -1,4 +1,4 @@
-"""Errors of MuJoCo's in compiled code: caught, where they else end the process."""
+"""Errors of MuJoCo in compiled code become exceptions; without a guard they end the process."""
 
 from __future__ import annotations
 
@@ -15,42 +15,46 @@ from grosmc_mj.physics.mjdata import mujoco_library
 
 
 class Guard:
-    """Catches errors of MuJoCo's, which else end the process, in one thread at a time.
+    """Turns errors of MuJoCo into exceptions, in one thread at a time.
 
-    MuJoCo's batch leaves a simulation at its error. This one has a single and empty simulation,
-    beside which another function runs.
+    MuJoCo's batch survives an error in a simulation. The batch here has a single empty simulation,
+    and runs another function in its place.
     """
 
     def __init__(self) -> None:
-        self._library, error = _library(), ctypes.create_string_buffer(1000)
+        self._library = _library()
+        error = ctypes.create_string_buffer(1000)
         model = mujoco.MjModel.from_xml_string("<mujoco><size memory='1k'/></mujoco>")
         config = (ctypes.c_int * 2)(1, 0)
         batch = self._library.mjb_makeBatch(model._address, 1, config, error, len(error))
         if not batch:
             raise ModelError(f"MuJoCo makes no batch: {error.value.decode()}")
-        self._batch, self._first = batch, (ctypes.c_int * 1)(0)
+        self._batch = batch
+        self._first = (ctypes.c_int * 1)(0)
 
     def call(self, function: int, argument: int) -> None:
         """Call a C function of an mjModel, an mjData, an integer and a pointer.
 
         Args:
-            function: Its address.
-            argument: The pointer.
+            function: Address of the function.
+            argument: Address that the pointer holds.
 
         Raises:
             ModelError: If MuJoCo raised an error in it.
         """
-        batch, first = self._batch, self._first
-        if self._library.mjb_apply(batch, first, 1, function, argument, False):
-            raise cannot_step(self._library.mjb_error(batch, 0).decode(errors="replace"))
+        if self._library.mjb_apply(self._batch, self._first, 1, function, argument, False):
+            message = self._library.mjb_error(self._batch, 0)
+            raise cannot_step(message.decode(errors="replace"))
 
     def __del__(self) -> None:
-        if batch := getattr(self, "_batch", None):
+        # Missing where the constructor raised an error.
+        batch = getattr(self, "_batch", None)
+        if batch:
             self._library.mjb_deleteBatch(batch)
 
 
 def cannot_step(reason: str) -> ModelError:
-    """Error for a message of MuJoCo's."""
+    """Error with a message of MuJoCo."""
     return ModelError(f"MuJoCo cannot step the model: {' '.join(reason.split())}")
 
 
@@ -59,28 +63,42 @@ _idle: list[Guard] = []
 
 @contextmanager
 def guard() -> Iterator[Guard]:
-    """A guard for this thread, kept for the next one."""
-    own = _idle.pop() if _idle else Guard()
-    yield own
-    _idle.append(own)
+    """Guard for this thread; later threads use it again."""
+    idle = _idle.pop() if _idle else Guard()
+    yield idle
+    _idle.append(idle)
 
 
+# Loading the library and its signatures takes 0.1 ms, which a run of a few steps would notice.
 @cache
 def _library() -> Any:
-    """MuJoCo's C functions that guards call."""
-    library, pointer = ctypes.CDLL(str(mujoco_library())), ctypes.c_void_p
-    make, apply = library.mjb_makeBatch, library.mjb_apply
-    make.restype, library.mjb_error.restype = pointer, ctypes.c_char_p
-    make.argtypes = (pointer, ctypes.c_int, pointer, ctypes.c_char_p, ctypes.c_int)
-    apply.argtypes = (pointer, pointer, ctypes.c_int, pointer, pointer, ctypes.c_bool)
+    """MuJoCo's C library with the signatures of the functions of a batch."""
+    library = ctypes.CDLL(str(mujoco_library()))
+    pointer = ctypes.c_void_p
+    library.mjb_makeBatch.restype = pointer
+    library.mjb_makeBatch.argtypes = (
+        pointer,
+        ctypes.c_int,
+        pointer,
+        ctypes.c_char_p,
+        ctypes.c_int,
+    )
+    library.mjb_apply.argtypes = (
+        pointer,
+        pointer,
+        ctypes.c_int,
+        pointer,
+        pointer,
+        ctypes.c_bool,
+    )
+    library.mjb_error.restype = ctypes.c_char_p
     library.mjb_error.argtypes = (pointer, ctypes.c_int)
     library.mjb_deleteBatch.argtypes = (pointer,)
     return library
 
 
-@cache
 def c_address(name: str) -> int:
-    """Of a C function of MuJoCo's."""
+    """Address of a C function of MuJoCo."""
     address = ctypes.cast(getattr(_library(), name), ctypes.c_void_p).value
     assert address is not None
     return address

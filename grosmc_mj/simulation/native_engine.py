@@ -18,9 +18,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import is_own, jitable
-from grosmc_mj.loop.controllers import ideal_loop
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
+from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.quiet import (
     clock_suspended,
     refuse_foreign_callback,
