@@ -69,7 +69,7 @@ def guard() -> Iterator[Guard]:
     _idle.append(idle)
 
 
-# Loading the library and its signatures takes 0.1 ms, which a run of a few steps would notice.
+# Loading the library and its signatures takes 0.3 ms, which a run of a few steps would notice.
 @cache
 def _library() -> Any:
     """MuJoCo's C library with the signatures of the functions of a batch."""

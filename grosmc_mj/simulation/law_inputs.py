@@ -1,4 +1,4 @@
-"""The inputs that a law writes, and its mistakes in one line with the file and line of the law."""
+"""Inputs of a law, and its mistakes in one line with the file and line of the law."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, one_line, shown
 from grosmc_mj.jitable import jitable
 
 # Folders of this package, of other packages and of Python's own library.
-_NOT_OWN = (
+_NOT_THE_USERS = (
     Path(__file__).resolve().parents[1],
     Path(numba.__file__).resolve().parents[1],
     Path(traceback.__file__).resolve().parent,
 )
-# Where numba says that it stopped, and its own reasons, the last of which counts.
+# Places and reasons in a message of numba; the last reason counts.
 _COMPILED = re.compile(r'File "([^"]+)", line (\d+)')
 _REASON = re.compile(
     r"No implementation of function .* found|Unknown attribute .*|Untyped global .*|.*unsupported.*"
     r"|.*not supported.*|Cannot .*|Invalid .*|NameError: .*"
 )
-# What to write instead, by what numba says.
+# Advice by the reason that numba gives.
 _INSTEAD = {
     r"list\.(append|insert|extend)|Cannot unify .*[Ll]ist|[Rr]eflected list": (
         "a list keeps one type: put numbers only into it, or an array into memory"
@@ -57,7 +57,7 @@ _INSTEAD = {
 
 
 class LawError(ArgumentError):
-    """A law that failed, or that returned something else than its inputs.
+    """Error of a law that failed, or that returned something else than its inputs.
 
     Attributes:
         undefined: Whether C would have gone on with an infinity or NaN.
@@ -67,19 +67,19 @@ class LawError(ArgumentError):
 
 
 def law_error(name: str, t: float, error: Exception) -> LawError:
-    """One line for an error that a law raised in Python.
+    """Make one line of an error that a law raised in Python.
 
     Args:
-        name: Of the law.
-        t: When it was called [s].
-        error: What it raised.
+        name: Name of the law.
+        t: Time of its call [s].
+        error: Error that it raised.
     """
     if isinstance(error, NoInputsError):
         return LawError(
             f"{name} returned {shown(error.returned)} at t = {t:g} s, must return {error.wanted}"
         )
     frames = traceback.extract_tb(error.__traceback__)
-    place = _own_place((frame.filename, frame.lineno) for frame in frames)
+    place = _users_place((frame.filename, frame.lineno) for frame in frames)
     failure = LawError(f"{place}{_reason(error)} ({name} at t = {t:g} s)")
     domain = isinstance(error, ValueError) and "math domain" in str(error)
     failure.undefined = isinstance(error, ArithmeticError) or domain
@@ -87,21 +87,27 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
 
 
 def _reason(error: Exception) -> str:
-    """What Python says; of a field that memory or the numbers lack, how to give it."""
+    """Message of an error, with advice for a field that memory or p lack."""
     owner = getattr(error, "obj", None)
-    if not (isinstance(error, AttributeError) and isinstance(owner, (Memory, Sampled))):
+    if isinstance(error, AttributeError) and isinstance(owner, Memory):
+        record = "memory"
+        how = f"memory = {{ {error.name} = 0 }}"
+    elif isinstance(error, AttributeError) and isinstance(owner, Sampled):
+        record = "p"
+        how = f"{error.name} = 0"
+    else:
         return f"{type(error).__name__}: {one_line(str(error))}".rstrip(": ")
-    kind = "memory" if isinstance(owner, Memory) else "p"
-    how = f"memory = {{ {error.name} = 0 }}" if kind == "memory" else f"{error.name} = 0"
-    return f"{kind} has no {error.name!r}: give it as {how} beside the law, or to custom_controller"
+    return (
+        f"{record} has no {error.name!r}: give it as {how} beside the law, or to custom_controller"
+    )
 
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Compile a law in this block: without numba's warnings, and its errors in one line.
+    """Compile a law in this block without numba's warnings, and with its errors in one line.
 
     Raises:
-        LawError: In place of what numba raises.
+        LawError: In place of an error of numba.
     """
     try:
         with warnings.catch_warnings():
@@ -110,29 +116,39 @@ def compiling() -> Iterator[None]:
     except GrosmcError:
         raise
     except Exception as error:
-        page = re.sub(r"\x1b\[\d*m", "", str(error))
-        # numba tells a reason before its place; what comes after the first place repeats it.
-        before = page[: next((m.start() for m in _COMPILED.finditer(page)), None)]
-        reason = (_REASON.findall(before) or page.splitlines() or [""])[-1].strip()
+        message = re.sub(r"\x1b\[\d*m", "", str(error))
+        reason = _compiler_reason(message)
         if not isinstance(error, NumbaError):
             reason = f"{type(error).__name__}: {reason}"
-        advice = ""
-        for pattern, text in _INSTEAD.items():
-            if match := re.search(pattern, reason):
-                advice = f" ({text.format(*filter(None, match.groups()))})"
-                break
         raise LawError(
-            f"{_own_place(_COMPILED.findall(page))}numba cannot compile the law: {reason}{advice}; "
-            'engine = "python" runs it uncompiled'
+            f"{_users_place(_COMPILED.findall(message))}numba cannot compile the law: "
+            f'{reason}{_advice(reason)}; engine = "python" runs it uncompiled'
         ) from error
 
 
-def _own_place(places: Iterable[tuple[str, object]]) -> str:
-    """``file.py:12: `` of the last place that is neither ours nor a library's; empty if none."""
+def _compiler_reason(message: str) -> str:
+    """Reason in a message of numba, which gives it before the first place and repeats it later."""
+    first_place = _COMPILED.search(message)
+    before = message[: first_place.start()] if first_place else message
+    reasons = _REASON.findall(before) or message.splitlines() or [""]
+    return reasons[-1].strip()
+
+
+def _advice(reason: str) -> str:
+    """Advice for a reason of numba, in parentheses; empty if there is none."""
+    for pattern, text in _INSTEAD.items():
+        match = re.search(pattern, reason)
+        if match:
+            return f" ({text.format(*filter(None, match.groups()))})"
+    return ""
+
+
+def _users_place(places: Iterable[tuple[str, object]]) -> str:
+    """``file.py:12: `` of the last place in the user's own files; empty if there is none."""
     place = ""
     for file, line in places:
         path = Path(file)
-        if path.suffix == ".py" and not any(map(path.resolve().is_relative_to, _NOT_OWN)):
+        if path.suffix == ".py" and not any(map(path.resolve().is_relative_to, _NOT_THE_USERS)):
             place = f"{path.name}:{line}: "
     return place
 
@@ -154,11 +170,11 @@ def write_inputs(
     Where C goes on with infinities and NaN, Python raises an error: u is then NaN.
 
     Args:
-        controller: Law and numbers.
+        controller: Controller with law and numbers.
         t: Time [s].
         x: State, (n,).
-        memory: Of the run.
-        u: Where the inputs go, (m,).
+        memory: Memory of the run.
+        u: Array for the inputs, (m,).
         strict: Whether a division by zero or a value outside a function's domain is an error.
 
     Returns:
@@ -180,21 +196,22 @@ def write_inputs(
 
 
 def require_answer(controller: Controller, x0: Array, m: int) -> None:
-    """Ask a law once in Python, at its start: compiled code does not say what is wrong with it.
+    """Sample a law once in Python, at its start: compiled code does not say what is wrong with it.
 
     Args:
-        controller: Law and numbers.
+        controller: Controller with law and numbers.
         x0: Start, (n,).
         m: Number of inputs.
 
     Raises:
         LawError: As ``write_inputs``, or if an input is not finite where the law is defined.
     """
-    (memory, _kept_alive), u = controller.begin(), np.zeros(m)
+    memory, _workspace = controller.begin()
+    u = np.zeros(m)
     with np.errstate(all="ignore"):
         finite = write_inputs(controller, 0.0, np.array(x0, float), memory, u, strict=True)
     if not finite and not memory.undefined:
+        inputs = u.item() if m == 1 else tuple(u.tolist())
         raise LawError(
-            f"{controller.name} returned {shown(u.item() if m == 1 else tuple(u.tolist()))} at "
-            "t = 0 s, which is not finite"
+            f"{controller.name} returned {shown(inputs)} at t = 0 s, which is not finite"
         )
