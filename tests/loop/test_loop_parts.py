@@ -28,24 +28,42 @@ def rounded(value: float, q: float) -> float:
 @settings(max_examples=60)
 @given(
     sensor=st.fixed_dictionaries(
-        {"resolution": st.just(0.0) | size, "scale": size, "noise": st.floats(0, 0.3),
-         "bias": st.floats(-1, 1), "drift": st.floats(-9, 9), "delay": late, "period": late}
+        {
+            "resolution": st.just(0.0) | size,
+            "scale": size,
+            "noise": st.floats(0, 0.3),
+            "bias": st.floats(-1, 1),
+            "drift": st.floats(-9, 9),
+            "delay": late,
+            "period": late,
+        }
     ),
     computing=st.fixed_dictionaries({"delay": late, "missed": st.floats(0, 0.95)}),
     jitter=st.integers(0, 6),
     actuator=st.fixed_dictionaries(
-        {"delay": late, "resolution": st.just(0.0) | size, "limit": size,
-         "rate_limit": st.floats(1, 1e4), "dead_zone": st.just(0.0) | st.floats(0.01, 1)}
+        {
+            "delay": late,
+            "resolution": st.just(0.0) | size,
+            "limit": size,
+            "rate_limit": st.floats(1, 1e4),
+            "dead_zone": st.just(0.0) | st.floats(0.01, 1),
+        }
     ),
     u=st.lists(st.floats(-5, 5), min_size=1, max_size=20),
     stride=st.sampled_from([1, 3, 7]),
     seed=st.integers(0, 2**53 - 1),
     number=st.sampled_from([0, 1, 2**40]),
-)  # fmt: skip
+)
 def test_a_loop_is_its_description_sample_by_sample(
-    sensor: Any, computing: Any, jitter: int, actuator: Any, u: Any, stride: int, seed: int,
+    sensor: Any,
+    computing: Any,
+    jitter: int,
+    actuator: Any,
+    u: Any,
+    stride: int,
+    seed: int,
     number: int,
-) -> None:  # fmt: skip
+) -> None:
     """Exactly, from the true states and the script: each random number is that of its sample."""
     jitter = min(jitter, stride - 1)
     loop = Loop(
@@ -55,21 +73,23 @@ def test_a_loop_is_its_description_sample_by_sample(
         seed=seed,
     )
     run = played(u, loop, x0=(0.4, 3.0), stride=stride, run=number)
-    steps, states = len(run.command), len(SERVO.states)
-    taken = [
-        k * stride + (k > 0) * math.floor(uniform(seed, number, states, k) * (jitter + 1))
-        for k in range(len(u))
-    ]
-    outputs, output = [], 0.0
+    steps = len(run.command)
+    taken = [0]
+    for k in range(1, len(u)):
+        late_by = math.floor(uniform(seed, number, len(SERVO.states), k) * (jitter + 1))
+        taken.append(k * stride + late_by)
+    outputs = []
+    output = 0.0
     for k, demand in enumerate(u):
-        if uniform(seed, number, states + 1, k) >= computing["missed"]:
+        if uniform(seed, number, len(SERVO.states) + 1, k) >= computing["missed"]:
             output = demand
         outputs.append(output)
     sampled = np.searchsorted(taken, np.arange(steps), side="right") - 1
     np.testing.assert_array_equal(run.command, np.array(u)[sampled])
 
     # The sensor's own samples are at multiples of its period; before them is the start.
-    delay, period = round(sensor["delay"] / H), round(sensor["period"] / H)
+    delay = round(sensor["delay"] / H)
+    period = round(sensor["period"] / H)
     for i, k in enumerate(sampled.tolist()):
         at = max(taken[k] - delay, 0)
         at -= at % period if period else 0
@@ -81,30 +101,37 @@ def test_a_loop_is_its_description_sample_by_sample(
 
     # A sum of two numbers is rounded once in the rate limit.
     behind = round(computing["delay"] / H) + round(actuator["delay"] / H)
-    limit, dead, rated = actuator["limit"], actuator["dead_zone"], 0.0
+    limit = actuator["limit"]
+    dead_zone = actuator["dead_zone"]
+    rated = 0.0
     for i in range(steps):
         demand = outputs[sampled[i - behind]] if i >= behind else 0.0
         demand = np.clip(rounded(demand, actuator["resolution"]), -limit, limit)
         change = actuator["rate_limit"] * H
         rated += np.clip(demand - rated, -change, change)
-        given_out = math.copysign(max(abs(rated) - dead, 0.0), rated)
-        assert run.input[i] == pytest.approx(given_out, rel=0, abs=100 * EPS * 6)
-    # Beyond 2^52 multiples a reading is as it is.
+        expected = math.copysign(max(abs(rated) - dead_zone, 0.0), rated)
+        assert run.input[i] == pytest.approx(expected, rel=0, abs=100 * EPS * 6)
+
+
+def test_a_reading_beyond_2_to_52_steps_is_not_rounded() -> None:
     run = played(np.zeros(3), Loop(sensors=(Sensor(ANGLE, 1e-9),)), x0=(1e8 + 0.3, 0.0))
     np.testing.assert_array_equal(seen(run)[:, 0], 1e8 + 0.3)
 
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("lag", [2e-4, 2.3e-3, 2e-2])
-def test_lags_are_the_exact_discretization_and_their_output_is_its_mean(
+def test_the_output_of_lags_is_the_mean_of_their_exact_discretization(
     lag: float, order: int
 ) -> None:
-    """The integral is a state more, whose rate is the lag's output."""
+    """The integral of the output is one more state, whose rate is the output."""
     u_k = np.random.default_rng(2).uniform(-3, 3, 200)
-    rates, x, means = np.zeros((order + 2, order + 2)), np.zeros(order + 2), []
+    rates = np.zeros((order + 2, order + 2))
     rates[:order, :order] = (np.eye(order, k=-1) - np.eye(order)) / lag
-    rates[0, -1], rates[order, order - 1] = 1 / lag, 1.0
+    rates[0, -1] = 1 / lag
+    rates[order, order - 1] = 1.0
     transition = scipy.linalg.expm(rates * H)
+    x = np.zeros(order + 2)
+    means = []
     for u in u_k:
         x[order:] = 0.0, u
         x = transition @ x

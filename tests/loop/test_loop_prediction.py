@@ -1,4 +1,4 @@
-"""Prediction over the dead time that a law knows, and what it wins."""
+"""Prediction over the dead time that a law knows."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 
 def dead_time(law: Controller) -> float:
-    """As the law knows it, in timesteps."""
+    """Dead time that a law knows, in timesteps."""
     return float(applied(law).start.computer["dead"][0])
 
 
 def midpoint_error(run: Trajectory, steps: int) -> float:
-    """A step of x' = Ax + Bu errs by h^3 |A^2 x'| / 6 and terms of higher order."""
+    """Error of steps of x' = Ax + Bu: each h^3 |A^2 x'| / 6, and terms of higher order."""
     A = nominal().plant("corrected").linearization()[0]
     rates = np.diff(run.state, axis=0) / H
     return steps * H**3 * float(np.linalg.norm(A, 2) ** 2 * np.abs(rates).max()) / 6
@@ -39,9 +39,11 @@ def test_the_age_of_a_measurement_is_predicted_too(delay: int, age: int, sent: i
         tuple(Sensor(state.name, delay=age * H) for state in SERVO.states),
         actuators=(Actuator(CURRENT, delay=sent * H, limit=0.7),),
     )
-    u, ahead = np.random.default_rng(5).normal(size=120), delay + sent
+    u = np.random.default_rng(5).normal(size=120)
+    ahead = delay + sent
     run = played(u, loop, x0=(0.4, 3.0), modelled=True, predict=True)
-    predicted, error = run.memory["x"][: len(u) - ahead], midpoint_error(run, ahead + age)
+    predicted = run.memory["x"][: len(u) - ahead]
+    error = midpoint_error(run, ahead + age)
     assert np.abs(run.command).max() > 0.7
     assert error < 1e-3 * np.abs(predicted).max()
     np.testing.assert_allclose(predicted, run.state[ahead:-1], rtol=0, atol=error)
@@ -55,31 +57,47 @@ def test_a_load_that_the_model_lacks_is_learned() -> None:
     It learns by the share 1 - exp(-0.1/d) of a sample, so exp(-10) of it is left after 100 d. The
     model's own rate falls by B h/J of itself on the way.
     """
-    p, steps, load = servo().parameters, 5, 0.1
-    push = Disturbance("rotor", (0, 0, 0, 0, load, 0))
+    steps = 5
+    load = 0.1
     run = played(
-        np.zeros(100 * steps), Loop(Computing(delay=steps * H)), modelled=True, predict=True,
-        disturbances=[push],
-    )  # fmt: skip
+        np.zeros(100 * steps),
+        Loop(Computing(delay=steps * H)),
+        modelled=True,
+        predict=True,
+        disturbances=[Disturbance("rotor", (0, 0, 0, 0, load, 0))],
+    )
     error = run.memory["x"][:-steps, 1] - run.state[steps:-1, 1]
-    assert error[0] == pytest.approx(steps * H * load / p.J, rel=1e-2)
+    assert error[0] == pytest.approx(steps * H * load / servo().parameters.J, rel=1e-2)
     assert abs(error[-1] / error[0]) < 1e-3
 
 
-def test_a_lag_counts_as_a_delay_of_its_time_constants() -> None:
+def predicting(loop: Loop, known: Loop | None = None) -> Controller:
+    """The servo's LQR with prediction in a loop."""
     law = nominal().law("corrected", "lqr")
-    for order, lag, steps in ((1, 3e-3, 3), (2, 3e-3, 6), (2, 0.7e-3, 1), (1, 0.4e-3, 0)):
-        loop = Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),))
-        looped = in_loop(law, loop, SERVO, predict=True)
-        assert dead_time(looped) == steps
-        # The law's first output arrives then: a surface begins there.
-        assert applied(looped).ahead == looped.begin()[0].first == pytest.approx(steps * H)
-    loop = Loop(sensors=tuple(Sensor(state.name, delay=2 * H) for state in SERVO.states))
-    looped = in_loop(law, loop, SERVO, predict=True)
-    assert (dead_time(looped), applied(looped).ahead) == (2.0, 0.0)
-    # A law may know another loop than the one that it meets.
-    loop = Loop(Computing(delay=4 * H))
-    assert dead_time(in_loop(law, loop, SERVO, predict=True, known=Loop())) == 0.0
+    return in_loop(law, loop, SERVO, predict=True, known=known)
+
+
+@pytest.mark.parametrize(
+    ("order", "lag", "steps"), [(1, 3e-3, 3), (2, 3e-3, 6), (2, 0.7e-3, 1), (1, 0.4e-3, 0)]
+)
+def test_a_lag_counts_as_a_delay_of_its_time_constants(order: int, lag: float, steps: int) -> None:
+    law = predicting(Loop(actuators=(Actuator(CURRENT, lag=lag, order=order),)))
+    assert dead_time(law) == steps
+    # The law's first output arrives then: a surface begins there.
+    assert applied(law).ahead == pytest.approx(steps * H)
+    memory, _workspace = law.begin()
+    assert memory.first == applied(law).ahead
+
+
+def test_the_age_of_a_measurement_is_dead_time_before_the_sample() -> None:
+    sensors = tuple(Sensor(state.name, delay=2 * H) for state in SERVO.states)
+    law = predicting(Loop(sensors=sensors))
+    assert dead_time(law) == 2.0
+    assert applied(law).ahead == 0.0
+
+
+def test_a_law_may_know_another_loop_than_the_real_one() -> None:
+    assert dead_time(predicting(Loop(Computing(delay=4 * H)), known=Loop())) == 0.0
 
 
 @pytest.mark.parametrize("predict", [True, False])
@@ -89,4 +107,7 @@ def test_a_known_dead_time_costs_nothing(predict: bool) -> None:
     law = in_loop(law, Loop(Computing(delay=5 * H)), SERVO, predict=predict)
     metrics = run_on(experiment, "corrected", law, experiment.plant("corrected")).metrics
     ratio = (metrics["cost_whole"].value or 0.0) / (metrics["cost_optimal"].value or math.inf)
-    assert 0.99 < ratio < 1.01 if predict else ratio > 10
+    if predict:
+        assert 0.99 < ratio < 1.01
+    else:
+        assert ratio > 10
