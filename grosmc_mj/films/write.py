@@ -25,7 +25,7 @@ from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.frames import Storyboard, begin, draw
-from grosmc_mj.films.offscreen import Ffmpeg, find_backend, find_ffmpeg, rendering
+from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg, find_film_tools, rendering
 from grosmc_mj.films.storyboard import storyboard
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
@@ -92,7 +92,10 @@ def write_film(
     path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    program, backend = find_ffmpeg(), backend or find_backend(os.environ.get("MUJOCO_GL")).backend
+    if backend is None:
+        backend, program = find_film_tools(os.environ.get("MUJOCO_GL"))
+    else:
+        program = find_ffmpeg()
     board, poster = storyboard(film), path.with_suffix(".png")
     small = path.with_suffix(".gif") if gif else None
     encodings = {path: _H264.split()} | ({small: _GIF} if small else {})
@@ -179,7 +182,7 @@ def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.n
         reason = " ".join(str(error).split()[:12]) or type(error).__name__
         raise SetupError(
             f"a rendering process ended unexpectedly with MUJOCO_GL={backend} ({reason}); "
-            "run grosmc-mj doctor, or try fewer --workers"
+            "try fewer --workers, or another MUJOCO_GL"
         ) from error
     finally:
         pool.shutdown(kill_workers=True)

@@ -14,6 +14,8 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
     ("frobnicate", "validate, claims, study, identify, compare, report, diff, list"),
+    ("doctor", "the command doctor was removed: film says what a machine lacks for films"),
+    ("doctor --verbose", "the command doctor was removed"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),

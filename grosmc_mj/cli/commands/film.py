@@ -30,7 +30,8 @@ class FilmCommand(Command):
     FILE.json with all that the film was made from.
 
     It renders off-screen with the backend that MUJOCO_GL names, else with the first that works of
-    egl, osmesa and, where there is a display, glfw; grosmc-mj doctor says what is missing.
+    egl, osmesa and, where there is a display, glfw. Where none works, or without ffmpeg, it says
+    what is missing and which command installs it.
 
     Attributes:
         target: A system, of which it is case1, a case of the package or a case file.
