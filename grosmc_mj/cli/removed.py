@@ -9,6 +9,11 @@ _COMMANDS = {
     "doctor": "film says what a machine lacks for films, and which command installs it",
 }
 
+# A command and one of its options, and the advice that follows their names.
+_OPTIONS = {
+    ("view", "--replay"): "view runs the case as you watch, and film shows a recorded run",
+}
+
 
 def advice_on_removed(words: Sequence[str]) -> str:
     """Return one line about the first word that was a command or an option; empty if none was.
@@ -19,4 +24,9 @@ def advice_on_removed(words: Sequence[str]) -> str:
     command = words[0]
     if command in _COMMANDS:
         return f"the command {command} was removed: {_COMMANDS[command]}"
+
+    for word in words[1:]:
+        option = word.partition("=")[0]
+        if (command, option) in _OPTIONS:
+            return f"{option} of {command} was removed: {_OPTIONS[command, option]}"
     return ""

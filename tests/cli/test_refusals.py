@@ -36,6 +36,8 @@ REFUSALS = [
     ("study switching two_link_arm/case1", "has 2 inputs"),
     ("campaign servo --film", "--film is for --replay only"),
     ("campaign out --replay 3 --runs 7", "--runs is not for --replay"),
+    ("view servo --replay", "--replay of view was removed: view runs the case as you watch, and"),
+    ("view servo --speed 0", "speed 0 must be from 1/64 to 64 times real time"),
     ("view nothing.toml", "there is no such file"),
     ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
