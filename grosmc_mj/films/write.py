@@ -1,31 +1,25 @@
-"""Writing films: an MP4 that every browser plays, a poster, a small GIF.
-
-Frames are drawn in processes of their own, which begin anew: nothing is ever forked after
-rendering, and MUJOCO_GL is set before any of them imports MuJoCo.
-"""
+"""Writing films: an MP4 that every browser plays, a poster, a small GIF."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
-from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO, Annotated, Any, NamedTuple
+from typing import IO, Annotated, NamedTuple
 
 import numpy as np
-from loky import cpu_count
+import pydantic
 from PIL import Image
 
-from grosmc_mj.child_processes import interrupts_held, worker_pool
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.films.film import Film, Format
-from grosmc_mj.films.frames import Storyboard, begin, draw
-from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg, find_film_tools, rendering
+from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg
+from grosmc_mj.films.pool import RenderingPool, open_pool
 from grosmc_mj.films.storyboard import storyboard
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
@@ -72,6 +66,7 @@ def write_film(
     *,
     backend: str | None = None,
     workers: Annotated[int, Range(1, 256, whole=True)] | None = None,
+    pool: pydantic.InstanceOf[RenderingPool] | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Written:
@@ -82,6 +77,7 @@ def write_film(
         path: The MP4; poster and GIF lie beside it.
         backend: Value of MUJOCO_GL for the rendering processes; None for the first that works.
         workers: Rendering processes; None for one a core.
+        pool: Processes that draw several films, in place of new ones.
         gif: Whether to write a small GIF too.
         advance: Called after each frame.
 
@@ -92,34 +88,57 @@ def write_film(
     path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    if backend is None:
-        backend, program = find_film_tools(os.environ.get("MUJOCO_GL"))
-    else:
-        program = find_ffmpeg()
-    board, poster = storyboard(film), path.with_suffix(".png")
-    small = path.with_suffix(".gif") if gif else None
-    encodings = {path: _H264.split()} | ({small: _GIF} if small else {})
-    drawing = draw_frames(board, backend, workers or cpu_count())
+    if pool is not None:
+        return _write(film, path, pool, gif, advance)
+
+    with open_pool(backend, workers) as pool:
+        return _write(film, path, pool, gif, advance)
+
+
+def _write(
+    film: Film, path: Path, pool: RenderingPool, gif: bool, advance: Callable[[], object]
+) -> Written:
+    """Draw a film with a pool and write its files."""
+    program = find_ffmpeg()
+    board = storyboard(film)
+    poster = path.with_suffix(".png")
+    encodings: dict[Path, Sequence[str]] = {path: _H264.split()}
+    small = None
+    if gif:
+        small = path.with_suffix(".gif")
+        encodings[small] = _GIF
+
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
         aside = {name: files.enter_context(written_aside(name)) for name in (*encodings, poster)}
-        with contextlib.ExitStack() as encoders, contextlib.closing(drawing) as frames:
-            pipes = [
-                encoders.enter_context(_encoder(program, film.format, options, aside[name], name))
-                for name, options in encodings.items()
-            ]
-            still = board.chart.empty
-            for index, frame in enumerate(frames):
-                for pipe in pipes:
-                    pipe.write(frame.data)
-                if index == len(board.times) // 2:
-                    still = frame
-                advance()
+        with contextlib.ExitStack() as encoders, contextlib.closing(pool.frames(board)) as frames:
+            pipes = []
+            for name, options in encodings.items():
+                encoder = _encoder(program, film.format, options, aside[name], name)
+                pipes.append(encoders.enter_context(encoder))
+            still = _pass_on(frames, pipes, len(board.times) // 2, advance)
         try:
             Image.fromarray(still).save(aside[poster], optimize=True)
         except OSError as error:
             raise cannot_write(poster, error) from error
-    return Written(path, poster, small, len(board.times), backend, program, board)
+    return Written(path, poster, small, len(board.times), pool.backend, program, board)
+
+
+def _pass_on(
+    frames: Iterable[np.ndarray],
+    pipes: Sequence[IO[bytes]],
+    chosen: int,
+    advance: Callable[[], object],
+) -> np.ndarray:
+    """Write every frame to every pipe; return the frame of a chosen index."""
+    still = np.zeros((1, 1, 3), np.uint8)
+    for index, frame in enumerate(frames):
+        for pipe in pipes:
+            pipe.write(frame.data)
+        if index == chosen:
+            still = frame
+        advance()
+    return still
 
 
 @contextlib.contextmanager
@@ -150,39 +169,3 @@ def _encoder(
     if code:
         reason = next((line for line in lines if "No space left" in line), lines[-1])
         raise cannot_write(path, OSError(f"ffmpeg stopped: {reason}"))
-
-
-def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.ndarray]:
-    """Every frame of a film in order, (height, width, 3) each, drawn by worker processes.
-
-    Closing the iterator, or an interrupt, ends the workers; without a parent they end as well.
-
-    Args:
-        board: The film.
-        backend: Value of MUJOCO_GL for them.
-        workers: How many; no more than there are frames are started.
-
-    Raises:
-        SetupError: If a worker cannot render or dies.
-    """
-    count = len(board.times)
-    workers = min(workers, count)
-    # Software rendering would start a thread for every core in each worker.
-    threads = {"LP_NUM_THREADS": "1"} if workers > 1 else {}
-    pool = worker_pool(workers, rendering(backend) | threads, begin, board)
-    frames: deque[Any] = deque()
-    try:
-        with interrupts_held():
-            frames.extend(pool.submit(draw, index) for index in range(min(2 * workers, count)))
-        for index in range(count):
-            yield frames.popleft().result()
-            if index + 2 * workers < count:
-                frames.append(pool.submit(draw, index + 2 * workers))
-    except Exception as error:
-        reason = " ".join(str(error).split()[:12]) or type(error).__name__
-        raise SetupError(
-            f"a rendering process ended unexpectedly with MUJOCO_GL={backend} ({reason}); "
-            "try fewer --workers, or another MUJOCO_GL"
-        ) from error
-    finally:
-        pool.shutdown(kill_workers=True)
