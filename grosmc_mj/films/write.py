@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
+import mediapy
 import numpy as np
 import pydantic
-from PIL import Image
 
+from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
-from grosmc_mj.films.film import Film, Format
+from grosmc_mj.films.film import Film
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg
 from grosmc_mj.films.pool import RenderingPool, open_pool
@@ -25,12 +24,14 @@ from grosmc_mj.films.storyboard import storyboard
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
 _H264 = (
-    "-an -vcodec h264 -pix_fmt yuv420p -crf 23 -preset veryfast -tune animation -threads 2 "
+    "-xerror -preset veryfast -tune animation -threads 2 "
     "-vf scale=out_color_matrix=bt709:out_range=tv,"
     "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv "
     "-fflags +bitexact -flags:v +bitexact -movflags +faststart"
 )
+_QUALITY = 23
 _GIF = [
+    "-xerror",
     "-vf",
     "fps=10,scale='min(640,iw)':-2:flags=area,split[a][b];[a]palettegen=max_colors=128[p];"
     "[b][p]paletteuse=dither=none:diff_mode=rectangle",
@@ -102,70 +103,103 @@ def _write(
     program = find_ffmpeg()
     board = storyboard(film)
     poster = path.with_suffix(".png")
-    encodings: dict[Path, Sequence[str]] = {path: _H264.split()}
-    small = None
-    if gif:
-        small = path.with_suffix(".gif")
-        encodings[small] = _GIF
+    small = path.with_suffix(".gif") if gif else None
+    shape = (film.format.height, film.format.width)
+    fps = film.format.fps
 
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
-        aside = {name: files.enter_context(written_aside(name)) for name in (*encodings, poster)}
-        with contextlib.ExitStack() as encoders, contextlib.closing(pool.frames(board)) as frames:
-            pipes = []
-            for name, options in encodings.items():
-                encoder = _encoder(program, film.format, options, aside[name], name)
-                pipes.append(encoders.enter_context(encoder))
-            still = _pass_on(frames, pipes, len(board.times) // 2, advance)
+        part = files.enter_context(written_aside(path))
+        poster_part = files.enter_context(written_aside(poster))
+        writers = {
+            path: mediapy.VideoWriter(
+                part, shape, codec="h264", fps=fps, crf=_QUALITY, ffmpeg_args=_H264
+            )
+        }
+        if small is not None:
+            part = files.enter_context(written_aside(small))
+            writers[small] = mediapy.VideoWriter(
+                part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF
+            )
+        still = _write_frames(pool.frames(board), writers, program, len(board.times) // 2, advance)
         try:
-            Image.fromarray(still).save(aside[poster], optimize=True)
+            mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:
             raise cannot_write(poster, error) from error
     return Written(path, poster, small, len(board.times), pool.backend, program, board)
 
 
-def _pass_on(
-    frames: Iterable[np.ndarray],
-    pipes: Sequence[IO[bytes]],
+def _write_frames(
+    drawing: Generator[np.ndarray],
+    writers: Mapping[Path, mediapy.VideoWriter],
+    program: Ffmpeg,
     chosen: int,
     advance: Callable[[], object],
 ) -> np.ndarray:
-    """Write every frame to every pipe; return the frame of a chosen index."""
+    """Write every frame to every file as it comes; return the frame of a chosen index."""
     still = np.zeros((1, 1, 3), np.uint8)
-    for index, frame in enumerate(frames):
-        for pipe in pipes:
-            pipe.write(frame.data)
-        if index == chosen:
-            still = frame
-        advance()
+    with contextlib.ExitStack() as opened, contextlib.closing(drawing) as frames:
+        for path, writer in writers.items():
+            opened.enter_context(_encoding(path, writer, program))
+
+        for index, frame in enumerate(frames):
+            try:
+                for writer in writers.values():
+                    writer.add_image(frame)
+            except BrokenPipeError:
+                # This ffmpeg has stopped: it says why when its writer is closed.
+                break
+            if index == chosen:
+                still = frame
+            advance()
     return still
 
 
 @contextlib.contextmanager
-def _encoder(
-    program: Ffmpeg, form: Format, options: Sequence[str], part: Path, path: Path
-) -> Iterator[IO[bytes]]:
-    """The standard input of an ffmpeg that writes raw frames to a file.
+def _encoding(path: Path, writer: mediapy.VideoWriter, program: Ffmpeg) -> Iterator[None]:
+    """Run mediapy's writer of a file, which is put under another name first.
+
+    It was tried on full disks of several sizes, under a limit of the file's size, with an unknown
+    codec, without ffmpeg and with one that was killed: every error was raised, with ffmpeg's
+    message where it gave one. It would wait without end for an ffmpeg with more than 64 kB of
+    messages; the level "error" and -xerror leave a few lines.
 
     Raises:
-        SetupError: If it does not finish the file.
+        SetupError: If ffmpeg does not finish the file.
     """
-    source = f"-f rawvideo -pix_fmt rgb24 -s {form.width}x{form.height} -r {form.fps} -i -".split()
-    command = [program.path, "-v", "error", "-xerror", "-y", *source, *options, str(part)]
-    # A group of its own: a terminal's Ctrl-C does not reach it.
-    with (
-        TemporaryFile("w+") as messages,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, process_group=0) as run,
-    ):
-        assert run.stdin is not None
+    # Ctrl-C in a terminal must not reach ffmpeg: its failure would take the place of the interrupt.
+    with interrupts_held(), _ffmpeg_of_mediapy(program):
+        writer.__enter__()
+    try:
+        yield
+    finally:
         try:
-            with contextlib.suppress(BrokenPipeError), run.stdin as pipe:
-                yield pipe
-            code = run.wait()
-        finally:
-            run.kill()
-        messages.seek(0)
-        lines = [f"exit code {code}", *messages.read().replace(str(part), str(path)).splitlines()]
-    if code:
-        reason = next((line for line in lines if "No space left" in line), lines[-1])
-        raise cannot_write(path, OSError(f"ffmpeg stopped: {reason}"))
+            writer.close()
+        except (OSError, RuntimeError) as error:
+            # mediapy leaves the pipe of an ffmpeg open that has failed.
+            if writer._popen is not None and writer._popen.stderr is not None:
+                writer._popen.stderr.close()
+            reason = f"ffmpeg stopped{_ffmpeg_message(error, writer.path, path)}"
+            raise cannot_write(path, OSError(reason)) from error
+
+
+@contextlib.contextmanager
+def _ffmpeg_of_mediapy(program: Ffmpeg) -> Iterator[None]:
+    """Let mediapy start this ffmpeg, and afterwards the user's again."""
+    # The setting cannot be read otherwise; mediapy's version is bounded.
+    before = mediapy._config.ffmpeg_name_or_path
+    mediapy.set_ffmpeg(program.path)
+    try:
+        yield
+    finally:
+        mediapy.set_ffmpeg(before)
+
+
+def _ffmpeg_message(error: Exception, part: Path, path: Path) -> str:
+    """Return the line of ffmpeg's message that says most, after a colon; empty without one."""
+    _, _, message = str(error).replace(str(part), str(path)).partition("': ")
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    for line in lines:
+        if "No space left" in line:
+            return f": {line}"
+    return f": {lines[-1]}" if lines else ""
