@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 from tyro.conf import Positional
@@ -41,7 +42,10 @@ class Command:
 
     Attributes:
         verbose: Print every table after the answer.
+        removed: Options that are gone, with a clause that says what takes their place.
     """
+
+    removed: ClassVar[Mapping[str, str]] = {}
 
     verbose: Flag = False
 

@@ -18,7 +18,6 @@ from tyro.conf import subcommand
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, Studies
 from grosmc_mj.cli.output import PROGRAM
-from grosmc_mj.cli.removed import advice_on_removed
 from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
 from grosmc_mj.films.offscreen import without_graphics
 
@@ -54,10 +53,6 @@ def parse(arguments: Sequence[str]) -> Command:
         ArgumentError: If they describe none, in one line.
     """
     words = _with_format(_with_judge(arguments)) or ["--help"]
-    advice = advice_on_removed(words)
-    if advice:
-        raise ArgumentError(advice)
-
     # The first help has a line of each command, not its whole text.
     brief = words[0] in ("-h", "--help")
     with reports.on_parse_error(functools.partial(_refuse, words)):
@@ -121,6 +116,9 @@ def _unknown(path: list[str], command: type[Command] | Mapping[str, Any], token:
             else f"unexpected argument {shown(token)}"
         )
     options = [] if isinstance(command, Mapping) else list(_options(command))
+    removed = {} if isinstance(command, Mapping) else command.removed
+    if (option := token.partition("=")[0]) in removed:
+        return f"{option} is gone: {removed[option]}"
     near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
     return f"unknown option {shown(token, str)}" + (f": did you mean {near[0]}?" if near else "")
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
@@ -33,6 +34,10 @@ class ViewCommand(Command):
         switching: Switching law of a system's sliding mode laws, as for film.
         surface: printed or discrete, as for film.
     """
+
+    removed: ClassVar[Mapping[str, str]] = {
+        "--replay": "view runs the case as you watch, and grosmc-mj film shows a recorded run"
+    }
 
     target: Target
     controller: OptionalName = None
