@@ -134,7 +134,7 @@ def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(
         return load(name, *arguments, **options)
 
     monkeypatch.setattr(ctypes, "CDLL", hidden)
-    film = ("film", "servo/nominal", "--controllers", "lqr", "--to", "0.1", "-o", "f.mp4")
+    film = ("film", "servo/nominal", "--laws", "lqr", "--to", "0.1", "-o", "f.mp4")
     reason = (
         "no OpenGL backend renders off-screen (egl: libEGL.so.1 is not installed; "
         "osmesa: libOSMesa.so.8 is not installed); run: apt-get install libegl1 libgl1-mesa-dri\n"

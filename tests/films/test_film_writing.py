@@ -224,7 +224,7 @@ def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
-    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--controllers", "lqr", "--gif")
+    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--laws", "lqr", "--gif")
     assert run("film", "small.toml", *size) == cli.DONE
     folder = Path("renders") / "films"
     assert capsys.readouterr().out.startswith("2 frames, 0.5 s, ")
@@ -282,7 +282,7 @@ def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_proces
     older = {f"f.{suffix}": f"an older {suffix}" for suffix in ("mp4", "png", "json")}
     for name, content in older.items():
         (tmp_path / name).write_text(content)
-    film = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--fps",
+    film = ("film", "cart_pendulum/nominal", "--laws", "lqr", "--size", "320x240", "--fps",
             "10", "--workers", "1", "-o")  # fmt: skip
     assert run(*film, tmp_path / "f.mp4") == code
     output = capfd.readouterr()

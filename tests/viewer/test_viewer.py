@@ -184,14 +184,14 @@ def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypat
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    assert run("view", "arm/case2", "--controller", "lqr") == cli.WRONG
+    assert run("view", "arm/case2", "--laws", "lqr") == cli.WRONG
     line = capsys.readouterr().err
     assert_one_line(line)
     reason, film = line.strip().split("; for a film of it run: ")
     assert reason.startswith("grosmc-mj: there is no display")
     command = parse(film.split()[1:])
     assert isinstance(command, FilmCommand)
-    assert (command.target, command.controllers) == ("arm/case2", ("lqr",))
+    assert (command.target, command.laws) == ("arm/case2", ("lqr",))
 
 
 PROGRAM = """

@@ -28,7 +28,7 @@ class ViewCommand(Command):
 
     Attributes:
         target: A system, of which it is case1, a case of the package or a case file.
-        controller: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
+        laws: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
             a file's last one.
         speed: Seconds of the run in a second.
         switching: Switching law of a system's sliding mode laws, as for film.
@@ -40,7 +40,7 @@ class ViewCommand(Command):
     }
 
     target: Target
-    controller: OptionalName = None
+    laws: OptionalName = None
     speed: Annotated[float, arg(metavar="X")] = 1.0
     switching: OptionalName = None
     surface: OptionalSurface = None
@@ -53,7 +53,7 @@ class ViewCommand(Command):
             switching=self.switching, surface=self.surface
         )
         case = experiment.case
-        name = self.controller or experiment.controllers[-1]
+        name = self.laws or experiment.controllers[-1]
         try:
             play(
                 experiment.plant("physics"),
@@ -65,6 +65,6 @@ class ViewCommand(Command):
                 speed=self.speed,
             )
         except RuntimeError as error:  # of MuJoCo's own too, such as that macOS needs mjpython
-            film = f"grosmc-mj film {self.target} --controllers {name}"
+            film = f"grosmc-mj film {self.target} --laws {name}"
             raise SetupError(f"{error}; for a film of it run: {film}") from error
         return screen.DONE
