@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import mediapy
 import numpy as np
 import pydantic
 
 from grosmc_mj.child_processes import interrupts_held
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
 from grosmc_mj.films.film import Film
@@ -111,17 +111,15 @@ def _write(
     with contextlib.ExitStack() as files:
         part = files.enter_context(written_aside(path))
         poster_part = files.enter_context(written_aside(poster))
-        writers = {
-            path: mediapy.VideoWriter(
-                part, shape, codec="h264", fps=fps, crf=_QUALITY, ffmpeg_args=_H264
-            )
-        }
+        writer = mediapy.VideoWriter(
+            part, shape, codec="h264", fps=fps, crf=_QUALITY, ffmpeg_args=_H264
+        )
+        encoders = [_Encoder(path, writer, program)]
         if small is not None:
             part = files.enter_context(written_aside(small))
-            writers[small] = mediapy.VideoWriter(
-                part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF
-            )
-        still = _write_frames(pool.frames(board), writers, program, len(board.times) // 2, advance)
+            writer = mediapy.VideoWriter(part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF)
+            encoders.append(_Encoder(small, writer, program))
+        still = _write_frames(pool.frames(board), encoders, len(board.times) // 2, advance)
         try:
             mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:
@@ -131,56 +129,90 @@ def _write(
 
 def _write_frames(
     drawing: Generator[np.ndarray],
-    writers: Mapping[Path, mediapy.VideoWriter],
-    program: Ffmpeg,
+    encoders: Sequence[_Encoder],
     chosen: int,
     advance: Callable[[], object],
 ) -> np.ndarray:
     """Write every frame to every file as it comes; return the frame of a chosen index."""
     still = np.zeros((1, 1, 3), np.uint8)
     with contextlib.ExitStack() as opened, contextlib.closing(drawing) as frames:
-        for path, writer in writers.items():
-            opened.enter_context(_encoding(path, writer, program))
+        for encoder in encoders:
+            opened.enter_context(encoder)
 
         for index, frame in enumerate(frames):
-            try:
-                for writer in writers.values():
-                    writer.add_image(frame)
-            except BrokenPipeError:
-                # This ffmpeg has stopped: it says why when its writer is closed.
-                break
+            for encoder in encoders:
+                encoder.write(frame)
             if index == chosen:
                 still = frame
             advance()
     return still
 
 
-@contextlib.contextmanager
-def _encoding(path: Path, writer: mediapy.VideoWriter, program: Ffmpeg) -> Iterator[None]:
-    """Run mediapy's writer of a file, which is put under another name first.
+class _Encoder:
+    """mediapy's writer of one file, which lies under another name until it is whole.
 
-    It was tried on full disks of several sizes, under a limit of the file's size, with an unknown
-    codec, without ffmpeg and with one that was killed: every error was raised, with ffmpeg's
-    message where it gave one. It would wait without end for an ffmpeg with more than 64 kB of
-    messages; the level "error" and -xerror leave a few lines.
+    mediapy's writer was tried on full disks of several sizes, under a limit of the file's size,
+    with an unknown codec, without ffmpeg and with one that was killed: it raised every error, with
+    ffmpeg's message if there was one, and left no process. Left to itself it has three gaps. Ctrl-C
+    in a terminal reaches ffmpeg, whose failure then hides the interrupt; so does the failure of a
+    film that is broken off before its first frame; both are prevented here. And it would wait
+    without end for an ffmpeg with more than 64 kB of messages: -xerror leaves a few lines.
 
-    Raises:
-        SetupError: If ffmpeg does not finish the file.
+    Args:
+        path: The file, for messages.
+        writer: Of the file under its other name.
+        program: What mediapy starts.
     """
-    # Ctrl-C in a terminal must not reach ffmpeg: its failure would take the place of the interrupt.
-    with interrupts_held(), _ffmpeg_of_mediapy(program):
-        writer.__enter__()
-    try:
-        yield
-    finally:
+
+    def __init__(self, path: Path, writer: mediapy.VideoWriter, program: Ffmpeg) -> None:
+        self._path = path
+        self._writer = writer
+        self._program = program
+        self._closed = False
+
+    def __enter__(self) -> Self:
+        with interrupts_held(), _ffmpeg_of_mediapy(self._program):
+            self._writer.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.close()
+            return
+        with contextlib.suppress(SetupError):
+            self.close()
+
+    def write(self, frame: np.ndarray) -> None:
+        """Write one frame.
+
+        Raises:
+            SetupError: If ffmpeg has stopped.
+        """
         try:
-            writer.close()
+            self._writer.add_image(frame)
+        except BrokenPipeError as error:
+            # It raises what ffmpeg has said.
+            self.close()
+            raise cannot_write(self._path, OSError("ffmpeg stopped")) from error
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            SetupError: If ffmpeg does not finish it.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._writer.close()
         except (OSError, RuntimeError) as error:
             # mediapy leaves the pipe of an ffmpeg open that has failed.
-            if writer._popen is not None and writer._popen.stderr is not None:
-                writer._popen.stderr.close()
-            reason = f"ffmpeg stopped{_ffmpeg_message(error, writer.path, path)}"
-            raise cannot_write(path, OSError(reason)) from error
+            process = self._writer._popen
+            if process is not None and process.stderr is not None:
+                process.stderr.close()
+            reason = f"ffmpeg stopped{_ffmpeg_message(error, self._writer.path, self._path)}"
+            raise cannot_write(self._path, OSError(reason)) from error
 
 
 @contextlib.contextmanager

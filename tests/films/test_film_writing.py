@@ -11,7 +11,7 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -260,6 +260,23 @@ def kill(word: str) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
+class BrokenPool(RenderingPool):
+    """One that is interrupted before its first frame."""
+
+    def frames(self, board: Storyboard) -> Generator[np.ndarray]:
+        raise KeyboardInterrupt
+        yield board.chart.empty
+
+
+def test_an_interrupt_before_the_first_frame_is_not_taken_for_an_error_of_ffmpeg(
+    backend: str, tmp_path: Path
+) -> None:
+    film = under_lqr("servo", "nominal", TINY)
+    with BrokenPool(backend, 1) as pool, pytest.raises(KeyboardInterrupt):
+        write_film(film, tmp_path / "f.mp4", pool=pool, gif=True)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("event", "code", "words"),
     [
@@ -283,7 +300,7 @@ def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_proces
     for name, content in older.items():
         (tmp_path / name).write_text(content)
     film = ("film", "cart_pendulum/nominal", "--laws", "lqr", "--size", "320x240", "--fps",
-            "10", "--workers", "1", "-o")  # fmt: skip
+            "10", "--workers", "1", "--gif", "-o")  # fmt: skip
     assert run(*film, tmp_path / "f.mp4") == code
     output = capfd.readouterr()
     assert_one_line(output.err)
