@@ -103,10 +103,10 @@ gallery: $(INSTALLED) $(SYSTEM)  ## Make the films that the README shows
 	for system in servo cart_pendulum arm two_link_arm; do \
 	  mv $(GALLERY)/$$system.gif renders/gallery/$${system}_case1.gif; \
 	done
-	$(BIN)/grosmc-mj film cart_pendulum --controllers grosmc cart-pfl --switching implicit --surface discrete \
+	$(BIN)/grosmc-mj film cart_pendulum --laws grosmc cart-pfl --switching implicit --surface discrete \
 	  --camera wide --duration 7 --size 600x400 --fps 8 --gif -o $(GALLERY)/hold.mp4
 	mv $(GALLERY)/hold.gif renders/gallery/cart_pendulum_hold.gif
-	$(BIN)/grosmc-mj film cart_pendulum/bench --controllers sign implicit 'implicit, predicted' \
+	$(BIN)/grosmc-mj film cart_pendulum/bench --laws sign implicit 'implicit, predicted' \
 	  --to 3 --size 960x400 --fps 8 --gif -o $(GALLERY)/bench.mp4
 	mv $(GALLERY)/bench.gif renders/gallery/cart_pendulum_bench.gif
 	$(BIN)/grosmc-mj study ladder cart_pendulum --laws super-twisting --film super-twisting --gif --out $(GALLERY)

@@ -122,7 +122,7 @@ def _cost(runs: int, duration: float, integrator: Integrator) -> Cost:
         file.write_text(_text(), encoding="utf-8")
         command = [
             *(sys.executable, "-m", "grosmc_mj.cli", "campaign", str(file)),
-            *("--runs", str(runs), "--duration", str(duration), "--controllers", _LAW),
+            *("--runs", str(runs), "--duration", str(duration), "--laws", _LAW),
             *("--integrator", integrator, "--no-figures", "--out", str(Path(scratch) / "campaign")),
         ]
         began = time.perf_counter()

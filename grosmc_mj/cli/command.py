@@ -27,7 +27,6 @@ Laws = Annotated[
     tuple[str, ...],
     tyro.conf.arg(
         name="laws",
-        aliases=("--controllers",),
         metavar="NAME [NAME ...]",
         help_behavior_hint="(default: all controllers of the file)",
     ),

@@ -79,14 +79,19 @@ def _write_missing(
 ) -> None:
     """Write the films that are not there yet, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
+    from grosmc_mj.films.pool import open_pool
 
     missing = {path: shown for path, shown in films.items() if not is_current(shown[1], path)}
     try:
-        for path, (case, film) in missing.items():
-            write_with_progress(console, case, film, path, settings)
+        if missing:
+            with open_pool() as pool:
+                for path, (case, film) in missing.items():
+                    write_with_progress(console, case, film, path, settings, pool=pool)
     except SetupError as error:
         console.print(f"No films: {error}", style="yellow", soft_wrap=True)
+
     if not films:
         console.print("No film: there is no run in MuJoCo.", style="yellow")
-    if kept := len(films) - len(missing):
+    kept = len(films) - len(missing)
+    if kept:
         console.print(f"Kept {kept} films drawn from the same data")

@@ -23,6 +23,8 @@ from grosmc_mj.films.offscreen import without_graphics
 
 # A subcommand of ``claims`` that is gone: its name is not taken for a claim.
 _REMOVED = "self-test"
+# Earlier spellings of --laws.
+_OLD_LAWS = ("--controller", "--controllers")
 # The format of ``run --save`` without one.
 _FORMAT = "parquet"
 
@@ -121,6 +123,8 @@ def _unknown(path: list[str], command: type[Command] | Mapping[str, Any], token:
     removed = {} if isinstance(command, Mapping) else command.removed
     if (option := token.partition("=")[0]) in removed:
         return f"{option} is gone: {removed[option]}"
+    if option in _OLD_LAWS and "--laws" in options:
+        return f"{option} is gone: the option is --laws"
     near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
     return f"unknown option {shown(token, str)}" + (f": did you mean {near[0]}?" if near else "")
 

@@ -24,6 +24,7 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.fields import Range
+from grosmc_mj.films.offscreen import BACKENDS
 from grosmc_mj.films.scene import default_camera, pose
 from grosmc_mj.loop import relooped
 from grosmc_mj.loop.loop import LARGEST_SEED
@@ -254,9 +255,10 @@ class Episode:
                 self._renderers[width, height] = mujoco.Renderer(model, height, width)
             # Each backend has errors of its own.
             except Exception as error:
+                remedy = BACKENDS["egl"][1]
                 raise SetupError(
                     f"nothing here can draw ({error}): start Python with MUJOCO_GL=egl or "
-                    "MUJOCO_GL=osmesa; grosmc-mj doctor tells what works"
+                    f"MUJOCO_GL=osmesa; if neither works, run: {remedy}"
                 ) from error
         renderer = self._renderers[width, height]
         data = mujoco.MjData(renderer.model)

@@ -20,6 +20,7 @@ from grosmc_mj.experiments.case import Case, case_document, seed_of
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
+from grosmc_mj.films.pool import RenderingPool
 from grosmc_mj.films.scene import camera_names
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
@@ -166,15 +167,29 @@ def write_case_film(
     settings: Settings,
     backend: str | None = None,
     workers: int | None = None,
+    pool: RenderingPool | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Written:
     """Write a film and, beside it, a JSON file with all that it was made from.
 
+    Args:
+        case: What was run.
+        film: Of its runs.
+        path: The MP4.
+        settings: How it was run.
+        backend: As for ``write_film``.
+        workers: As for ``write_film``.
+        pool: As for ``write_film``.
+        gif: As for ``write_film``.
+        advance: As for ``write_film``.
+
     Raises:
         SetupError: If it cannot be rendered or written.
     """
-    written = write_film(film, path, backend=backend, workers=workers, gif=gif, advance=advance)
+    written = write_film(
+        film, path, backend=backend, workers=workers, pool=pool, gif=gif, advance=advance
+    )
     write_json(
         path.with_suffix(".json"),
         {

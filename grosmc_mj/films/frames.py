@@ -6,8 +6,8 @@ numba.
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -102,41 +102,51 @@ class Storyboard:
     fonts: Path
 
 
-# Of a worker.
-_board: Storyboard
-
-
 class FrameMaker:
     """Draws frames of one film; lives in one process and one thread."""
 
     def __init__(self, board: Storyboard) -> None:
         """Open the renderer."""
-        self._board, model, font = board, board.model, board.chart.font
+        model = board.model
         buffer = model.vis.global_
+        self._board = board
         self._renderer = mujoco.Renderer(model, buffer.offheight, buffer.offwidth)
-        self._data, self._ghost = mujoco.MjData(model), mujoco.MjData(model)
-        self._font = ImageFont.truetype(board.fonts / "DejaVuSans-Bold.ttf", round(1.25 * font))
+        self._data = mujoco.MjData(model)
+        self._ghost = mujoco.MjData(model)
+        size = round(1.25 * board.chart.font)
+        self._font = ImageFont.truetype(board.fonts / "DejaVuSans-Bold.ttf", size)
+
+    def close(self) -> None:
+        """Free what the renderer holds."""
+        self._renderer.close()
 
     def frame(self, index: int) -> np.ndarray:
-        """One frame, (height, width, 3)."""
-        board, chart = self._board, self._board.chart
-        frame = chart.at(float(board.times[index]))
+        """Draw one frame, (height, width, 3)."""
+        board = self._board
+        chart = board.chart
+        time = float(board.times[index])
+        frame = chart.at(time)
         for scene, box in zip(board.scenes, chart.pictures, strict=True):
             frame[box] = self._picture(scene, index)
+
+        clock = f"t = {time:.2f} s"
+        if board.speed != 1:
+            clock += f"  ×{board.speed:.3g}"
+        place = (frame.shape[1] - 0.8 * chart.font, chart.pictures[0][0].start * CLOCK)
         image = Image.fromarray(frame)
-        speed = f"  ×{board.speed:.3g}" if board.speed != 1 else ""
-        clock, place = (
-            f"t = {board.times[index]:.2f} s{speed}",
-            (frame.shape[1] - 0.8 * chart.font, chart.pictures[0][0].start * CLOCK),
-        )
         ImageDraw.Draw(image).text(place, clock, _INK, self._font, anchor="rm")
         return np.asarray(image)
 
     def _picture(self, scene: Scene, index: int) -> np.ndarray:
         """One run at one frame, with its ghost and its wrenches."""
-        board, renderer, data = self._board, self._renderer, self._data
+        board = self._board
+        renderer = self._renderer
+        data = self._data
         pose(board.model, data, scene.physics[index])
-        data.xfrc_applied[:] = 0 if scene.wrench is None else scene.wrench[index]
+        data.xfrc_applied[:] = 0.0
+        if scene.wrench is not None:
+            data.xfrc_applied[:] = scene.wrench[index]
+
         # Twice, since MuJoCo centres the floor below the camera of the scene before.
         for _ in range(2):
             renderer.update_scene(data, board.camera)
@@ -145,22 +155,23 @@ class FrameMaker:
             self._ghost.qpos[:] = scene.ghost[index]
             mujoco.mj_kinematics(board.model, self._ghost)
             add_ghost(renderer.scene, board.model, self._ghost)
+
         add_wrenches(renderer.scene, board.model, data, board.largest)
         return np.asarray(Image.fromarray(renderer.render()).reduce(OVERSAMPLING))
 
 
-def begin(board: Storyboard) -> None:
-    """Get ready, in a worker, to draw the frames of a film."""
-    global _board
-    _board = board
+# Of a worker: the film that it is drawing.
+_path = ""
+_maker: FrameMaker | None = None
 
 
-def draw(index: int) -> np.ndarray:
-    """One frame of the worker's film, (height, width, 3)."""
-    return _maker().frame(index)
-
-
-@cache
-def _maker() -> FrameMaker:
-    """The one of this process."""
-    return FrameMaker(_board)
+def draw(path: str, index: int) -> np.ndarray:
+    """Draw one frame, (height, width, 3), of the film whose storyboard a file holds."""
+    global _path, _maker
+    if _maker is None or _path != path:
+        # Before the next renderer: deleting the older of two would delete the newer one's buffers.
+        if _maker is not None:
+            _maker.close()
+        _maker = FrameMaker(pickle.loads(Path(path).read_bytes()))
+        _path = path
+    return _maker.frame(index)

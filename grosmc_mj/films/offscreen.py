@@ -84,28 +84,36 @@ def has_display() -> bool:
 
 
 def find_backend(wish: str | None = None) -> Probe:
-    """The trial of the first backend that works.
+    """Return the trial of the first backend that works.
 
     Args:
         wish: Value of MUJOCO_GL that the user has set, if any: this one alone is tried.
 
     Raises:
-        SetupError: If none works, saying why and what mends it, or the wish is not a backend.
+        SetupError: If none works, with the reasons and the command that installs one, or the wish
+            is not a backend.
     """
-    names = [(wish or "").strip().lower()]
-    if not names[0]:
-        names = ["egl", "osmesa", *(["glfw"] if has_display() else [])]
-    trials = []
+    name = (wish or "").strip().lower()
+    if name and name not in BACKENDS:
+        unknown = unknown_name("backend", name, BACKENDS)
+        raise SetupError(f"MUJOCO_GL: {unknown}; run: unset MUJOCO_GL")
+    names = [name] if name else ["egl", "osmesa"]
+    if not name and has_display():
+        names.append("glfw")
+
+    failed = []
     for name in names:
-        if name not in BACKENDS:
-            unknown = unknown_name("backend", name, BACKENDS)
-            raise SetupError(f"MUJOCO_GL: {unknown}; run: unset MUJOCO_GL")
-        trials.append(probe(name))
-        if trials[-1].works:
-            return trials[-1]
-    reasons = "; ".join(f"{trial.backend}: {trial.reason}" for trial in trials)
-    remedy = next((f"; run: {trial.remedy}" for trial in trials if trial.remedy), "")
-    raise SetupError(f"no OpenGL backend renders off-screen ({reasons}){remedy}")
+        trial = probe(name)
+        if trial.works:
+            return trial
+        failed.append(trial)
+
+    reasons = "; ".join(f"{trial.backend}: {trial.reason}" for trial in failed)
+    message = f"no OpenGL backend renders off-screen ({reasons})"
+    remedies = [trial.remedy for trial in failed if trial.remedy]
+    if remedies:
+        message += f"; run: {remedies[0]}"
+    raise SetupError(message)
 
 
 @cache
@@ -114,15 +122,22 @@ def probe(name: str) -> Probe:
     library, remedy = BACKENDS[name]
     if name == "glfw" and not has_display():
         return Probe(name, reason="no display (DISPLAY and WAYLAND_DISPLAY are not set)")
+
     # -P: no module of the user's own folder is taken for one of the libraries.
     command = [sys.executable, "-P", str(Path(__file__).with_name("probe.py"))]
     try:
         trial = subprocess.run(
-            command, env=os.environ | rendering(name), timeout=_TIMEOUT, check=False,
-            capture_output=True, text=True, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
+            command,
+            env=os.environ | rendering(name),
+            timeout=_TIMEOUT,
+            check=False,
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+        )
     except subprocess.TimeoutExpired:
         return Probe(name, reason=f"no answer within {_TIMEOUT} s")
+
     _, answered, renderer = trial.stdout.rpartition("renderer: ")
     if answered and trial.returncode == 0:
         return Probe(name, renderer.strip())
@@ -130,13 +145,42 @@ def probe(name: str) -> Probe:
         ctypes.CDLL(library)
     except OSError:
         return Probe(name, "", f"{library} is not installed", remedy)
-    lines = trial.stderr.split("\n") if trial.returncode > 0 else []
-    silent = f"the test program ended with exit code {trial.returncode} and no answer"
-    return Probe(name, "", [silent, *filter(str.strip, lines)][-1].strip(), remedy)
+
+    reason = f"the test program ended with exit code {trial.returncode} and no answer"
+    # A program that was killed by a signal has not said why.
+    lines = [line.strip() for line in trial.stderr.split("\n") if line.strip()]
+    if trial.returncode > 0 and lines:
+        reason = lines[-1]
+    return Probe(name, "", reason, remedy)
+
+
+def find_film_tools(wish: str | None = None) -> tuple[str, Ffmpeg]:
+    """Return the name of a backend that renders here, and the ffmpeg.
+
+    Args:
+        wish: Value of MUJOCO_GL that the user has set, if any.
+
+    Raises:
+        SetupError: All that is missing, with the commands that install it.
+    """
+    missing = []
+    backend, ffmpeg = None, None
+    try:
+        backend = find_backend(wish).backend
+    except SetupError as error:
+        missing.append(str(error))
+    try:
+        ffmpeg = find_ffmpeg()
+    except SetupError as error:
+        missing.append(str(error))
+
+    if backend is None or ffmpeg is None:
+        raise SetupError("; ".join(missing))
+    return backend, ffmpeg
 
 
 def find_ffmpeg() -> Ffmpeg:
-    """The ffmpeg that imageio-ffmpeg carries, else the system's.
+    """Return the ffmpeg that imageio-ffmpeg carries, else the system's.
 
     Raises:
         SetupError: If there is none that works.

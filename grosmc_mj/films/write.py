@@ -1,42 +1,37 @@
-"""Writing films: an MP4 that every browser plays, a poster, a small GIF.
-
-Frames are drawn in processes of their own, which begin anew: nothing is ever forked after
-rendering, and MUJOCO_GL is set before any of them imports MuJoCo.
-"""
+"""Writing films: an MP4 that every browser plays, a poster, a small GIF."""
 
 from __future__ import annotations
 
 import contextlib
-import os
-import subprocess
-from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO, Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
+import mediapy
 import numpy as np
-from loky import cpu_count
-from PIL import Image
+import pydantic
 
-from grosmc_mj.child_processes import interrupts_held, worker_pool
+from grosmc_mj.child_processes import interrupts_held
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.fields import Range, checked_call
 from grosmc_mj.files import cannot_write, written_aside
-from grosmc_mj.films.film import Film, Format
-from grosmc_mj.films.frames import Storyboard, begin, draw
-from grosmc_mj.films.offscreen import Ffmpeg, find_backend, find_ffmpeg, rendering
+from grosmc_mj.films.film import Film
+from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg
+from grosmc_mj.films.pool import RenderingPool, open_pool
 from grosmc_mj.films.storyboard import storyboard
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
 # Two threads on any machine: their number changes the bytes.
 _H264 = (
-    "-an -vcodec h264 -pix_fmt yuv420p -crf 23 -preset veryfast -tune animation -threads 2 "
+    "-xerror -preset veryfast -tune animation -threads 2 "
     "-vf scale=out_color_matrix=bt709:out_range=tv,"
     "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=tv "
     "-fflags +bitexact -flags:v +bitexact -movflags +faststart"
 )
+_QUALITY = 23
 _GIF = [
+    "-xerror",
     "-vf",
     "fps=10,scale='min(640,iw)':-2:flags=area,split[a][b];[a]palettegen=max_colors=128[p];"
     "[b][p]paletteuse=dither=none:diff_mode=rectangle",
@@ -72,6 +67,7 @@ def write_film(
     *,
     backend: str | None = None,
     workers: Annotated[int, Range(1, 256, whole=True)] | None = None,
+    pool: pydantic.InstanceOf[RenderingPool] | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Written:
@@ -82,6 +78,7 @@ def write_film(
         path: The MP4; poster and GIF lie beside it.
         backend: Value of MUJOCO_GL for the rendering processes; None for the first that works.
         workers: Rendering processes; None for one a core.
+        pool: Processes that draw several films, in place of new ones.
         gif: Whether to write a small GIF too.
         advance: Called after each frame.
 
@@ -92,94 +89,149 @@ def write_film(
     path = Path(path)
     if path.suffix.lower() != ".mp4":
         raise ArgumentError(f"{path} must end in .mp4")
-    program, backend = find_ffmpeg(), backend or find_backend(os.environ.get("MUJOCO_GL")).backend
-    board, poster = storyboard(film), path.with_suffix(".png")
+    if pool is not None:
+        return _write(film, path, pool, gif, advance)
+
+    with open_pool(backend, workers) as pool:
+        return _write(film, path, pool, gif, advance)
+
+
+def _write(
+    film: Film, path: Path, pool: RenderingPool, gif: bool, advance: Callable[[], object]
+) -> Written:
+    """Draw a film with a pool and write its files."""
+    program = find_ffmpeg()
+    board = storyboard(film)
+    poster = path.with_suffix(".png")
     small = path.with_suffix(".gif") if gif else None
-    encodings = {path: _H264.split()} | ({small: _GIF} if small else {})
-    drawing = draw_frames(board, backend, workers or cpu_count())
+    shape = (film.format.height, film.format.width)
+    fps = film.format.fps
+
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
-        aside = {name: files.enter_context(written_aside(name)) for name in (*encodings, poster)}
-        with contextlib.ExitStack() as encoders, contextlib.closing(drawing) as frames:
-            pipes = [
-                encoders.enter_context(_encoder(program, film.format, options, aside[name], name))
-                for name, options in encodings.items()
-            ]
-            still = board.chart.empty
-            for index, frame in enumerate(frames):
-                for pipe in pipes:
-                    pipe.write(frame.data)
-                if index == len(board.times) // 2:
-                    still = frame
-                advance()
+        part = files.enter_context(written_aside(path))
+        poster_part = files.enter_context(written_aside(poster))
+        writer = mediapy.VideoWriter(
+            part, shape, codec="h264", fps=fps, crf=_QUALITY, ffmpeg_args=_H264
+        )
+        encoders = [_Encoder(path, writer, program)]
+        if small is not None:
+            part = files.enter_context(written_aside(small))
+            writer = mediapy.VideoWriter(part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF)
+            encoders.append(_Encoder(small, writer, program))
+        still = _write_frames(pool.frames(board), encoders, len(board.times) // 2, advance)
         try:
-            Image.fromarray(still).save(aside[poster], optimize=True)
+            mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:
             raise cannot_write(poster, error) from error
-    return Written(path, poster, small, len(board.times), backend, program, board)
+    return Written(path, poster, small, len(board.times), pool.backend, program, board)
+
+
+def _write_frames(
+    drawing: Generator[np.ndarray],
+    encoders: Sequence[_Encoder],
+    chosen: int,
+    advance: Callable[[], object],
+) -> np.ndarray:
+    """Write every frame to every file as it comes; return the frame of a chosen index."""
+    still = np.zeros((1, 1, 3), np.uint8)
+    with contextlib.ExitStack() as opened, contextlib.closing(drawing) as frames:
+        for encoder in encoders:
+            opened.enter_context(encoder)
+
+        for index, frame in enumerate(frames):
+            for encoder in encoders:
+                encoder.write(frame)
+            if index == chosen:
+                still = frame
+            advance()
+    return still
+
+
+class _Encoder:
+    """mediapy's writer of one file, which lies under another name until it is whole.
+
+    mediapy's writer was tried on full disks of several sizes, under a limit of the file's size,
+    with an unknown codec, without ffmpeg and with one that was killed: it raised every error, with
+    ffmpeg's message if there was one, and left no process. Left to itself it has three gaps. Ctrl-C
+    in a terminal reaches ffmpeg, whose failure then hides the interrupt; so does the failure of a
+    film that is broken off before its first frame; both are prevented here. And it would wait
+    without end for an ffmpeg with more than 64 kB of messages: -xerror leaves a few lines.
+
+    Args:
+        path: The file, for messages.
+        writer: Of the file under its other name.
+        program: What mediapy starts.
+    """
+
+    def __init__(self, path: Path, writer: mediapy.VideoWriter, program: Ffmpeg) -> None:
+        self._path = path
+        self._writer = writer
+        self._program = program
+        self._closed = False
+
+    def __enter__(self) -> Self:
+        with interrupts_held(), _ffmpeg_of_mediapy(self._program):
+            self._writer.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.close()
+            return
+        with contextlib.suppress(SetupError):
+            self.close()
+
+    def write(self, frame: np.ndarray) -> None:
+        """Write one frame.
+
+        Raises:
+            SetupError: If ffmpeg has stopped.
+        """
+        try:
+            self._writer.add_image(frame)
+        except BrokenPipeError as error:
+            # It raises what ffmpeg has said.
+            self.close()
+            raise cannot_write(self._path, OSError("ffmpeg stopped")) from error
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            SetupError: If ffmpeg does not finish it.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._writer.close()
+        except (OSError, RuntimeError) as error:
+            # mediapy leaves the pipe of an ffmpeg open that has failed.
+            process = self._writer._popen
+            if process is not None and process.stderr is not None:
+                process.stderr.close()
+            reason = f"ffmpeg stopped{_ffmpeg_message(error, self._writer.path, self._path)}"
+            raise cannot_write(self._path, OSError(reason)) from error
 
 
 @contextlib.contextmanager
-def _encoder(
-    program: Ffmpeg, form: Format, options: Sequence[str], part: Path, path: Path
-) -> Iterator[IO[bytes]]:
-    """The standard input of an ffmpeg that writes raw frames to a file.
-
-    Raises:
-        SetupError: If it does not finish the file.
-    """
-    source = f"-f rawvideo -pix_fmt rgb24 -s {form.width}x{form.height} -r {form.fps} -i -".split()
-    command = [program.path, "-v", "error", "-xerror", "-y", *source, *options, str(part)]
-    # A group of its own: a terminal's Ctrl-C does not reach it.
-    with (
-        TemporaryFile("w+") as messages,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, process_group=0) as run,
-    ):
-        assert run.stdin is not None
-        try:
-            with contextlib.suppress(BrokenPipeError), run.stdin as pipe:
-                yield pipe
-            code = run.wait()
-        finally:
-            run.kill()
-        messages.seek(0)
-        lines = [f"exit code {code}", *messages.read().replace(str(part), str(path)).splitlines()]
-    if code:
-        reason = next((line for line in lines if "No space left" in line), lines[-1])
-        raise cannot_write(path, OSError(f"ffmpeg stopped: {reason}"))
-
-
-def draw_frames(board: Storyboard, backend: str, workers: int) -> Generator[np.ndarray]:
-    """Every frame of a film in order, (height, width, 3) each, drawn by worker processes.
-
-    Closing the iterator, or an interrupt, ends the workers; without a parent they end as well.
-
-    Args:
-        board: The film.
-        backend: Value of MUJOCO_GL for them.
-        workers: How many; no more than there are frames are started.
-
-    Raises:
-        SetupError: If a worker cannot render or dies.
-    """
-    count = len(board.times)
-    workers = min(workers, count)
-    # Software rendering would start a thread for every core in each worker.
-    threads = {"LP_NUM_THREADS": "1"} if workers > 1 else {}
-    pool = worker_pool(workers, rendering(backend) | threads, begin, board)
-    frames: deque[Any] = deque()
+def _ffmpeg_of_mediapy(program: Ffmpeg) -> Iterator[None]:
+    """Let mediapy start this ffmpeg, and afterwards the user's again."""
+    # The setting cannot be read otherwise; mediapy's version is bounded.
+    before = mediapy._config.ffmpeg_name_or_path
+    mediapy.set_ffmpeg(program.path)
     try:
-        with interrupts_held():
-            frames.extend(pool.submit(draw, index) for index in range(min(2 * workers, count)))
-        for index in range(count):
-            yield frames.popleft().result()
-            if index + 2 * workers < count:
-                frames.append(pool.submit(draw, index + 2 * workers))
-    except Exception as error:
-        reason = " ".join(str(error).split()[:12]) or type(error).__name__
-        raise SetupError(
-            f"a rendering process ended unexpectedly with MUJOCO_GL={backend} ({reason}); "
-            "run grosmc-mj doctor, or try fewer --workers"
-        ) from error
+        yield
     finally:
-        pool.shutdown(kill_workers=True)
+        mediapy.set_ffmpeg(before)
+
+
+def _ffmpeg_message(error: Exception, part: Path, path: Path) -> str:
+    """Return the line of ffmpeg's message that says most, after a colon; empty without one."""
+    _, _, message = str(error).replace(str(part), str(path)).partition("': ")
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    for line in lines:
+        if "No space left" in line:
+            return f": {line}"
+    return f": {lines[-1]}" if lines else ""

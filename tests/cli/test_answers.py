@@ -117,7 +117,7 @@ def test_every_command_has_a_summary_takes_verbose_and_its_help_names_its_option
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert list(COMMANDS) == ["new", "run", "campaign", "film", "view", "validate", "claims",
-        "study", "identify", "compare", "report", "diff", "list", "doctor"]  # fmt: skip
+        "study", "identify", "compare", "report", "diff", "list"]  # fmt: skip
     kinds = [command for command in COMMANDS.values() if isinstance(command, type)]
     for command in [*kinds, *STUDIES.values(), *CLAIMS.values()]:
         assert (command.__doc__ or "").partition("\n")[0].endswith((".", ":"))

@@ -14,6 +14,7 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
     ("frobnicate", "validate, claims, study, identify, compare, report, diff, list"),
+    ("doctor", "unknown command 'doctor': valid: new, run, campaign, film, view"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),
@@ -31,7 +32,7 @@ REFUSALS = [
     ("claims sweep servo --record", "leave out servo"),
     ("claims premises", "SYSTEM|SYSTEM/CASE"),
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
-    ("claims premises arm --controller grosmk", "did you mean 'grosmc'?"),
+    ("claims premises arm --laws grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("study switching", "unknown command 'switching': valid: region, tolerance, ladder"),
@@ -40,6 +41,11 @@ REFUSALS = [
     ("campaign out --plant 3 --laws lqr grosmc", "--laws lqr grosmc: name one, for --plant"),
     ("campaign out --replay 3", "--replay is gone: --plant WHICH writes the case file of"),
     ("campaign out --replay=3", "--replay is gone: --plant WHICH writes the case file of"),
+    (
+        "view servo --replay",
+        "--replay is gone: view runs the case as you watch, and grosmc-mj film",
+    ),
+    ("view servo --speed 0", "speed 0 must be from 1/64 to 64 times real time"),
     ("view nothing.toml", "there is no such file"),
     ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
@@ -50,8 +56,14 @@ REFUSALS = [
     ("film servo --speed 1e-12", "speed = 1e-12 must be from 0.015625 to 64"),
     ("film servo --workers 1000000", "workers = 1e+06 must be a whole number from 1 to 256"),
     ("film servo -o f.avi", "must end in .mp4"),
-    ("film small.toml --controllers mpc", "unknown law 'mpc': valid: lqr"),
-    ("film small.toml --controllers", "1 to 4 controllers, not 0"),
+    ("film small.toml --laws mpc", "unknown law 'mpc': valid: lqr"),
+    ("film small.toml --controllers lqr", "--controllers is gone: the option is --laws"),
+    ("run servo/case1 --controllers=lqr", "--controllers is gone: the option is --laws"),
+    ("campaign servo --controllers lqr", "--controllers is gone: the option is --laws"),
+    ("study region arm --controllers lqr", "--controllers is gone: the option is --laws"),
+    ("claims premises arm --controller lqr", "--controller is gone: the option is --laws"),
+    ("view servo --controller lqr", "--controller is gone: the option is --laws"),
+    ("film small.toml --laws", "1 to 4 controllers, not 0"),
     ("film small.toml --to 0.1", "no OpenGL backend renders off-screen (glfw: no display ("),
 ]
 

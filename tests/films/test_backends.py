@@ -134,7 +134,7 @@ def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(
         return load(name, *arguments, **options)
 
     monkeypatch.setattr(ctypes, "CDLL", hidden)
-    film = ("film", "servo/nominal", "--controllers", "lqr", "--to", "0.1", "-o", "f.mp4")
+    film = ("film", "servo/nominal", "--laws", "lqr", "--to", "0.1", "-o", "f.mp4")
     reason = (
         "no OpenGL backend renders off-screen (egl: libEGL.so.1 is not installed; "
         "osmesa: libOSMesa.so.8 is not installed); run: apt-get install libegl1 libgl1-mesa-dri\n"
@@ -146,9 +146,7 @@ def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(
     assert f"No films: {reason}" in capsys.readouterr().out
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert run(*film) == cli.WRONG
-    assert re.search(r"no ffmpeg \(.*\); run: apt-get install ffmpeg\n$", capsys.readouterr().err)
-    assert run("doctor") == cli.DIFFERS
-    output = capsys.readouterr().out
-    assert output.startswith("Films cannot be made; everything else works.\nmissing: no OpenGL")
-    remedies = re.findall(r"^run: (.*)$", output, re.MULTILINE)
+    lines = capsys.readouterr().err
+    remedies = re.findall(r"run: (apt-get [^;\n]*)", lines)
+    assert lines.count("\n") == 1
     assert remedies == ["apt-get install libegl1 libgl1-mesa-dri", "apt-get install ffmpeg"]

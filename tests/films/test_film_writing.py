@@ -11,7 +11,7 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -34,8 +34,9 @@ from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import find_backend, find_ffmpeg, probe
+from grosmc_mj.films.pool import RenderingPool
 from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.write import Written, draw_frames, write_film
+from grosmc_mj.films.write import Written, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
@@ -67,6 +68,11 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @cache
 def result(system: str, case: str, controller: str = "lqr") -> RunResult:
     return run_case(find_case(system, case), "physics", controller, Settings())
+
+
+def drawn(board: Storyboard, backend: str, workers: int) -> list[np.ndarray]:
+    with RenderingPool(backend, workers) as pool:
+        return list(pool.frames(board))
 
 
 def under_lqr(system: str, case: str, form: Format) -> Film:
@@ -114,7 +120,7 @@ def test_the_file_is_one_that_every_browser_plays_as_long_as_the_data(written: W
 def test_decoded_frames_are_the_drawn_ones_whoever_draws_and_writes_them(
     written: Written, pair: Film, backend: str, tmp_path: Path
 ) -> None:
-    frames = list(draw_frames(storyboard(pair), backend, 1))
+    frames = drawn(storyboard(pair), backend, 1)
     decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
     for decoded_frame, frame in zip(decoded, frames, strict=True):
         # Lossy, and colours at half the resolution; a wrong colour matrix alone costs more.
@@ -157,7 +163,8 @@ def drawn_tip(shown: np.ndarray, hinge: np.ndarray) -> np.ndarray:
 def test_a_frame_shows_its_recorded_state_whoever_draws_it_and_after_which(backend: str) -> None:
     """A pole of four times the mass and the length."""
     board = storyboard(without_ghost(under_lqr("cart_pendulum", "case1", LOOK)))
-    frames, tips = list(draw_frames(board, backend, 1)), []
+    frames = drawn(board, backend, 1)
+    tips = []
     for index, frame in enumerate(frames):
         hinge, tip = pole_ends(board, index)
         assert np.linalg.norm(drawn_tip(frame[board.chart.pictures[0]], hinge) - tip) < 2
@@ -166,15 +173,28 @@ def test_a_frame_shows_its_recorded_state_whoever_draws_it_and_after_which(backe
     assert np.ptp(tips, axis=0).max() > 10
     scenes = tuple(scene._replace(physics=scene.physics[::-1]) for scene in board.scenes)
     backwards = replace(board, times=board.times[::-1], scenes=scenes)
-    for one, other in zip(frames, list(draw_frames(backwards, backend, 2))[::-1], strict=True):
+    for one, other in zip(frames, drawn(backwards, backend, 2)[::-1], strict=True):
         np.testing.assert_array_equal(one, other)
     second = {"egl": "osmesa"}.get(backend, "egl")
     if probe(second).works:
-        for one, frame in zip(frames, draw_frames(board, second, 1), strict=True):
+        for one, frame in zip(frames, drawn(board, second, 1), strict=True):
             differences = np.abs(one.astype(int) - frame)
             # Another rasterizer may decide otherwise about an edge.
             assert differences.mean() < 1
             assert np.percentile(differences, 99.9) < 16
+
+
+def test_one_pool_draws_one_film_after_another_as_each_alone(backend: str) -> None:
+    films = (under_lqr("servo", "nominal", TINY), under_lqr("cart_pendulum", "case1", LOOK))
+    boards = [storyboard(film) for film in films]
+    alone = [drawn(board, backend, 1) for board in boards]
+    with RenderingPool(backend, 2) as pool:
+        # A film that is broken off leaves the pool to the next.
+        with contextlib.closing(pool.frames(boards[1])) as frames:
+            next(frames)
+        for number in (0, 1, 0):
+            together = list(pool.frames(boards[number]))
+            np.testing.assert_array_equal(together, alone[number])
 
 
 def test_a_film_is_current_for_the_same_runs_in_the_same_format_alone(
@@ -204,7 +224,7 @@ def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
-    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--controllers", "lqr", "--gif")
+    size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--laws", "lqr", "--gif")
     assert run("film", "small.toml", *size) == cli.DONE
     folder = Path("renders") / "films"
     assert capsys.readouterr().out.startswith("2 frames, 0.5 s, ")
@@ -240,6 +260,23 @@ def kill(word: str) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
+class BrokenPool(RenderingPool):
+    """One that is interrupted before its first frame."""
+
+    def frames(self, board: Storyboard) -> Generator[np.ndarray]:
+        raise KeyboardInterrupt
+        yield board.chart.empty
+
+
+def test_an_interrupt_before_the_first_frame_is_not_taken_for_an_error_of_ffmpeg(
+    backend: str, tmp_path: Path
+) -> None:
+    film = under_lqr("servo", "nominal", TINY)
+    with BrokenPool(backend, 1) as pool, pytest.raises(KeyboardInterrupt):
+        write_film(film, tmp_path / "f.mp4", pool=pool, gif=True)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("event", "code", "words"),
     [
@@ -262,8 +299,8 @@ def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_proces
     older = {f"f.{suffix}": f"an older {suffix}" for suffix in ("mp4", "png", "json")}
     for name, content in older.items():
         (tmp_path / name).write_text(content)
-    film = ("film", "cart_pendulum/nominal", "--controllers", "lqr", "--size", "320x240", "--fps",
-            "10", "--workers", "1", "-o")  # fmt: skip
+    film = ("film", "cart_pendulum/nominal", "--laws", "lqr", "--size", "320x240", "--fps",
+            "10", "--workers", "1", "--gif", "-o")  # fmt: skip
     assert run(*film, tmp_path / "f.mp4") == code
     output = capfd.readouterr()
     assert_one_line(output.err)

@@ -8,7 +8,6 @@ from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.cli.commands.claims import CLAIMS
 from grosmc_mj.cli.commands.diff import DiffCommand
-from grosmc_mj.cli.commands.doctor import DoctorCommand
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.commands.identify import CompareCommand, IdentifyCommand
 from grosmc_mj.cli.commands.list import ListCommand
@@ -42,7 +41,6 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "report": ReportCommand,
     "diff": DiffCommand,
     "list": ListCommand,
-    "doctor": DoctorCommand,
 }
 GROUPS = {
     "claims": "Judge the chapter's claims; or " + ", ".join([*CLAIMS][1:]) + ".",

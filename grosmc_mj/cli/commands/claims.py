@@ -119,12 +119,12 @@ class PremisesCommand(Command):
 
     Attributes:
         target: A system, or one of its cases.
-        controller: Whose premises.
+        laws: The law whose premises are checked.
         out: Folder for premises_SYSTEM.json.
     """
 
     target: Annotated[Positional[str], arg(metavar=CASES, name="target")]
-    controller: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    laws: Annotated[str, arg(metavar="NAME")] = "grosmc"
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -136,7 +136,7 @@ class PremisesCommand(Command):
         lab, experiments = _laboratory(), find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
         experiments = [one for one in experiments if one.case.loop is None] or experiments
-        audits = [audit_of(lab, experiment, self.controller) for experiment in experiments]
+        audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
         path = self.out / f"premises_{experiments[0].case.system}.json"
         points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
         screen.say_result(premises_result(audits, lab.settings), path, points, full=self.verbose)

@@ -16,25 +16,26 @@ from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
 
 # Where none are named.
-_CONTROLLERS = ("lqr", "grosmc")
+_LAWS = ("lqr", "grosmc")
 
 
 @dataclass(frozen=True)
 class FilmCommand(Command):
-    """Film a case: controllers side by side in MuJoCo, with their curves.
+    """Film a case: laws side by side in MuJoCo, with their curves.
 
-    Each controller runs once; the film replays the recorded states. A translucent ghost shows the
+    Each law runs once; the film replays the recorded states. A translucent ghost shows the
     nominal optimal trajectory x* (for the arm, the reference), a green arrow or arc the force or
     torque of the disturbance while it acts. The camera stands further back where an edited body
     would not fit. Beside FILE.mp4 (H.264, plays in every browser) lie a poster, FILE.png, and
     FILE.json with all that the film was made from.
 
     It renders off-screen with the backend that MUJOCO_GL names, else with the first that works of
-    egl, osmesa and, where there is a display, glfw; grosmc-mj doctor says what is missing.
+    egl, osmesa and, where there is a display, glfw. Where none works, or without ffmpeg, it says
+    what is missing and which command installs it.
 
     Attributes:
         target: A system, of which it is case1, a case of the package or a case file.
-        controllers: One to four of those that grosmc-mj list shows, or of the file.
+        laws: One to four of those that grosmc-mj list shows, or of the file.
         camera: Camera of the model: fixed, follow or wide; by default follow where it moves along
             with the cart, else fixed.
         size: Width and height in pixels, both even.
@@ -53,11 +54,9 @@ class FilmCommand(Command):
     """
 
     target: Target
-    controllers: Annotated[
+    laws: Annotated[
         tuple[str, ...] | None,
         arg(
-            name="laws",
-            aliases=("--controllers",),
             metavar="NAME [NAME ...]",
             help_behavior_hint="(default: lqr grosmc, else the last four)",
         ),
@@ -97,8 +96,8 @@ class FilmCommand(Command):
         if self.duration is not None:
             experiment = experiment.varied(duration=self.duration)
         known = experiment.controllers
-        default = _CONTROLLERS if set(_CONTROLLERS) <= set(known) else known[-MOST_TAKES:]
-        names = tuple(dict.fromkeys(default if self.controllers is None else self.controllers))
+        default = _LAWS if set(_LAWS) <= set(known) else known[-MOST_TAKES:]
+        names = tuple(dict.fromkeys(default if self.laws is None else self.laws))
         check_request(experiment, names, form)
         path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
         results = [experiment.run("physics", name) for name in names]

@@ -2,73 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target
 from grosmc_mj.cli.targets import shown_experiment
 from grosmc_mj.errors import SetupError
 
 
 @dataclass(frozen=True)
 class ViewCommand(Command):
-    """Watch a case in MuJoCo's window, and push it.
+    """Watch a case in MuJoCo's window, and pull at it.
 
-    The closed loop runs as you watch, in real time and without end, or a recorded run is replayed.
-
-    Keys: space pauses; + and - double and halve the speed; backspace starts again. Left and right
-    push the uncertain body along its joint for 0.2 s, up and down make the push stronger and
-    weaker; in a replay left and right go 1 s back and on. The mouse turns and moves the picture,
-    [ and ] change the camera, Tab shows MuJoCo's own panel. Close the window or press Ctrl-C to
-    end.
+    The closed loop runs as you watch, in real time and without end. The window is MuJoCo's own:
+    double click chooses a body and Ctrl and the mouse pull it, with a force that the law has to
+    cope with; the mouse turns and moves the picture, [ and ] change the camera, Tab shows the
+    panels and F1 the other keys. Close the window or press Ctrl-C to end.
 
     Without a display it says so and names the command that makes a film. On macOS run it with
     mjpython -m grosmc_mj.cli view.
 
     Attributes:
         target: A system, of which it is case1, a case of the package or a case file.
-        controller: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
+        laws: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
             a file's last one.
-        replay: Whether to record the whole run first, and replay it.
         speed: Seconds of the run in a second.
         switching: Switching law of a system's sliding mode laws, as for film.
         surface: printed or discrete, as for film.
     """
 
+    removed: ClassVar[Mapping[str, str]] = {
+        "--replay": "view runs the case as you watch, and grosmc-mj film shows a recorded run"
+    }
+
     target: Target
-    controller: OptionalName = None
-    replay: Flag = False
+    laws: OptionalName = None
     speed: Annotated[float, arg(metavar="X")] = 1.0
     switching: OptionalName = None
     surface: OptionalSurface = None
 
     def execute(self) -> int:
         """Prepare the case, open the window."""
-        from grosmc_mj.viewer import Live, RecordedRun, play
+        from grosmc_mj.viewer import play
 
         experiment = shown_experiment(self.target).with_settings(
             switching=self.switching, surface=self.surface
         )
-        name = self.controller or experiment.controllers[-1]
-        law, plant, case = (
-            experiment.law("physics", name),
-            experiment.plant("physics"),
-            experiment.case,
-        )
-        if self.replay:
-            run = experiment.run("physics", name)
-            motion = RecordedRun(plant.model, run.trajectory, run.ended)
-        else:
-            motion = Live(
-                plant, law, case.x0, duration=case.duration, disturbances=case.disturbances,
-                control_period=experiment.settings.control_period,
-            )  # fmt: skip
+        case = experiment.case
+        name = self.laws or experiment.controllers[-1]
         try:
-            play(motion, speed=self.speed)
+            play(
+                experiment.plant("physics"),
+                experiment.law("physics", name),
+                case.x0,
+                duration=case.duration,
+                disturbances=case.disturbances,
+                control_period=experiment.settings.control_period,
+                speed=self.speed,
+            )
         except RuntimeError as error:  # of MuJoCo's own too, such as that macOS needs mjpython
-            film = f"grosmc-mj film {self.target} --controllers {name}"
+            film = f"grosmc-mj film {self.target} --laws {name}"
             raise SetupError(f"{error}; for a film of it run: {film}") from error
         return screen.DONE

@@ -41,7 +41,7 @@ class RegionCommand(Command):
     Attributes:
         target: servo, cart_pendulum, arm or two_link_arm; of SYSTEM/CASE the case is the perturbed
             plant, of a system its first case that edits bodies.
-        controllers: Laws to map, such as cart-ism and cart-pfl; by default those of validate.
+        laws: Laws to map, such as cart-ism and cart-pfl; by default those of validate.
         points: Starts along each axis, from 2 to 1000.
         axes: Two states that the starts differ in, such as theta theta_dot or p theta.
         limits: Starts go from minus to plus this on each axis, in degrees, rad/s, m or m/s.
@@ -50,7 +50,7 @@ class RegionCommand(Command):
     """
 
     target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
-    controllers: Annotated[
+    laws: Annotated[
         tuple[str, ...],
         arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: those of validate)"),
     ] = ()
@@ -75,8 +75,13 @@ class RegionCommand(Command):
         for name, pair in pairs.items():
             if pair and len(pair) != 2:
                 raise ArgumentError(f"--{name} {' '.join(map(str, pair))}: give two, X and Y")
-        options = ("target", "points", "duration", "controllers")
-        region = study.Region(**{name: getattr(self, name) for name in options}, **pairs)
+        region = study.Region(
+            target=self.target,
+            controllers=self.laws,
+            points=self.points,
+            duration=self.duration,
+            **pairs,
+        )
         target = self.out / f"region_{region.system.name}.json"
         for case, why in region.why_not.items():
             if why:
