@@ -1,4 +1,4 @@
-"""What a film shows, as a value: recorded runs side by side."""
+"""A film as a value: recorded runs side by side."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Take:
     Attributes:
         label: Name of the controller.
         colour: #RRGGBB.
-        run: With its full physics states.
-        ghost: Where the controlled coordinates should have been at each instant of the run, in
-            their own units, (N + 1, controlled); None to draw no ghost.
+        run: Run with its full physics states.
+        ghost: Desired controlled coordinates at each instant of the run, in their own units,
+            (N + 1, controlled); None to draw no ghost.
         sliding_unit: Unit of s.
-        ended: Why the run ended early; empty if it did not.
+        ended: Reason why the run ended early; empty if it did not.
     """
 
     label: str
@@ -56,17 +56,17 @@ class Take:
 
 @checked()
 class Format:
-    """How a film is cut.
+    """Size, speed, camera and times of a film.
 
     Attributes:
-        width: Of a frame, in pixels; even.
-        height: Of a frame, in pixels; even.
+        width: Width of a frame, in pixels; even.
+        height: Height of a frame, in pixels; even.
         fps: Frames per second of the film.
         speed: Seconds of data in one second of film.
-        camera: A camera of the model; None for ``follow`` where it moves along with a body, else
-            ``fixed``, else any that stands still, else one from above that the film places.
-        start: First instant shown [s].
-        stop: End of what is shown [s]; None for the end of the longest run.
+        camera: Name of a camera of the model; None for ``follow`` where it moves along with a body,
+            else ``fixed``, else any that stands still, else one from above that the film places.
+        start: First instant of the film [s].
+        stop: Last instant of the film [s]; None for the end of the longest run.
     """
 
     width: Annotated[int, Range(320, 3840, unit="pixels", whole=True)] = 1280
@@ -82,11 +82,11 @@ class Format:
             raise ArgumentError(f"a film of {self.width} x {self.height} pixels: both must be even")
 
     def check(self, cameras: Sequence[str], end: float) -> None:
-        """Refuse what a model or a run does not have.
+        """Refuse a camera that a model lacks, and times that a run lacks.
 
         Args:
-            cameras: Those of the model.
-            end: When the runs end [s].
+            cameras: Names of the model's cameras.
+            end: End of the runs [s].
 
         Raises:
             ArgumentError: If the camera is unknown, or nothing would be shown.
@@ -106,12 +106,12 @@ class Film:
     """Runs of one model side by side, at the same times and the same scale.
 
     Attributes:
-        title: In the title bar.
-        model: The compiled model that was run, with its edits.
+        title: Text of the title bar.
+        model: Compiled model of the runs, with its edits.
         takes: One to four runs.
-        format: How it is cut.
-        ghost_label: What the ghost is, in words.
-        ghost_symbol: And its symbol.
+        format: Size, speed, camera and times.
+        ghost_label: Name of the ghost.
+        ghost_symbol: Symbol of the ghost.
         beside: Index of a state that is shown in place of s; None to show s.
     """
 
@@ -129,7 +129,8 @@ class Film:
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         names = tuple(self.model.joint(i).name for i in range(self.model.njnt))
         for take in self.takes:
-            run, joints = take.run, take.run.system.joints
+            run = take.run
+            joints = run.system.joints
             # Joints of a machine's parts come after the system's own.
             if np.asarray(run.physics).shape[1] != size or names[: len(joints)] != joints:
                 raise ArgumentError(
@@ -144,19 +145,22 @@ class Film:
 
     @property
     def end(self) -> float:
-        """When the longest run ends [s]."""
+        """End of the longest run [s]."""
         return max(float(take.run.time[-1]) for take in self.takes)
 
     @property
     def stop(self) -> float:
-        """When the film ends [s]."""
-        return self.end if self.format.stop is None else self.format.stop
+        """Last instant of the film [s]."""
+        if self.format.stop is None:
+            return self.end
+        return self.format.stop
 
     @property
     def camera(self) -> int:
         """Id of the camera: the chosen one, else the model's default, see ``default_camera``."""
-        chosen = self.format.camera
-        return default_camera(self.model) if chosen is None else self.model.camera(chosen).id
+        if self.format.camera is None:
+            return default_camera(self.model)
+        return self.model.camera(self.format.camera).id
 
     @property
     def camera_name(self) -> str:
@@ -165,14 +169,15 @@ class Film:
 
     @property
     def times(self) -> Array:
-        """The instant that each frame shows [s]: start + k speed / fps, as long as the data."""
-        count = round((self.stop - self.format.start) * self.format.fps / self.format.speed)
-        return self.format.start + np.arange(max(1, count)) * self.format.speed / self.format.fps
+        """Instant of each frame [s]: start + k speed / fps, up to the last instant."""
+        form = self.format
+        count = round((self.stop - form.start) * form.fps / form.speed)
+        return form.start + np.arange(max(1, count)) * form.speed / form.fps
 
     def rows(self, take: Take) -> np.ndarray:
-        """The recorded instant nearest to each frame: its row, (frames,).
+        """Row of the recorded instant nearest to each frame, (frames,).
 
         A run that ended early stays at its last row.
         """
-        step = self.model.opt.timestep
-        return np.clip(np.rint(self.times / step).astype(int), 0, len(take.run.time) - 1)
+        nearest = np.rint(self.times / self.model.opt.timestep).astype(int)
+        return np.clip(nearest, 0, len(take.run.time) - 1)
