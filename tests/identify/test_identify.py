@@ -26,7 +26,7 @@ from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import Rung, best_rung, compared, rungs_of
-from grosmc_mj.identify.fit import _Residual, _weak, fit, quality, residuals
+from grosmc_mj.identify.fit import _residual_of, _weak, fit, quality, residuals
 from grosmc_mj.identify.log import Log, held, joined, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, require_matching
@@ -246,7 +246,7 @@ def test_parameters_that_a_log_does_not_show_are_named(tmp_path: Path, log: Log)
         parameters, plant = parameters_of(case, ()), case.plant("physics")
         free, scales = np.ones(len(parameters.names), bool), {"rotor angle": coverage.NOISE}
         predictor = Predictor.of(log, **HOW)
-        residual = _Residual(parameters, free, predictor, plant, scales, parameters.nominal)
+        residual = _residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
         weak = _weak(parameters, free, residual.jacobian(residual.point(parameters.first)))
         assert ({weak.held, *weak.others} if weak else set()) == hidden
 
