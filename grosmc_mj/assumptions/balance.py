@@ -53,12 +53,12 @@ class Balance(NamedTuple):
 
     @property
     def margin(self) -> Any:
-        """How far the configured rate is above the required one, (N,)."""
+        """Configured less required rate, (N,)."""
         return self.configured - self.required
 
     @property
     def times(self) -> Any:
-        """How many times the configured gain is required, (N,); none is enough of no gain."""
+        """Required over configured rate, (N,); infinite where a law without gain needs one."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.required == 0, 0.0, np.divide(self.required, self.configured))
 

@@ -34,7 +34,7 @@ _EQUAL = 1.001
 
 
 class RungError(NamedTuple):
-    """How far a rung is from a log.
+    """Prediction errors of a rung along a log.
 
     Attributes:
         rung: ``printed``, ``corrected``, ``physics``, ``loop`` or ``machine``.
@@ -64,7 +64,7 @@ class Rung(NamedTuple):
 
     @property
     def delay(self) -> float:
-        """How late inputs arrive [s]; of several actuators, the fastest one's."""
+        """Delay of the inputs [s]; of several actuators, the fastest one's."""
         delays = [actuator.delay for actuator in self.loop.actuators]
         return self.loop.computing.delay + min(delays, default=0.0)
 

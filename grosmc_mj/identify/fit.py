@@ -55,7 +55,7 @@ class Unseen(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """How well one measured state is predicted.
+    """Accuracy of the prediction of one measured state.
 
     Attributes:
         state: Its name.
@@ -451,7 +451,7 @@ def residuals(
 def quality(
     parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System
 ) -> list[Quality]:
-    """How well a fit predicts a log.
+    """Measure how well a fit predicts a log.
 
     Args:
         parts: Its ``residuals``.

@@ -50,7 +50,7 @@ class Parameters:
 
     @property
     def first(self) -> Array:
-        """Where the search begins: the case's values, moved inside the bounds, (d,)."""
+        """Start of the search: the case's values, moved inside the bounds, (d,)."""
         low, high = self.bounds
         inside = 1e-3 * (high - low)
         return np.clip(self.nominal, low + inside, high - inside)
@@ -83,7 +83,7 @@ class Parameters:
         return base.changed(sample.case.edits, dict(sample.scales))
 
     def input_delay(self, values: Array) -> float:
-        """How late the inputs arrive [s].
+        """Delay of the inputs [s].
 
         Args:
             values: Of all parameters, (d,).

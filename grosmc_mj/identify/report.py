@@ -50,7 +50,7 @@ def _values_row(quantity: Quantity, value: float, half: float | None) -> tuple[s
 
 
 def quality_table(rows: Sequence[Quality]) -> Table:
-    """How well the held-out part is predicted."""
+    """Accuracy of the prediction of the held-out part."""
     columns = [
         *names("state"),
         *numbers("RMS", "fit %", "RMS in steps"),
