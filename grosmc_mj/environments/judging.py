@@ -68,7 +68,8 @@ def judge_policy(
     fault = Fault("policy", "a policy is the law", controller=in_place)
     lab, findings = Laboratory(settings or Settings(), fault), []
     for claim in select_claims(name) if claims is None else claims:
-        claim = find_claim(claim) if isinstance(claim, str) else claim
+        if isinstance(claim, str):
+            claim = find_claim(claim)
         if claim.system != name:
             raise ArgumentError(f"claim {claim.id} is about {claim.system}, not about {name}")
         try:
@@ -86,7 +87,8 @@ class _Guarded:
     """Parameters of a law, of which a policy has the nominal plant and the reference only."""
 
     def __init__(self, parameters: Any) -> None:
-        self.plant, self.reference = parameters.plant, parameters.reference
+        self.plant = parameters.plant
+        self.reference = parameters.reference
 
     def __getattr__(self, name: str) -> Any:
         # No AttributeError: hasattr must not take a policy for a law without that gain.
