@@ -136,12 +136,13 @@ def _rung_errors(
     ages = [log.time[window.samples] - window.start for window in predictor.windows]
     longest = min(horizon, max(float(age[-1]) for age in ages))
     horizons = [share * longest for share in _SHARES]
-    units = {state.name: state.unit for state in system.states}
 
     rows = []
-    for state, by_window in errors.items():
-        rms = [_rms_at(time, ages, by_window, log.period) for time in horizons]
-        rows.append(RungError(rung, state, units[state], horizons, rms))
+    for state in system.states:
+        if state.name in errors:
+            by_window = errors[state.name]
+            rms = [_rms_at(time, ages, by_window, log.period) for time in horizons]
+            rows.append(RungError(rung, state.name, state.unit, horizons, rms))
     return rows
 
 

@@ -188,8 +188,7 @@ class _Residual:
     @property
     def _lengths(self) -> NDArray[np.intp]:
         """Samples of each window."""
-        samples = [window.samples for window in self.predictor.windows]
-        return np.array([part.stop - part.start for part in samples])
+        return np.array([window.length for window in self.predictor.windows])
 
     def errors(self, x: Array) -> dict[str, list[Array]]:
         """The residual at a point in the units of the states, by state and window."""
@@ -458,11 +457,14 @@ def quality(
         log: The log.
         system: Units of the states.
     """
-    units = {state.name: state.unit for state in system.states}
     rows = []
-    for name, pieces in parts.items():
-        errors = [error for _, error in pieces]
-        measured = np.concatenate([log.outputs[name][samples] for samples, _ in pieces])
+    for state in system.states:
+        name = state.name
+        if name not in parts:
+            continue
+        samples, errors = zip(*parts[name], strict=True)
+        values = log.outputs[name]
+        measured = np.concatenate([values[window] for window in samples])
         rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
         spread = float(np.std(measured))
         # A sensor without steps is compared with its noise.
@@ -470,7 +472,7 @@ def quality(
         rows.append(
             Quality(
                 state=name,
-                unit=units[name],
+                unit=state.unit,
                 rms=rms,
                 fit=1 - rms / max(spread, 1e-12),
                 steps=rms / max(step, 1e-12),

@@ -135,11 +135,12 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     except ArgumentError as error:
         raise ArgumentError(f"{experiment.path}: {error}") from None
     fitted = [quantity for quantity in quantities if _is_visible(quantity)]
-    if names and len(fitted) < len(quantities):
-        invisible = next(quantity for quantity in quantities if not _is_visible(quantity))
-        raise ArgumentError(
-            f"--fit {invisible.name}: no log shows it: fit numbers of the plant or a delay"
-        )
+    # Whoever names a number is told of it; those of the file that no log shows are left out.
+    for quantity in quantities:
+        if names and quantity not in fitted:
+            raise ArgumentError(
+                f"--fit {quantity.name}: no log shows it: fit numbers of the plant or a delay"
+            )
     for quantity in fitted:
         if not all(map(math.isfinite, quantity.distribution.support)):
             raise ArgumentError(f"{quantity.name} needs a range: give it least and most")

@@ -66,6 +66,11 @@ class Window(NamedTuple):
     samples: slice
     start: float
 
+    @property
+    def length(self) -> int:
+        """Number of its samples."""
+        return self.samples.stop - self.samples.start
+
 
 @dataclass(frozen=True, eq=False)
 class Predictor:

@@ -31,7 +31,8 @@ NOMINAL: Any = EXPERIMENT.nominal.plant
 def law(name: str, **numbers: float) -> Controller:
     """A law of the file, with other numbers."""
     table = next(table for table in EXPERIMENT.file.controller if table.law == name)
-    changed = ControllerTable.model_validate({**table.model_dump(exclude_unset=True), **numbers})
+    declared = table.model_dump(exclude_unset=True)
+    changed = ControllerTable.model_validate({**declared, **numbers})
     file = EXPERIMENT.file.model_copy(update={"controller": [changed]})
     return undesigned(file, EXPERIMENT.path).law("physics", changed.called)
 
@@ -41,7 +42,8 @@ def balanced(name: str, degrees: float = 30.0, **numbers: float) -> Trajectory:
     """With twice the pole's mass and the push; a batch of one does not raise."""
     start = (0.0, math.radians(degrees), 0.0, 0.0)
     pushes = EXPERIMENT.case.disturbances
-    runs = simulate([HEAVY], law(name, **numbers), start, duration=12.0, disturbances=pushes)
+    controller = law(name, **numbers)
+    runs = simulate([HEAVY], controller, start, duration=12.0, disturbances=pushes)
     return runs[0]
 
 
@@ -97,14 +99,16 @@ def test_the_push_counts_by_its_matched_share() -> None:
         mujoco.mj_forward(plant.model, data)
         pushed = np.concatenate([np.zeros(2), data.qacc])
         _, B = linearize(plant)
-        shares.append(abs((p.G @ pushed).item() / (p.G @ B).item()))
+        share = (p.G @ pushed).item() / (p.G @ B).item()
+        shares.append(abs(share))
     assert p.gamma0 == pytest.approx(max(shares), rel=1e-6)
 
 
 def test_s_is_what_the_limited_nominal_leaves_over() -> None:
     """s = G [x - x0] less the sum of T G (A x + B u_0), by hand from a recorded run."""
     made = EXPERIMENT.with_settings(switching="sign").law("physics", "grosmc")
-    run = simulate(HEAVY, made, (0.0, math.pi / 6, 0.0, 0.0), duration=0.4, engine="python")
+    start = (0.0, math.pi / 6, 0.0, 0.0)
+    run = simulate(HEAVY, made, start, duration=0.4, engine="python")
     p = made.parameters
     optimum = made.designed.lqr
     x = run.state[:-1]
@@ -112,14 +116,16 @@ def test_s_is_what_the_limited_nominal_leaves_over() -> None:
     rates = (x @ optimum.A.T + nominal_input @ optimum.B.T) @ p.G.T
     drift = np.concatenate([[0.0], np.cumsum(rates[:-1, 0]) * 1e-3])
     assert run.sliding is not None
-    np.testing.assert_allclose(run.sliding, (x - x[0]) @ p.G[0] - drift, rtol=0, atol=1e-11)
+    s = (x - x[0]) @ p.G[0] - drift
+    np.testing.assert_allclose(run.sliding, s, rtol=0, atol=1e-11)
     assert np.abs(x @ p.K.T).max() > 3 * p.limit
 
 
 def rests(run: Trajectory) -> bool:
     """Whether cart and pole end within 1 cm and half a degree of the origin, never off the rail."""
     position, angle = np.abs(run.state[-500:, :2]).max(axis=0)
-    return bool(position < 0.01 and angle < 0.009 and np.abs(run.state[:, 0]).max() < RAIL)
+    farthest = np.abs(run.state[:, 0]).max()
+    return bool(position < 0.01 and angle < 0.009 and farthest < RAIL)
 
 
 @pytest.mark.parametrize("name", ["lqr", "grosmc"])

@@ -46,7 +46,8 @@ def test_the_nominal_dynamics_are_the_whole_models() -> None:
     model = mujoco.MjModel.__copy__(arm().plant.model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
-    for x in np.random.default_rng(0).uniform(-2, 2, (5, 18)):
+    random = np.random.default_rng(0)
+    for x in random.uniform(-2, 2, (5, 18)):
         q, rate, acceleration = np.split(x, 3)
         data.qpos[:] = q
         data.qvel[:] = rate
@@ -77,8 +78,9 @@ def test_the_figure_of_eight_is_within_the_joint_limits() -> None:
     _, q = eight()
     model = arm().plant.model
     limited = model.jnt_limited.astype(bool)
-    assert np.all(q[:, limited] > model.jnt_range[limited, 0])
-    assert np.all(q[:, limited] < model.jnt_range[limited, 1])
+    low, high = model.jnt_range[limited].T
+    assert np.all(low < q[:, limited])
+    assert np.all(q[:, limited] < high)
 
 
 def test_a_figure_of_eight_out_of_reach_is_refused() -> None:
@@ -96,10 +98,12 @@ def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(
     name: str, least: float, most: float
 ) -> None:
     law = sines().law("physics", name)
-    run = simulate(plant(1.0), law, sines().case.x0, duration=8.0)
+    start = sines().case.x0
+    run = simulate(plant(1.0), law, start, duration=8.0)
     # Largest distance from the law's own nominal optimum, all joints together [rad].
     assert least < compare_with_optimum(run, law).deviation.max() < most
-    assert np.all(np.abs(run.input) <= arm().plant.input_limits.T[:, 1])
+    _, high = arm().plant.input_limits
+    assert np.all(np.abs(run.input) <= high)
 
 
 def test_without_dm_control_it_says_what_to_install(monkeypatch) -> None:

@@ -76,7 +76,9 @@ def test_what_the_design_leaves_out_is_counted_as_unmatched() -> None:
     assert matching.name == "matching"
     assert matching.along is not None
     x = result.trajectory.state
-    expected = 5 / 7 * np.abs(x[:-1:5, 0] * x[:-1:5, 3] ** 2).max()
+    r = x[:-1:5, 0]
+    turn = x[:-1:5, 3]
+    expected = 5 / 7 * np.abs(r * turn**2).max()
     assert ROUNDING - matching.along.margin == pytest.approx(expected, rel=1e-9)
 
 
@@ -104,7 +106,8 @@ def test_the_pole_leans_where_it_rests() -> None:
     nominal = Experiment.load("inverted_pendulum/heavier").nominal
     assert nominal.at is not None
     assert nominal.at.x[1] == pytest.approx(-0.001 / 0.6, rel=1e-5)
-    assert np.abs(nominal.plant.derivative(nominal.at.x, nominal.at.u)).max() < 1e-6
+    derivative = nominal.plant.derivative(nominal.at.x, nominal.at.u)
+    assert np.abs(derivative).max() < 1e-6
 
 
 M, RADIUS, J, g = 0.05, 0.01, 0.02, 9.81
@@ -115,7 +118,8 @@ def test_the_ball_rolls_as_hauser_s_equations_say(case: str, m: float) -> None:
     """A slide with an armature of J_b/R^2 is a solid ball that rolls."""
     plant = Experiment.load(f"ball_beam/{case}").plant("physics")
     J_b = 2 / 5 * m * RADIUS**2
-    for angle, r, turn, speed, torque in np.random.default_rng(0).uniform(-0.5, 0.5, (20, 5)):
+    random = np.random.default_rng(0)
+    for angle, r, turn, speed, torque in random.uniform(-0.5, 0.5, (20, 5)):
         rolling = (m * r * turn**2 - m * g * np.sin(angle)) / (J_b / RADIUS**2 + m)
         turning = torque - 2 * m * r * speed * turn - m * g * r * np.cos(angle)
         expected = [turn, speed, turning / (m * r**2 + J + J_b), rolling]

@@ -201,7 +201,7 @@ def _require_stable_cart(K: Array, family: Sequence[CartPendulumParameters]) -> 
 
 @cache
 def shaped_regulator(reach: SwitchingTerm) -> Law:
-    """The law of ``holding_pfl``; its memory's z0 is theta'(0).
+    """The law of ``holding_pfl``, compiled once for a switching term; its z0 is theta'(0).
 
     The input that a member of the family needs follows in closed form from its equation, with no
     circle: (4/3 L (M + m)/cos theta - m L cos theta) w - (M + m) g tan theta + m L theta'^2
