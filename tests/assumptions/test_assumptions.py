@@ -168,13 +168,13 @@ def chapter_audit(system: str, case: str) -> Audit:
     return audit(laboratory(), find_experiment(system, case))
 
 
-def premise(found: Audit, name: str) -> Premise:
-    return next(premise for premise in found.premises if premise.name == name)
+def premise(audited: Audit, name: str) -> Premise:
+    return next(premise for premise in audited.premises if premise.name == name)
 
 
-def readings(found: Audit, name: str) -> tuple[Reading, Reading]:
+def readings(audited: Audit, name: str) -> tuple[Reading, Reading]:
     """A premise over the region and along the run."""
-    both = premise(found, name)
+    both = premise(audited, name)
     assert both.region is not None
     assert both.along is not None
     return both.region, both.along
@@ -197,9 +197,9 @@ def pendulum_gain_ratio(theta: float) -> float:
 @pytest.mark.slow
 def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> None:
     """It is least at the region's edge, and 0.22 upright."""
-    found = chapter_audit("cart_pendulum", "case1")
-    region, along = readings(found, "input gain")
-    assert premise(found, "input gain").holds
+    audited = chapter_audit("cart_pendulum", "case1")
+    region, along = readings(audited, "input gain")
+    assert premise(audited, "input gain").holds
     # The margins are measured from 1e-9, which is what the reading calls rounding.
     assert region.margin == pytest.approx(pendulum_gain_ratio(math.pi / 6), rel=1e-8)
     assert abs(region.worst.x[1]) == pytest.approx(math.pi / 6)
@@ -211,9 +211,9 @@ def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> Non
 @pytest.mark.slow
 def test_printed_epsilon_fails_by_the_closed_form() -> None:
     """|d/M(q)| with M = 0.1 + 0.06 sin q: most at the lowest q of the region, and above 6."""
-    found = chapter_audit("arm", "case1")
-    region, along = readings(found, "epsilon")
-    assert not premise(found, "epsilon").holds
+    audited = chapter_audit("arm", "case1")
+    region, along = readings(audited, "epsilon")
+    assert not premise(audited, "epsilon").holds
     M = 0.1 + 0.06 * math.sin(-1.5)
     assert region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
     assert region.worst.x[0] == pytest.approx(-1.5)
@@ -255,11 +255,11 @@ def test_named_epsilons_restore_the_premise(gain: str, in_region: bool, along_ru
     fault = Fault("ε", "another gain", controller=lambda *_: law)
     lab = Laboratory(Settings(), fault)
 
-    found = audit(lab, find_experiment("arm", "case1"))
-    sized = premise(found, "epsilon")
+    audited = audit(lab, find_experiment("arm", "case1"))
+    sized = premise(audited, "epsilon")
     assert sized.holds is in_region
     assert bool(sized.restores) is not sized.holds
-    _, reading = readings(found, "epsilon")
+    _, reading = readings(audited, "epsilon")
     assert (reading.margin >= 0) is along_run
 
     s = lab.case("arm", "case1", "physics", "grosmc").trajectory.sliding
@@ -274,21 +274,21 @@ def test_named_epsilons_restore_the_premise(gain: str, in_region: bool, along_ru
 @pytest.mark.slow
 @each_system
 def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
-    found = chapter_audit(system, "nominal")
-    assert found.failed() == []
-    names = {premise.name for premise in found.premises}
-    assert len(names) == len(found.premises) == 8
+    audited = chapter_audit(system, "nominal")
+    assert audited.failed() == []
+    names = {premise.name for premise in audited.premises}
+    assert len(names) == len(audited.premises) == 8
     # Nothing pushes: the model is the plant, up to the Jacobian's rounding.
-    assert found.signals["required"].max() < 1e-9
+    assert audited.signals["required"].max() < 1e-9
 
 
 @pytest.mark.slow
 @each_system
 def test_documents_agree_with_their_audits(system: str) -> None:
-    found = chapter_audit(system, "case1")
-    content = json.loads(json_text(audit_document(found)))
+    audited = chapter_audit(system, "case1")
+    content = json.loads(json_text(audit_document(audited)))
     assert (content["system"], content["case"]) == (system, "case1")
-    for written, premise in zip(content["premises"], found.premises, strict=True):
+    for written, premise in zip(content["premises"], audited.premises, strict=True):
         readings = [written["region"], written["along_run"]]
         least = min(reading["margin"] for reading in readings if reading)
         assert written["holds"] == (least >= 0) == premise.holds
@@ -306,8 +306,8 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
         return replace(law, law=off)
 
     lab = Laboratory(Settings(engine="python"), Fault("off", "s(0) = 0.1", controller=shifted))
-    found = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
-    assert not premise(found, "s(0) = 0").holds
+    audited = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
+    assert not premise(audited, "s(0) = 0").holds
 
 
 @pytest.mark.parametrize("GB", [1.0, 0.0])
@@ -384,13 +384,13 @@ def test_premises_of_a_run_that_ended_at_its_start_are_refused() -> None:
 @pytest.mark.slow
 def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
     fault = next(fault for fault in FAULTS if fault.name == "zero switching gain")
-    found = audit(Laboratory(Settings(), fault), find_experiment("arm", "case1"))
-    failed = premise(found, "epsilon")
+    audited = audit(Laboratory(Settings(), fault), find_experiment("arm", "case1"))
+    failed = premise(audited, "epsilon")
     assert failed.along is not None
     # Without a gain the margin is minus the requirement, and no multiple of it restores anything.
-    assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
-    assert audit_table(found).rows
-    assert list(worst_points(found))
+    assert failed.along.margin == pytest.approx(-audited.signals["required"].max(), rel=0.05)
+    assert audit_table(audited).rows
+    assert list(worst_points(audited))
     assert failed.restores
     assert "inf" not in failed.restores
 
@@ -398,11 +398,11 @@ def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
 @pytest.mark.slow
 def test_a_law_that_does_not_switch_has_no_premises_of_switching() -> None:
     """Its requirement makes it fragile."""
-    found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
-    names = {premise.name for premise in found.premises}
+    audited = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
+    names = {premise.name for premise in audited.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
-    assert found.signals["configured"].max() == 0
-    assert found.signals["required"].max() > 1
+    assert audited.signals["configured"].max() == 0
+    assert audited.signals["required"].max() > 1
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:

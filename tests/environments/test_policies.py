@@ -82,14 +82,14 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     controller = law(system, design=case.controllers)
     policy = as_policy(controller)
     direct = run(case, controller, plant)
-    asked = run(case, policy, plant)
-    assert np.array_equal(direct.state, asked.state)
-    assert np.array_equal(direct.command, asked.command)
+    by_policy = run(case, policy, plant)
+    assert np.array_equal(direct.state, by_policy.state)
+    assert np.array_equal(direct.command, by_policy.command)
     # v is computed back from u = E^-1 (v - alpha).
-    assert asked.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
+    assert by_policy.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
 
     expected = measure(direct, controller, compare_with_optimum(direct, controller))
-    metrics = measure(asked, policy, compare_with_optimum(asked, policy))
+    metrics = measure(by_policy, policy, compare_with_optimum(by_policy, policy))
     for metric, number in metrics.items():
         if number.value is None:
             assert number.note == "no surface" or number == expected[metric]
@@ -104,8 +104,8 @@ def test_every_run_of_a_batch_begins_anew() -> None:
     case = find_case("arm", "nominal")
     starts = [case.x0, (0.3, 3.0)]
     direct = run(case, controller, starts=starts)
-    asked = run(case, as_policy(controller), starts=starts)
-    assert np.array_equal(asked.state, direct.state)
+    by_policy = run(case, as_policy(controller), starts=starts)
+    assert np.array_equal(by_policy.state, direct.state)
 
 
 class Counting:

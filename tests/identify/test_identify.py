@@ -393,9 +393,9 @@ def test_the_log_of_the_arm_is_compared_with_every_rung(
 
 def test_the_shipped_logs_are_those_of_the_benchmark() -> None:
     """To a unit of the last digit, which another libm may round the other way."""
-    made = np.column_stack(logs_made.arm())
+    computed = np.column_stack(logs_made.arm())
     shipped = np.loadtxt(ARM_LOG, delimiter=",", skiprows=1)
-    assert np.abs(shipped - made).max() < 1e-4
+    assert np.abs(shipped - computed).max() < 1e-4
 
 
 FITTED = "body.rotor.mass_scale"
