@@ -35,7 +35,7 @@ class Balance(NamedTuple):
         required: push / r, the least rho that keeps |s| from growing, (N,).
         configured: rho of the law, (N,); 0 for a law that does not switch.
         determinant: det E of the law's model, (N,).
-        unmatched: What the uncertainty does to the other rows of z', (N,).
+        unmatched: Largest entry of the uncertainty in the other rows of z', (N,).
         u_c: The continuous part of the input, (N, m).
     """
 
@@ -53,12 +53,12 @@ class Balance(NamedTuple):
 
     @property
     def margin(self) -> Any:
-        """How far the configured rate is above the required one, (N,)."""
+        """Configured less required rate, (N,)."""
         return self.configured - self.required
 
     @property
     def times(self) -> Any:
-        """How many times the configured gain is required, (N,); none is enough of no gain."""
+        """Required over configured rate, (N,); infinite where a law without gain needs one."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.required == 0, 0.0, np.divide(self.required, self.configured))
 
@@ -87,10 +87,17 @@ def balance(
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
     """
-    error, x = law.designed.error, np.asarray(x, float)[None]
-    inputs = None if u is None else np.atleast_1d(u)[None]
-    motion = error.error_dynamics([t], x, law.parameters, true.rigid, np.asarray(w)[None], inputs)
-    return _balances(law, [t], x, error.error_state(t, x[0], law.parameters)[None], motion).at(0)
+    error = law.designed.error
+    p = law.parameters
+    # One state is many states with a first axis of length 1.
+    x = np.asarray(x, float)[None]
+    w = np.asarray(w)[None]
+    if u is not None:
+        u = np.atleast_1d(u)[None]
+
+    motion = error.error_dynamics([t], x, p, true.rigid, w, u)
+    z = error.error_state(t, x[0], p)[None]
+    return _balances(law, [t], x, z, motion).at(0)
 
 
 def balances(
@@ -105,9 +112,13 @@ def balances(
         x: States, (N, n).
         w: Wrenches, (N, 6 * bodies).
     """
-    error, p = law.designed.error, law.parameters
+    error = law.designed.error
+    p = law.parameters
     assert isinstance(error, ErrorCoordinates)
-    return _balances(law, t, x, error.along(t, x, p), error.error_dynamics(t, x, p, true, w))
+
+    z = error.along(t, x, p)
+    motion = error.error_dynamics(t, x, p, true, w)
+    return _balances(law, t, x, z, motion)
 
 
 def balances_along(
@@ -123,28 +134,30 @@ def balances_along(
         pushed: Whether its wrenches count.
     """
     rows = slice(0, len(run.time) - 1, every)
-    t, x = run.time[rows].tolist(), run.state[rows]
-    still = np.zeros((len(t), 6 * len(true.system.bodies)))
-    w = still if run.wrench is None or not pushed else run.wrench[rows]
-    return balances(law, true, t, x, w)
+    t = run.time[rows].tolist()
+    w = np.zeros((len(t), 6 * len(true.system.bodies)))
+    if pushed and run.wrench is not None:
+        w = run.wrench[rows]
+    return balances(law, true, t, run.state[rows], w)
 
 
 def _balances(
     law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
 ) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
-    design, p = law.designed, law.parameters
-    own = nominal(design, p, t, x, z)
-    dz, pushes, R = own.reaching(motion)
-    if isinstance(design.error, StateCoordinates):
-        A, B = design.lqr.A, design.lqr.B
-        mismatch = dz - times(A, z) - times(B, own.v_0)
-        unmatched = mismatch - times(B @ np.linalg.pinv(B), mismatch)
-    else:
-        unmatched = design.error.unmatched(z, dz)
+    design = law.designed
+    by_model = nominal(design, law.parameters, t, x, z)
+    dz, pushes, R = by_model.reaching(motion)
+
+    # A unit-vector law has one switch for the whole of s, any other law one for each entry.
     together = "unit-vector" in design.switching
     r = gain_margin(R, together=together)
-    push = np.linalg.norm(pushes, axis=-1) if together else np.abs(pushes).max(axis=-1)
+    push = np.abs(pushes).max(axis=-1)
+    if together:
+        push = np.linalg.norm(pushes, axis=-1)
+    required = np.divide(push, r, out=np.full_like(push, np.inf), where=r > 0)
+
+    unmatched = _unmatched(law, by_model, z, dz)
     return Balance(
         t=np.array(t),
         x=x,
@@ -152,16 +165,27 @@ def _balances(
         gain_ratio=r,
         pushes=pushes,
         push=push,
-        required=np.divide(push, r, out=np.full_like(push, np.inf), where=r > 0),
-        configured=switching_rate(p, own),
-        determinant=np.linalg.det(own.E),
+        required=required,
+        configured=switching_rate(law.parameters, by_model),
+        determinant=np.linalg.det(by_model.E),
         unmatched=np.abs(unmatched).max(axis=-1, initial=0.0),
-        u_c=own.u_c,
+        u_c=by_model.u_c,
     )
 
 
+def _unmatched(law: Controller, by_model: Nominal, z: Array, dz: Array) -> Array:
+    """The part of z' that no input could have made, where the law's model differs from it."""
+    design = law.designed
+    if not isinstance(design.error, StateCoordinates):
+        return design.error.unmatched(z, dz)
+    A = design.lqr.A
+    B = design.lqr.B
+    mismatch = dz - times(A, z) - times(B, by_model.v_0)
+    return mismatch - times(B @ np.linalg.pinv(B), mismatch)
+
+
 def switching_rate(p: Any, law: Nominal) -> Array:
-    """rho of a law at N states, what its switching term asks of s': eqs. (12), (37) and (55).
+    """Switching rate rho of a law at N states, eqs. (12), (37) and (55), its term in s'.
 
     Args:
         p: Its parameters.

@@ -36,7 +36,7 @@ from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.simulation.trajectory import Trajectory
 
-# The balance is computed at so many instants of a run; torques and angles at all.
+# The balance is computed at so many instants of a run; torques and angles at all of them.
 _INSTANTS = 400
 
 
@@ -58,13 +58,13 @@ def audit_of(lab: Laboratory, experiment: Experiment, controller: str) -> Audit:
 
 def audits(results: Sequence[RunResult]) -> list[Audit]:
     """The premises of every sliding mode law among the runs of robots in MuJoCo."""
-    return [
-        robot_audit(result)
-        for result in results
-        if is_robots(result)
-        and result.trajectory.sliding is not None
-        and len(result.trajectory.input)
-    ]
+    return [robot_audit(result) for result in results if _slides_on_robot(result)]
+
+
+def _slides_on_robot(result: RunResult) -> bool:
+    """Whether a run is a sliding mode law's on a robot, of one interval at least."""
+    run = result.trajectory
+    return is_robots(result) and run.sliding is not None and len(run.input) > 0
 
 
 def robot_audit(result: RunResult) -> Audit:
@@ -78,57 +78,80 @@ def robot_audit(result: RunResult) -> Audit:
     Raises:
         ArgumentError: If it is another run, or has no interval.
     """
-    run, law = result.trajectory, result.controller
+    run = result.trajectory
+    law = result.controller
     if not is_robots(result) or not len(run.input):
         raise ArgumentError(f"{result.key} is no run of a robot in MuJoCo: it has no such premises")
-    # Of a law of one's own no feedback is known that pushes and switching could be set against.
     plant: Any = result.true
-    points = _along(result, plant) if hasattr(law.parameters, "K") else None
+
+    # Of a law of one's own no feedback is known that pushes and switching could be set against.
+    points = None
+    if hasattr(law.parameters, "K"):
+        points = _along(result, plant)
+
     premises = []
     if run.sliding is not None and points is not None:
-        premises = [
-            _rate(result, plant, points),
-            _authority(result, points),
-            initial_surface(run.sliding),
-        ]
+        premises.append(_rate(result, plant, points))
+        premises.append(_authority(result, points))
+        premises.append(initial_surface(run.sliding))
     premises.append(_torque(result, plant))
     if points is not None and isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, plant, points))
     premises.append(_joints(result, plant))
-    return Audit(result.case, law.name, tuple(premises), {} if points is None else signals(points))
+
+    curves = {}
+    if points is not None:
+        curves = signals(points)
+    return Audit(result.case, law.name, tuple(premises), curves)
 
 
 def _along(result: RunResult, plant: Any) -> Balance:
     """The balance along the run, by the torques that were applied."""
     run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
-    w = np.zeros((len(run.input), 6 * len(run.system.bodies))) if run.wrench is None else run.wrench
+    wrenches = run.wrench
+    if wrenches is None:
+        wrenches = np.zeros((len(run.input), 6 * len(run.system.bodies)))
+
+    points = []
     with warnings_counted_only():
-        points = [
-            balance(result.controller, plant, float(run.time[i]), run.state[i], w[i], run.input[i])
-            for i in rows
-        ]
-    return Balance(*map(np.array, zip(*points, strict=True)))
+        for i in rows:
+            t = float(run.time[i])
+            w = wrenches[i]
+            points.append(balance(result.controller, plant, t, run.state[i], w, run.input[i]))
+    columns = map(np.array, zip(*points, strict=True))
+    return Balance(*columns)
 
 
 def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
-    law, most = result.controller, points.at(int(points.required.argmax()))
-    joint = _driven(result)[int(np.abs(most.pushes).argmax())]
-    unit = per_second(law.designed.sliding_unit)
-    printed = "epsilon" in law.designed.gains
-    machine = ", the parts of its machine" if plant.rigid is not plant else ""
+    design = result.controller.designed
+    unit = per_second(design.sliding_unit)
+    worst = points.at(int(points.required.argmax()))
+    joint = _driven(result)[int(np.abs(worst.pushes).argmax())]
+
+    name = "switching gain"
+    source = "Assumptions 4 and 6, eqs. (12), (37)"
+    if "epsilon" in design.gains:
+        name = "epsilon"
+        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
+
+    remedy = "no ρ, while r is not positive: see the input gain"
+    if np.isfinite(worst.required):
+        remedy = f"ρ = {worst.required:.3g} {unit} instead of the configured one"
+
+    machine = ""
+    if plant.rigid is not plant:
+        machine = ", the parts of its machine"
     return Premise(
-        "epsilon" if printed else "switching gain",
-        "Theorem 3: ε >= (a_m + d_m) ‖GB‖" if printed else "Assumptions 4 and 6, eqs. (12), (37)",
+        name,
+        source,
         "the law's switching rate ρ at least push / r, what is required of it",
         unit,
         along=reading_of(points, points.margin),
-        remedy=f"ρ = {most.required:.3g} {unit} instead of the configured one"
-        if np.isfinite(most.required)
-        else "no ρ, while r is not positive: see the input gain",
-        note=f"required at most {most.required:.3g}, configured {most.configured:.3g} {unit} "
-        f"(at t = {most.t:.3g} s: push {most.push:.3g} at {joint}, r = {most.gain_ratio:.3g})"
+        remedy=remedy,
+        note=f"required at most {worst.required:.3g}, configured {worst.configured:.3g} {unit} "
+        f"(at t = {worst.t:.3g} s: push {worst.push:.3g} at {joint}, r = {worst.gain_ratio:.3g})"
         f"; in the push are the edits, the wrenches, and friction, joint limits and "
         f"contacts as MuJoCo has them under the applied torque; not in it: that the law is "
         f"sampled{machine}, and torque that was cut off",
@@ -136,40 +159,52 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
 
 
 def _driven(result: RunResult) -> tuple[str, ...]:
-    """What the inputs drive: every joint, or those that have an actuator, by its name."""
+    """Names of the driven joints: of every joint, or of the actuators where they are fewer."""
     system = result.trajectory.system
-    return system.joints if len(system.inputs) == len(system.joints) else system.actuators
+    if len(system.inputs) == len(system.joints):
+        return system.joints
+    return system.actuators
 
 
 def _authority(result: RunResult, points: Balance) -> Premise:
     """The true inertia leaves something of the switching rate."""
-    ratios, driven = points.gain_ratio, _driven(result)
-    # The joint whose row of R is least dominant, and the other one that takes most of it.
-    R = points.R[ratios.argmin()]
-    beside = np.abs(R) - np.diag(np.abs(np.diag(R)))
-    row = int((np.diag(R) - beside.sum(axis=1)).argmin())
-    taken = (
-        f"; in the row of {driven[row]} {R[row, row]:.3g} is its own and {beside[row].sum():.3g} "
-        f"the others', most of it {driven[int(beside[row].argmax())]}'s"
+    ratios = points.gain_ratio
+    least = ratios.min()
+    note = (
+        f"r from {least:.3g} to {ratios.max():.3g}; M has armature in it, which no payload changes"
     )
-    together = gain_margin(points.R, together=True).min()
-    switch = together > 0 and "unit-vector" not in result.controller.designed.switching
+    if least < ROUNDING:
+        note += _least_dominant_row(points.R[ratios.argmin()], _driven(result))
+
+    remedy = "another G, smaller edits, or a nominal model nearer to the true one"
+    one_switch = gain_margin(points.R, together=True).min()
+    if one_switch > 0 and "unit-vector" not in result.controller.designed.switching:
+        remedy = f"a unit-vector switching law (r = {one_switch:.3g} as one switch for all)"
     return Premise(
         "input gain",
         "implied by Assumptions 3 and 5",
         "r positive: what dominance leaves of ρ with R = G E* (G E)⁻¹, of all joints M*⁻¹ M",
         "1",
         along=reading_of(points, ratios - ROUNDING),
-        remedy=f"a unit-vector switching law (r = {together:.3g} as one switch for all)"
-        if switch
-        else "another G, smaller edits, or a nominal model nearer to the true one",
-        note=f"r from {ratios.min():.3g} to {ratios.max():.3g}; M has armature in it, which no "
-        "payload changes" + (taken if ratios.min() < ROUNDING else ""),
+        remedy=remedy,
+        note=note,
+    )
+
+
+def _least_dominant_row(R: Array, driven: Sequence[str]) -> str:
+    """Words on the joint whose row of R is least dominant, and the joint that takes most of it."""
+    diagonal = np.diag(R)
+    beside = np.abs(R) - np.diag(np.abs(diagonal))
+    row = int((diagonal - beside.sum(axis=1)).argmin())
+    taker = int(beside[row].argmax())
+    return (
+        f"; in the row of {driven[row]} {R[row, row]:.3g} is its own and {beside[row].sum():.3g} "
+        f"the others', most of it {driven[taker]}'s"
     )
 
 
 def _shares(torque: Array, limits: Array) -> Array:
-    """Torques as parts of the limit on their side, like ``torque``: 1 at the limit."""
+    """Torques as parts of the limit on their side, in the shape of ``torque``: 1 at the limit."""
     low, high = limits
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(torque >= 0, torque / high, torque / low)
@@ -181,14 +216,18 @@ def _torque(result: RunResult, plant: Any) -> Premise:
     """The actuators give what the law asks for."""
     run = result.trajectory
     # A trajectory of one joint has no axis for its inputs.
-    command, applied = (rows.reshape(len(rows), -1) for rows in (run.command, run.input))
-    shares, cut = _shares(command, plant.input_limits), command != applied
-    joints = [
-        f"{joint} {100 * share:.0f} %" + (f" (cut {100 * part:.2g} % of the time)" if part else "")
-        for joint, share, part in zip(
-            _driven(result), shares.max(axis=0), cut.mean(axis=0), strict=True
-        )
-    ]
+    command = run.command.reshape(len(run.command), -1)
+    applied = run.input.reshape(len(run.input), -1)
+    shares = _shares(command, plant.input_limits)
+    cut = command != applied
+
+    joints = []
+    for i, joint in enumerate(_driven(result)):
+        words = f"{joint} {100 * shares[:, i].max():.0f} %"
+        time_cut = cut[:, i].mean()
+        if time_cut:
+            words += f" (cut {100 * time_cut:.2g} % of the time)"
+        joints.append(words)
     return Premise(
         "torque limits",
         "the law has no bound on u",
@@ -208,27 +247,27 @@ def _least(run: Trajectory, margins: Array, violated: Array) -> Reading:
 
 def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     """The nominal torque leaves what the switching term may need, whatever its signs."""
-    error, limits = cast(RobotCoordinates, law.designed.error), plant.input_limits
-    nominal, switching = [], []
+    error = cast(RobotCoordinates, law.designed.error)
+    limits = plant.input_limits
     with np.errstate(over="ignore", invalid="ignore"):
-        for t, rate in zip(points.t.tolist(), points.configured, strict=True):
-            y_r, dy_r, ddy_r = np.reshape(error.reference(t, law.parameters.reference), (-1, 3)).T
-            M = inertia(error.model, y_r)
-            nominal.append(M @ ddy_r + bias(error.model, y_r, dy_r))
-            switching.append(np.abs(M).sum(axis=1) * rate)
-        torque, reserve = np.array(nominal), np.array(switching)
-        # Of torques beyond all numbers nothing is left.
-        alone, low, high = (
-            np.nan_to_num(_shares(torque + side * reserve, limits), nan=np.inf, posinf=np.inf)
-            for side in (0.0, -1.0, 1.0)
-        )
+        torque, reserve = _reference_torques(law, points)
+        alone = _headroom_shares(torque, limits)
+        low = _headroom_shares(torque - reserve, limits)
+        high = _headroom_shares(torque + reserve, limits)
     worst = np.maximum(low, high)
-    joints = [
-        f"{joint} {100 * a:.0f} %" + (f", {100 * b:.0f} %" if np.any(b > a) else "")
-        for joint, a, b in zip(
-            error.system.joints, alone.max(axis=0), worst.max(axis=0), strict=True
-        )
-    ]
+
+    joints = []
+    for i, joint in enumerate(error.system.joints):
+        largest_alone = alone[:, i].max()
+        largest = worst[:, i].max()
+        words = f"{joint} {100 * largest_alone:.0f} %"
+        if largest > largest_alone:
+            words += f", {100 * largest:.0f} %"
+        joints.append(words)
+
+    quantities = "alone: "
+    if np.any(points.configured):
+        quantities = "alone and with switching: "
     return Premise(
         "torque headroom",
         "eqs. (44), (55): u = M v + h",
@@ -236,22 +275,43 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
         "the limits: what is left, as a part of the limit",
         "1",
         along=reading_of(points, 1 - worst.max(axis=1)),
-        note="largest, of the joint's limit, "
-        + ("alone and with switching: " if np.any(points.configured) else "alone: ")
-        + "; ".join(joints),
+        note=f"largest, of the joint's limit, {quantities}{'; '.join(joints)}",
     )
+
+
+def _reference_torques(law: Controller, points: Balance) -> tuple[Array, Array]:
+    """Nominal inverse dynamics along the reference, and |M| rho of switching, (N, m) each."""
+    error = cast(RobotCoordinates, law.designed.error)
+    torque = []
+    reserve = []
+    for t, rate in zip(points.t.tolist(), points.configured, strict=True):
+        reference = error.reference(t, law.parameters.reference)
+        y_r, dy_r, ddy_r = np.reshape(reference, (-1, 3)).T
+        M = inertia(error.model, y_r)
+        torque.append(M @ ddy_r + bias(error.model, y_r, dy_r))
+        reserve.append(np.abs(M).sum(axis=1) * rate)
+    return np.array(torque), np.array(reserve)
+
+
+def _headroom_shares(torque: Array, limits: Array) -> Array:
+    """Torques as parts of their limits; of torques beyond all numbers nothing is left."""
+    return np.nan_to_num(_shares(torque, limits), nan=np.inf, posinf=np.inf)
 
 
 def _joints(result: RunResult, plant: Any) -> Premise:
     """No joint comes to its limit, where a torque acts that the law does not know."""
-    run, limited = result.trajectory, np.flatnonzero(plant.model.jnt_limited)
-    along, note = None, "no joint has a limit"
+    run = result.trajectory
+    limited = np.flatnonzero(plant.model.jnt_limited)
+    along = None
+    note = "no joint has a limit"
     if len(limited):
-        (low, high), q = plant.model.jnt_range[limited].T, run.state[:, limited]
-        left = np.minimum(q - low, high - q) / (high - low)
-        row, column = divmod(int(left.argmin()), len(limited))
+        low, high = plant.model.jnt_range[limited].T
+        q = run.state[:, limited]
+        distances = np.minimum(q - low, high - q) / (high - low)
+        along = _least(run, distances.min(axis=1), distances.min(axis=1) < 0)
+
+        row, column = divmod(int(distances.argmin()), len(limited))
         note = f"nearest: {run.system.joints[limited[column]]} at t = {run.time[row]:.3g} s"
-        along = _least(run, left.min(axis=1), left.min(axis=1) < 0)
     return Premise(
         "joint limits",
         "the law does not know them",

@@ -22,7 +22,7 @@ class CasePhysics(control.Physics):
         episode: The case.
 
     Attributes:
-        episode: What has happened since the last reset.
+        episode: Course of the run since the last reset.
     """
 
     def __init__(self, episode: Episode) -> None:
@@ -48,7 +48,7 @@ class CasePhysics(control.Physics):
         return self.episode.time
 
     def timestep(self) -> Any:
-        """Of the physics [s]."""
+        """Physics timestep [s]."""
         return self.episode.problem.timestep
 
     def render(self, height: int = 480, width: int = 640, **_options: Any) -> np.ndarray:
@@ -62,14 +62,14 @@ class CasePhysics(control.Physics):
 
 
 class CaseTask(control.Task):
-    """What a policy is to do in a case.
+    """Task of a policy in a case.
 
     The reward is -T times the stage cost of the case's index. An episode ends at the case's
     duration with discount 1, and with discount 0 where no next step is defined.
 
     Args:
         episode: The case.
-        seed: Of the starts; None for another one each time.
+        seed: Of the starts; None for other starts each time.
 
     Attributes:
         episode: The case.
@@ -77,7 +77,8 @@ class CaseTask(control.Task):
     """
 
     def __init__(self, episode: Episode, seed: int | None = None) -> None:
-        self.episode, self.random = episode, np.random.RandomState(seed)
+        self.episode = episode
+        self.random = np.random.RandomState(seed)
 
     @property
     def ended(self) -> str:
@@ -98,24 +99,22 @@ class CaseTask(control.Task):
 
     def action_spec(self, physics: Any) -> Any:
         """The inputs with their bounds, (m,); infinite for an unlimited actuator."""
-        low, high, name = (
-            self.episode.low,
-            self.episode.high,
-            input_label(self.episode.plant.system),
-        )
-        return specs.BoundedArray(low.shape, np.float64, low, high, name)
+        low = self.episode.low
+        name = input_label(self.episode.plant.system)
+        return specs.BoundedArray(low.shape, np.float64, low, self.episode.high, name)
 
     def get_observation(self, physics: Any) -> Any:
         """Every state by its name, the time, the error and its reference."""
         return self.episode.observation()
 
     def observation_spec(self, physics: Any) -> OrderedDict[str, specs.Array]:
-        """The same entries; each spec's name ends with the units."""
+        """Specification of each entry of an observation; its name ends with the units."""
         signals = self.episode.signals
-        return OrderedDict(
-            (name, specs.Array((size,), np.float64, f"{name} [{signals.units[name]}]"))
-            for name, size in signals.sizes.items()
-        )
+        entries = OrderedDict[str, specs.Array]()
+        for name, size in signals.sizes.items():
+            label = f"{name} [{signals.units[name]}]"
+            entries[name] = specs.Array((size,), np.float64, label)
+        return entries
 
     def get_reward(self, physics: Any) -> Any:
         """-T times the stage cost at the start of the last interval."""
@@ -125,4 +124,6 @@ class CaseTask(control.Task):
         """0 where no next step is defined, 1 at the case's duration, else None."""
         if self.episode.ended:
             return 0.0
-        return 1.0 if self.episode.over else None
+        if self.episode.over:
+            return 1.0
+        return None

@@ -9,7 +9,6 @@ import copy
 from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import suppress
-from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.signals import Index, Signals, input_label
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -45,6 +45,26 @@ _TRIES = 1000
 Random = np.random.Generator | np.random.RandomState
 
 
+class HeldAction:
+    """A law (t, x, memory, p, u) that holds an input.
+
+    Args:
+        inputs: Number of inputs m.
+
+    Attributes:
+        action: The input, (m,).
+    """
+
+    python_only = True
+
+    def __init__(self, inputs: int) -> None:
+        self.action = np.zeros(inputs)
+
+    def __call__(self, t: float, x: Array, memory: Any, p: Any, u: Array) -> None:
+        """Write the input."""
+        u[:] = self.action
+
+
 class Episode:
     """One case under somebody else's actions: a closed loop whose law holds the last action.
 
@@ -63,8 +83,8 @@ class Episode:
     Attributes:
         case: The case.
         plant: Its edited model in MuJoCo, or its equations where it has none.
-        signals: What is observed.
-        index: What is to be minimized.
+        signals: The entries of an observation.
+        index: The index whose stage cost is the reward.
         problem: Instants and wrenches, as for ``simulate``.
         low: Least action, (m,): the declared or the actuators' limit; infinite without one.
         high: The largest one, (m,).
@@ -89,19 +109,18 @@ class Episode:
         experiment = _experiment(target, task).with_settings(
             control_period=control_period, timestep=timestep
         )
-        settings, where = experiment.settings, experiment.nominal.truest
-        self.case, self.plant = experiment.case, experiment.plant(where)
-        known = INDEX_LAW in {*experiment.controllers, *experiment.file.laws}
-        law = experiment.law(where, INDEX_LAW if known else experiment.controllers[-1])
-        system = self.plant.system
-        self.signals, self.index = Signals(law), Index(law)
-        self._action = action = np.zeros(len(system.inputs))
+        settings = experiment.settings
+        self.case = experiment.case
+        self.plant = experiment.plant(experiment.nominal.truest)
+        law = _index_law(experiment)
+        self.signals = Signals(law)
+        self.index = Index(law)
 
-        def held(t: float, x: Array, memory: Any, p: Any, u: Array) -> None:
-            u[:] = action
-
-        loop = replace(law.loop, predicts=False) if law.loop else None
-        self._agent = replace(law, law=held, loop=loop)
+        self._held = HeldAction(len(self.plant.system.inputs))
+        loop = law.loop
+        if loop is not None:
+            loop = replace(loop, predicts=False)
+        self._agent = replace(law, law=self._held, loop=loop)
         self.problem, _ = prepare(
             self.plant,
             self._agent,
@@ -111,16 +130,26 @@ class Episode:
             timestep=settings.timestep,
             disturbances=self.case.disturbances,
         )
-        self.low, self.high = self.plant.input_limits
-        if action_limit is not None:
-            bound = Range(0, above=True)
-            limit = _numbers("action_limit", action_limit, system.inputs, bound)
-            self.low, self.high = np.maximum(self.low, -limit), np.minimum(self.high, limit)
-        self._spread = _numbers("spread", spread, system.states, Range(0))
-        if why := self.undefined(np.array(self.case.x0)):
+
+        self.low, self.high = self._limits(action_limit)
+        self._spread = _numbers("spread", spread, self.plant.system.states, Range(0))
+        x0 = np.array(self.case.x0)
+        why = self.undefined(x0)
+        if why:
             raise ArgumentError(f"{self.case.system}/{self.case.name} can't start: {why}")
-        self._steppers, self._renderers = Steppers(self.problem.timestep), dict[Any, Any]()
-        self.restart(np.array(self.case.x0))
+
+        self._steppers = Steppers(self.problem.timestep)
+        self._renderers: dict[Any, Any] = {}
+        self.restart(x0)
+
+    def _limits(self, action_limit: ArrayLike | None) -> tuple[Array, Array]:
+        """Least and largest action, (m,) each: the actuators' limits, or narrower ones."""
+        low, high = self.plant.input_limits
+        if action_limit is None:
+            return low, high
+        inputs = self.plant.system.inputs
+        limit = _numbers("action_limit", action_limit, inputs, Range(0, above=True))
+        return np.maximum(low, -limit), np.minimum(high, limit)
 
     @property
     def x(self) -> Array:
@@ -130,9 +159,12 @@ class Episode:
     @property
     def time(self) -> float:
         """Time of the last valid state [s]: k T at a sample, not a running sum."""
-        problem, steps = self.problem, self._closed.steps
-        samples, rest = divmod(steps, problem.stride)
-        return steps * problem.timestep if rest else samples * problem.control_period
+        problem = self.problem
+        steps = self._closed.steps
+        samples, after_sample = divmod(steps, problem.stride)
+        if after_sample:
+            return steps * problem.timestep
+        return samples * problem.control_period
 
     @property
     def over(self) -> bool:
@@ -142,36 +174,42 @@ class Episode:
     @property
     def undrawable(self) -> str:
         """Why it can't be drawn; empty if it can."""
-        why = f"{self.plant.system.name} is given by equations: only a model in MuJoCo is drawn"
-        return "" if self.plant.kind == "physics" else why
+        if self.plant.kind == "physics":
+            return ""
+        return f"{self.plant.system.name} is given by equations: only a model in MuJoCo is drawn"
 
     def undefined(self, x: Array) -> str:
         """Why an episode can't go on from a state; empty if it can."""
         system = self.plant.system
         if system.singular(x):
             return f"the plant is singular at {system.singularity}"
-        return "" if self.index.defined(x) else f"the index is undefined outside {system.region}"
+        if not self.index.defined(x):
+            return f"the index is undefined outside {system.region}"
+        return ""
 
     def reset(self, random: Random) -> None:
         """Begin again at a start, and with noise, of a generator."""
         x0 = self.start(random)
-        self.restart(x0, int(random.uniform(0, LARGEST_SEED)) if self._agent.loop else 0)
+        run = 0
+        if self._agent.loop:
+            run = int(random.uniform(0, LARGEST_SEED))
+        self.restart(x0, run)
 
     def start(self, random: Random) -> Array:
-        """The case's start, or one drawn uniformly about it, (n,).
+        """Draw a start uniformly about the case's own, (n,); without a spread it is that one.
 
         Raises:
             ArgumentError: If the plant or the index is defined at next to none of them.
         """
         x0 = np.array(self.case.x0)
         for _ in range(_TRIES):
-            drawn = (
-                random.uniform(x0 - self._spread, x0 + self._spread) if any(self._spread) else x0
-            )
+            start = x0
+            if any(self._spread):
+                start = random.uniform(x0 - self._spread, x0 + self._spread)
             with suppress(ArgumentError):
-                self.plant.require_start(drawn)
-                if not self.undefined(drawn):
-                    return drawn
+                self.plant.require_start(start)
+                if not self.undefined(start):
+                    return start
         raise ArgumentError(
             f"spread = {self._spread.tolist()}: the plant is not defined at {_TRIES} starts drawn; "
             "take a smaller one"
@@ -188,9 +226,10 @@ class Episode:
         if self._agent.loop:
             agent = relooped(self._agent, self._agent.loop.loop, run)
         problem = replace(self.problem, controllers=(agent,), x0=x0[None])
-        self._action[:] = 0.0
+        self._held.action[:] = 0.0
         self._closed = ClosedLoop(problem, steppers=self._steppers)
-        self.reward, self.ended = 0.0, ""
+        self.reward = 0.0
+        self.ended = ""
 
     def hold(self, action: ArrayLike) -> None:
         """Command an input until the next one, and book what that costs.
@@ -204,16 +243,22 @@ class Episode:
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
-        u, problem = reals(action), self.problem
+        u = reals(action)
         if u.shape != self.low.shape or not np.all(np.isfinite(u)):
             raise ArgumentError(
                 f"action {action!r} must be {len(self.low)} finite number(s) in an array of shape "
                 f"{self.low.shape}: {input_label(self.plant.system)}"
             )
-        self._action[:] = np.clip(u, self.low, self.high)
-        left = problem.steps - self._closed.steps
-        interval = problem.control_period if left >= problem.stride else left * problem.timestep
-        self.reward = -interval * self.index.stage_cost(self.time, self.x, self._action)
+        applied = np.clip(u, self.low, self.high)
+        self._held.action[:] = applied
+
+        # The case's duration may end before the next sample.
+        problem = self.problem
+        interval = problem.control_period
+        steps_to_end = problem.steps - self._closed.steps
+        if steps_to_end < problem.stride:
+            interval = steps_to_end * problem.timestep
+        self.reward = -interval * self.index.stage_cost(self.time, self.x, applied)
 
     def advance(self, steps: int) -> None:
         """Carry out timesteps under the held input, up to the case's duration.
@@ -221,18 +266,25 @@ class Episode:
         Args:
             steps: How many.
         """
+        steps = min(steps, self.problem.steps - self._closed.steps)
         # A diverging state overflows quietly; the status tells.
         with np.errstate(all="ignore"), warnings_counted_only():
-            status = self._closed.advance(min(steps, self.problem.steps - self._closed.steps))
-        diverged = status is Status.DIVERGED
-        why = "the state grew without bound" if diverged else self.undefined(self.x)
-        self.ended = f"t = {self.time:g} s: {why}" if why else ""
+            status = self._closed.advance(steps)
+
+        why = "the state grew without bound"
+        if status is not Status.DIVERGED:
+            why = self.undefined(self.x)
+        self.ended = ""
+        if why:
+            self.ended = f"t = {self.time:g} s: {why}"
 
     def observation(self) -> OrderedDict[str, Array]:
-        """What is seen of the last valid state; in a loop as sensors and estimators tell it."""
-        x, step = self.x, self._closed.steps
+        """Observation of the last valid state; in a loop of its sensors and estimators."""
+        x = self.x
         if self._agent.loop:
-            ahead = deepcopy(self._closed.run.loop)
+            # The next sample is still to come: its sensors are asked in a copy of the loop.
+            step = self._closed.steps
+            ahead = copy.deepcopy(self._closed.run.loop)
             remember(step, x, ahead)
             observe(step, ahead)
             x = ahead.seen
@@ -250,7 +302,8 @@ class Episode:
         if (width, height) not in self._renderers:
             # The plant's own model is not to be changed, and the one that moves has no looks.
             model = copy.copy(self.plant.model)
-            model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+            model.vis.global_.offwidth = width
+            model.vis.global_.offheight = height
             try:
                 self._renderers[width, height] = mujoco.Renderer(model, height, width)
             # Each backend has errors of its own.
@@ -267,28 +320,42 @@ class Episode:
         return renderer.render()
 
     def close(self) -> None:
-        """Free what draws."""
-        while self._renderers:
-            self._renderers.popitem()[1].close()
+        """Close the renderers."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers.clear()
 
 
 def _experiment(target: str, task: str | Experiment | None) -> Experiment:
     """The experiment of a target, or of a case of a system."""
     if isinstance(task, Experiment):
         system = find_system(target).name
-        if (case := task.case).system != system:
+        case = task.case
+        if case.system != system:
             raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
         return task
     if task is None and ("/" in target or target.endswith(".toml")):
         return Experiment.load(target)
-    return find_experiment(find_system(target).name, "nominal" if task is None else task)
+    if task is None:
+        task = "nominal"
+    return find_experiment(find_system(target).name, task)
 
 
-def _numbers(name: str, value: ArrayLike, of: Sequence[Signal], bound: Range) -> Array:
+def _index_law(experiment: Experiment) -> Controller:
+    """The law whose index gives the reward: GROSMC, or the last one of an experiment without."""
+    name = experiment.controllers[-1]
+    if INDEX_LAW in experiment.controllers or INDEX_LAW in experiment.file.laws:
+        name = INDEX_LAW
+    return experiment.law(experiment.nominal.truest, name)
+
+
+def _numbers(name: str, value: ArrayLike, signals: Sequence[Signal], bound: Range) -> Array:
     """A number for each signal, of which one may stand for all, within a bound."""
-    numbers, count = reals(value), len(of)
-    if numbers.shape not in {(), (count,)} or not all(map(bound.holds, numbers.ravel().tolist())):
-        labels = ", ".join(f"{signal.name} [{signal.unit}]" for signal in of)
+    numbers = reals(value)
+    count = len(signals)
+    fits = numbers.shape in {(), (count,)}
+    if not fits or not all(map(bound.holds, numbers.ravel().tolist())):
+        labels = ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
         raise ArgumentError(
             f"{name} = {value!r} must be one number or {count}, {bound.wanted}: {labels}"
         )

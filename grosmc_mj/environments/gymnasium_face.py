@@ -64,25 +64,33 @@ class CaseEnv(gymnasium.Env[Named, Array]):
             raise ArgumentError(
                 episode.undrawable or unknown_name("render_mode", render_mode, ["rgb_array"])
             )
-        low, high = episode.low, episode.high
+        self.render_mode = render_mode
+        self._size = size
+
+        low = episode.low
+        high = episode.high
         if normalized and not np.all(np.isfinite([low, high])):
             raise ArgumentError(
                 f"normalized actions need limits, {input_label(episode.plant.system)} has none: "
                 "give action_limit=..."
             )
-        self.render_mode, self._size = render_mode, size
-        # An action's middle and half width.
-        self._scale = ((low + high) / 2, (high - low) / 2) if normalized else (0.0, 1.0)
-        bounds = (-np.ones_like(low), np.ones_like(high)) if normalized else (low, high)
-        self.action_space = spaces.Box(*bounds, low.shape, np.float64)
+        # An input is middle + half_width * action.
+        self._middle: Any = 0.0
+        self._half_width: Any = 1.0
+        if normalized:
+            self._middle = (low + high) / 2
+            self._half_width = (high - low) / 2
+            low = -np.ones_like(low)
+            high = np.ones_like(high)
+        self.action_space = spaces.Box(low, high, low.shape, np.float64)
+
         # There are no bounds; Gymnasium takes infinite ones for a slip.
         most = float(np.finfo(np.float64).max)
-        self.observation_space = spaces.Dict(
-            {
-                name: spaces.Box(0.0 if name == "time" else -most, most, (count,), np.float64)
-                for name, count in episode.signals.sizes.items()
-            }
-        )
+        entries: dict[str, spaces.Space[Any]] = {}
+        for name, count in episode.signals.sizes.items():
+            least = 0.0 if name == "time" else -most
+            entries[name] = spaces.Box(least, most, (count,), np.float64)
+        self.observation_space = spaces.Dict(entries)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -109,10 +117,13 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         Raises:
             ArgumentError: If the action is not m finite numbers.
         """
-        episode, ended, (middle, half) = self.episode, self.episode.ended, self._scale
-        if ended or episode.over:
-            raise ArgumentError(f"the episode is over{ended and ' at ' + ended}: reset it")
-        episode.hold(middle + half * np.asarray(action, float))
+        episode = self.episode
+        if episode.ended:
+            raise ArgumentError(f"the episode is over at {episode.ended}: reset it")
+        if episode.over:
+            raise ArgumentError("the episode is over: reset it")
+
+        episode.hold(self._middle + self._half_width * np.asarray(action, float))
         episode.advance(episode.problem.stride)
         terminated = bool(episode.ended)
         truncated = episode.over and not terminated
@@ -124,12 +135,14 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         Raises:
             SetupError: If nothing here can draw: MUJOCO_GL says what does, read once at start.
         """
-        return self.episode.picture(*self._size) if self.render_mode else None
+        if self.render_mode is None:
+            return None
+        return self.episode.picture(*self._size)
 
     def close(self) -> None:
         """Free what draws."""
         self.episode.close()
 
     def _info(self) -> dict[str, Any]:
-        """What is known beside the observation."""
+        """End and units, beside the observation."""
         return {"ended": self.episode.ended, "units": dict(self.episode.signals.units)}

@@ -62,7 +62,8 @@ def judge_policy(
     lab = _PolicyLaboratory(settings or Settings(), policy)
     findings = []
     for claim in select_claims(name) if claims is None else claims:
-        claim = find_claim(claim) if isinstance(claim, str) else claim
+        if isinstance(claim, str):
+            claim = find_claim(claim)
         if claim.system != name:
             raise ArgumentError(f"claim {claim.id} is about {claim.system}, not about {name}")
         try:
@@ -98,7 +99,8 @@ class _Guarded:
     """Parameters of a law, of which a policy has the nominal plant and the reference only."""
 
     def __init__(self, parameters: Any) -> None:
-        self.plant, self.reference = parameters.plant, parameters.reference
+        self.plant = parameters.plant
+        self.reference = parameters.reference
 
     def __getattr__(self, name: str) -> Any:
         # No AttributeError: hasattr must not take a policy for a law without that gain.

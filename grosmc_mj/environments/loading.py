@@ -20,7 +20,7 @@ def load(
     seed: int | None = None,
     **options: Any,
 ) -> Environment:
-    """A case as a dm_control environment, with its edits and disturbances.
+    """Load a case as a dm_control environment, with its edits and disturbances.
 
     A law that runs in it gets the states and inputs that ``simulate`` gives it, bit for bit.
 
@@ -28,7 +28,7 @@ def load(
         target: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``; or ``SYSTEM/CASE``, or
             the path of a case file, on a model in MuJoCo or on equations.
         task: Name of one of a system's cases, the nominal one by default, or an experiment.
-        seed: Of the starts, which ``task.random`` draws; None for others each time.
+        seed: Of the starts, which ``task.random`` draws; None for other starts each time.
         options: ``control_period``, ``timestep``, ``spread`` and ``action_limit`` of ``Episode``.
 
     Returns:
@@ -52,6 +52,6 @@ def load(
             f"environments need dm_control, which cannot be imported ({error}): pip install "
             "dm_control with Python 3.12 or older, or use the Gymnasium environments"
         ) from error
-    return Environment(
-        CasePhysics(episode), CaseTask(episode, seed), n_sub_steps=episode.problem.stride
-    )
+    physics = CasePhysics(episode)
+    task_of_episode = CaseTask(episode, seed)
+    return Environment(physics, task_of_episode, n_sub_steps=episode.problem.stride)

@@ -37,7 +37,7 @@ class LawPolicy:
         self._last = np.nan
 
     def __call__(self, observation: Observation) -> Array:
-        """The law's inputs, (m,).
+        """Return the law's inputs, (m,).
 
         Args:
             observation: As the environments give it, or any mapping of ``time`` and the states'
@@ -47,29 +47,45 @@ class LawPolicy:
             ArgumentError: If an entry is missing, or the sampling is not what the law needs.
             UndefinedLawError: If the law is not defined at this state.
         """
+        t, *x = self._numbers(observation)
+        if t == 0:
+            self.reset()
+        self._require_period(t)
+        self._last = t
+
+        write_inputs(self._controller, t, np.array(x), self._memory, self._u)
+        if self._memory.undefined:
+            name = self._controller.name
+            raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)
+        return self._u.copy()
+
+    def _numbers(self, observation: Observation) -> list[float]:
+        """Time and states of an observation."""
         try:
-            t, *x = (np.asarray(observation[name], float).item() for name in self._names)
+            return [np.asarray(observation[name], float).item() for name in self._names]
         except (KeyError, TypeError, ValueError, IndexError):
             raise ArgumentError(
                 f"the observation must map {', '.join(self._names)} to one number each: give the "
                 "named observation, neither flattened nor batched"
             ) from None
-        if t == 0:
-            self.reset()
-        design, p, period = self._controller.design, self._controller.parameters, t - self._last
-        needed = p.period if isinstance(p, Sampled) else design and design.control_period
+
+    def _require_period(self, t: float) -> None:
+        """Refuse an instant that does not follow the last one by the law's control period."""
+        design = self._controller.design
+        p = self._controller.parameters
+        needed = None
+        if isinstance(p, Sampled):
+            needed = p.period
+        elif design is not None:
+            needed = design.control_period
+
+        period = t - self._last
         # Differences of instants are rounded in the instants' last place.
         if needed is not None and abs(period - needed) > 1e-9 * max(1.0, t):
             raise ArgumentError(
                 f"{self._controller.name} is for a control period of {needed:g} s, not {period:g} "
                 f"s: load the environment, or make the policy, with control_period={needed:g}"
             )
-        self._last = t
-        write_inputs(self._controller, t, np.array(x), self._memory, self._u)
-        if self._memory.undefined:
-            name = self._controller.name
-            raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)
-        return self._u.copy()
 
 
 def law_policy(
@@ -87,8 +103,9 @@ def law_policy(
     Raises:
         ArgumentError: If the system is not known, or the controller has no design.
     """
-    plant = controller.designed.error.system if system is None else find_system(system)
-    return LawPolicy(controller, plant, control_period)
+    if system is None:
+        return LawPolicy(controller, controller.designed.error.system, control_period)
+    return LawPolicy(controller, find_system(system), control_period)
 
 
 class PolicyLaw:
@@ -102,8 +119,10 @@ class PolicyLaw:
     python_only = True
 
     def __init__(self, policy: Any, like: Controller) -> None:
-        self._policy, self._predict = policy, getattr(policy, "predict", None)
-        self._signals, self._index = Signals(like), Index(like)
+        self._policy = policy
+        self._predict = getattr(policy, "predict", None)
+        self._signals = Signals(like)
+        self._index = Index(like)
         self._label = input_label(like.designed.error.system)
 
     def __call__(self, t: float, x: Array, memory: Any, p: Any, u: Array) -> None:
@@ -115,20 +134,28 @@ class PolicyLaw:
             return
         observation = self._signals.observe(t, x)
         try:
-            action = self._predict(observation) if self._predict else self._policy(observation)
+            action = self._action(observation)
         except UndefinedLawError:
             memory.undefined = 1.0
             return
-        action = action[0] if self._predict and isinstance(action, tuple) else action
         if action is None or np.size(reals(action)) != len(u):
             raise ArgumentError(
                 f"the policy returned {action!r}, must return {len(u)} number(s): {self._label}"
             )
         u[:] = reals(action).reshape(u.shape)
 
+    def _action(self, observation: Observation) -> Any:
+        """The policy's answer; a model that predicts returns its state, too."""
+        if self._predict is None:
+            return self._policy(observation)
+        prediction = self._predict(observation)
+        if isinstance(prediction, tuple):
+            return prediction[0]
+        return prediction
+
 
 def policy_controller(policy: Any, like: Controller, *, name: str = "") -> Controller:
-    """A policy as a controller, for ``simulate(..., engine="python")``.
+    """Controller that asks a policy, for ``simulate(..., engine="python")``.
 
     Its runs have the error coordinates and the optimum of ``like``, so that
     ``compare_with_optimum`` and ``measure`` work as for a law. A policy with a ``reset()`` is

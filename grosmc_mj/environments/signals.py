@@ -1,4 +1,4 @@
-"""What a policy sees, by name and with units, and the index that it is paid by."""
+"""The observation of a policy, by name and with units, and the index that gives its reward."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Signals:
     """The named entries of an observation.
 
     They are each state, (1,); ``time``, exactly k T [s], (1,); ``error``, the z that the index
-    weighs; and ``reference``, what z is measured from, y_r and its derivatives below r_i.
+    weighs; and ``reference``, from which z is measured, y_r and its derivatives below r_i.
 
     Args:
         law: A controller with a design.
@@ -32,14 +32,16 @@ class Signals:
     """
 
     def __init__(self, law: Controller) -> None:
-        self._error, self._parameters = law.designed.error, law.parameters
-        of_error, size = ", ".join(self._error.units), self._error.size
+        self._error = law.designed.error
+        self._parameters = law.parameters
+        units = ", ".join(self._error.units)
+        size = self._error.size
         states = {signal.name: signal.unit for signal in self._error.system.states}
-        self.units = {**states, "time": "s", "error": of_error, "reference": of_error}
+        self.units = {**states, "time": "s", "error": units, "reference": units}
         self.sizes = {**dict.fromkeys(states, 1), "time": 1, "error": size, "reference": size}
 
     def observe(self, t: float, x: ArrayLike) -> OrderedDict[str, Array]:
-        """The observation at a state.
+        """Return the observation at a state.
 
         Args:
             t: Time [s].
@@ -48,12 +50,17 @@ class Signals:
         Returns:
             New arrays by name.
         """
-        error, p, state = self._error, self._parameters, np.array(x, float)
+        error = self._error
+        p = self._parameters
+        state = np.array(x, float)
+        entries = OrderedDict[str, Array]()
+        for signal, value in zip(error.system.states, state[:, None], strict=True):
+            entries[signal.name] = value
+        entries["time"] = np.array([t])
+        entries["error"] = error.error_state(t, state, p)
         # A law that regulates the whole state has no reference.
-        reference = error.reference_along([t], getattr(p, "reference", None))[0]
-        states = zip((signal.name for signal in error.system.states), state[:, None], strict=True)
-        entries = dict(states) | {"time": np.array([t])}
-        return OrderedDict(entries, error=error.error_state(t, state, p), reference=reference)
+        entries["reference"] = error.reference_along([t], getattr(p, "reference", None))[0]
+        return entries
 
 
 class Index:
@@ -67,25 +74,29 @@ class Index:
     """
 
     def __init__(self, law: Controller) -> None:
-        self._p, self._design = law.parameters, law.designed
+        self._p = law.parameters
+        self._design = law.designed
         self._memory, self._kept_alive = law.begin()
         _, self._v = self._design.error.input_maps(linearizing=self._design.linearizing)
 
     def defined(self, x: Array) -> bool:
         """Whether a state is in the region that the index is defined in."""
-        return not self._design.linearizing or bool(self._design.error.system.linearizable(x))
+        if not self._design.linearizing:
+            return True
+        return bool(self._design.error.system.linearizable(x))
 
     def stage_cost(self, t: float, x: Array, u: ArrayLike) -> float:
-        """1/2 (z'Qz + v'Rv), in the index's unit per second.
+        """Return 1/2 (z'Qz + v'Rv), in the index's unit per second.
 
         Args:
             t: Time [s].
             x: State, (n,).
             u: Input, (m,).
         """
-        error, optimum, v = self._design.error, self._design.lqr, np.zeros(np.size(u))
+        v = np.zeros(np.size(u))
         self._v(t, x, np.asarray(u, float), self._memory, self._p, v)
-        z = error.error_state(t, x, self._p)
+        z = self._design.error.error_state(t, x, self._p)
+        optimum = self._design.lqr
         return float(0.5 * (quadratic(z, optimum.Q) + quadratic(v, optimum.R)))
 
 

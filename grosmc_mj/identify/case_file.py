@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,20 @@ from grosmc_mj.sweep.family import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0
-# The key by which a table says what it is of, where that is not the owner's own name.
-_OF = {"sensor": "of", "actuator": "of", "estimator": "of", "motor": "input",
-       "transmission": "joint", "lugre": "joint", "stop": "joint"}  # fmt: skip
+# Correlations nearer to 1 than this are left out: rounding of numbers that determine each other.
+_SAME = 1e-9
+# The key by which a table names what it changes, where that is not the owner's own name.
+_OF = {
+    "sensor": "of",
+    "actuator": "of",
+    "estimator": "of",
+    "motor": "input",
+    "transmission": "joint",
+    "lugre": "joint",
+    "stop": "joint",
+}
+# Owners whose numbers stand in an [[edit]].
+_EDITED = ("body", "joint", "parameter")
 
 
 def write_case(fit: Fit, log: str, path: Path) -> None:
@@ -39,30 +50,16 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     experiment = fit.parameters.experiment
     content: dict[str, Any] = tomllib.loads(resolved_text(experiment.path))
     content["title"] = f"{experiment.case.title}, as identified from {log}"
-    content["plant"] = dict(content.get("plant", {"system": experiment.case.system}))
-    if "model" in content["plant"] and ":" not in content["plant"]["model"]:
-        model = experiment.path.parent / content["plant"]["model"]
-        content["plant"]["model"] = os.path.relpath(model, path.parent)
-    names = {quantity.name for quantity in fit.parameters.quantities}
-    own = zip(content.get("uncertain", []), experiment.file.uncertain, strict=False)
-    kept = [table for table, read in own if read.called not in names]
-    settings, deviations = experiment.settings, iter(np.sqrt(np.diag(fit.covariance)).tolist())
-    fitted: list[Quantity] = []
-    for quantity, value, half in fit.estimates:
-        _set(content, quantity, quantity.as_run(value, settings.timestep, settings.control_period))
-        if half is not None:
-            kept.append(_uncertain(quantity, value, next(deviations)))
-            fitted.append(quantity)
-    content["uncertain"] = kept
-    rho = fit.correlation
-    content["correlation"] = [
-        {"between": [fitted[i].name, fitted[j].name], "coefficient": float(rho[i, j])}
-        for i in range(len(fitted))
-        for j in range(i)
-        if abs(rho[i, j]) < 1 - 1e-9
-    ]
-    if able := _able(fit):
-        content["plant"]["compare"] = able
+    declared = content.get("plant", {"system": experiment.case.system})
+    content["plant"] = _plant_table(fit, declared, path)
+
+    settings = experiment.settings
+    for quantity, value, _ in fit.estimates:
+        run_value = quantity.as_run(value, settings.timestep, settings.control_period)
+        _set(content, quantity, run_value)
+    content["uncertain"] = _uncertain_tables(fit, content.get("uncertain", []))
+    content["correlation"] = _correlation_tables(fit)
+
     with written_aside(path) as part:
         part.write_text(
             f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}",
@@ -70,34 +67,81 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         )
 
 
-def _able(fit: Fit) -> list[PlantName]:
-    """The plants that have the fitted numbers, if others have not: equations have no friction."""
-    experiment, able = fit.parameters.experiment, list[PlantName]()
-    for name in experiment.plant_names:
-        with contextlib.suppress(ModelError):
-            fit.parameters.plant(fit.values, experiment.plant(name))
-            able.append(name)
-    return able if len(able) < len(experiment.plant_names) else []
+def _plant_table(fit: Fit, declared: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """The [plant] of a case file at another path, with the plants that have the fitted numbers."""
+    experiment = fit.parameters.experiment
+    plant = dict(declared)
+    if "model" in plant and ":" not in plant["model"]:
+        model = experiment.path.parent / plant["model"]
+        plant["model"] = os.path.relpath(model, path.parent)
+
+    # Equations have no friction: only the plants that can have the numbers are compared.
+    names = [name for name in experiment.plant_names if _can_have(fit, name)]
+    if 0 < len(names) < len(experiment.plant_names):
+        plant["compare"] = names
+    return plant
+
+
+def _can_have(fit: Fit, name: PlantName) -> bool:
+    """Whether a plant can have the fitted numbers."""
+    parameters = fit.parameters
+    try:
+        parameters.plant(fit.values, parameters.experiment.plant(name))
+    except ModelError:
+        return False
+    return True
+
+
+def _uncertain_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The [[uncertain]] tables of numbers that are no parameters, then those that are fitted."""
+    names = fit.parameters.names
+    uncertain = zip(declared, fit.parameters.experiment.file.uncertain, strict=False)
+    tables = [table for table, number in uncertain if number.called not in names]
+
+    deviations = iter(np.sqrt(np.diag(fit.covariance)).tolist())
+    for quantity, value, half in fit.estimates:
+        if half is not None:
+            tables.append(_uncertain(quantity, value, next(deviations)))
+    return tables
+
+
+def _correlation_tables(fit: Fit) -> list[dict[str, Any]]:
+    """A table for each pair of fitted numbers."""
+    names = [quantity.name for quantity, _, half in fit.estimates if half is not None]
+    correlation = fit.correlation.tolist()
+
+    tables = []
+    for i, name in enumerate(names):
+        for other, coefficient in zip(names[:i], correlation[i], strict=False):
+            if abs(coefficient) < 1 - _SAME:
+                tables.append({"between": [name, other], "coefficient": coefficient})
+    return tables
 
 
 def _written(value: float, unit: str) -> float | str:
-    return f"{value:.10g} {unit}" if unit else value
+    """A number as a case file has it."""
+    if not unit:
+        return value
+    return f"{value:.10g} {unit}"
 
 
 def _set(content: dict[str, Any], quantity: Quantity, value: float) -> None:
     """Bring a value into the table that has it."""
     written = _written(value, quantity.unit)
-    if quantity.owner == "computing":
+    owner = quantity.owner
+    if owner == "computing":
         content["computing"] = content.get("computing", {}) | {quantity.quantity: written}
         return
-    edited = quantity.owner in ("body", "joint", "parameter")
-    name, key = ("edit", quantity.owner) if edited else (quantity.owner, _OF[quantity.owner])
+
+    name = "edit" if owner in _EDITED else owner
+    key = _OF.get(owner, owner)
     tables = [dict(table) for table in content.get(name, [])]
-    table = next((row for row in tables if row.get(key) == quantity.of), None)
-    if table is None:
-        tables.append(table := {key: quantity.of})
-    table[quantity.quantity] = written
     content[name] = tables
+    for table in tables:
+        if table.get(key) == quantity.of:
+            table[quantity.quantity] = written
+            return
+    tables.append({key: quantity.of, quantity.quantity: written})
 
 
 def _uncertain(quantity: Quantity, value: float, deviation: float) -> dict[str, Any]:
@@ -105,11 +149,16 @@ def _uncertain(quantity: Quantity, value: float, deviation: float) -> dict[str, 
     low, high = quantity.distribution.support
     spread = _WITHIN * deviation
     numbers = {
-        "mean": value, "deviation": deviation,
-        "least": max(low, value - spread), "most": min(high, value + spread),
-    }  # fmt: skip
-    of: Any = True if quantity.owner == "computing" else quantity.of
+        "mean": value,
+        "deviation": deviation,
+        "least": max(low, value - spread),
+        "most": min(high, value + spread),
+    }
     distribution = {key: _written(number, quantity.unit) for key, number in numbers.items()}
+
+    of: Any = quantity.of
+    if quantity.owner == "computing":
+        of = True
     return {
         quantity.owner: of,
         "name": quantity.name,

@@ -14,7 +14,7 @@ from grosmc_mj.results.palette import BLUE
 
 
 def film_of_log(rung: Rung, log: Log, horizon: float) -> Film:
-    """The first prediction along a log.
+    """Film of the first prediction along a log.
 
     Args:
         rung: The simulated machine.
@@ -28,20 +28,26 @@ def film_of_log(rung: Rung, log: Log, horizon: float) -> Film:
     if not isinstance(plant, MujocoPlant):
         raise ArgumentError("--film: the case does not run in MuJoCo: there is no film of it")
     system = plant.system
-    shown = [system.states[i].name for i in system.controlled]
-    if missing := [name for name in shown if name not in log.outputs]:
-        raise ArgumentError(f"--film: the log does not measure {missing[0]}: there is no ghost")
+    positions = [system.states[i].name for i in system.controlled]
+    for name in positions:
+        if name not in log.outputs:
+            raise ArgumentError(f"--film: the log does not measure {name}: there is no ghost")
+
     predictor = Predictor.of(log, horizon, plant.step_length)
+    window = predictor.windows[0]
     run = predictor.first_run(plant, rung.delay)
-    samples = predictor.windows[0].samples
-    times = log.time[samples] - predictor.windows[0].start
-    ghost = [np.interp(run.time, times, log.outputs[name][samples]) for name in shown]
-    others = [i for i in range(len(system.states)) if i not in system.controlled]
+
+    # The measured positions at the instants of the simulated run.
+    times = log.time[window.samples] - window.start
+    ghost = [np.interp(run.time, times, log.outputs[name][window.samples]) for name in positions]
+
+    # Film draws one more state beside the bodies: the first that is not controlled.
+    uncontrolled = [i for i in range(len(system.states)) if i not in system.controlled]
     return Film(
         title=f"{system.title}: {log.name}",
         model=plant.model,
         takes=(Take("simulated", BLUE, run, np.column_stack(ghost)),),
         ghost_label="measured",
         ghost_symbol="y",
-        beside=others[0],
+        beside=uncontrolled[0],
     )

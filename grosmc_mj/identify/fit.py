@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,13 +25,19 @@ from grosmc_mj.identify.replay import Predictor, starts_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.sweep.family import Quantity
 
-# Differences for derivatives, as shares of a parameter's and a state's size.
+# Step of the differences for derivatives, as a share of a parameter's range and a state's size.
 _STEP = 1e-4
-# A direction whose standard deviation is more than this share of the parameters is not visible; a
-# parameter belongs to it from this component on.
-_WEAK, _PART = 0.5, 0.3
-# Lags of the residual's autocorrelation that are tested, at this level together.
-_LAGS, _LEVEL = 20, 0.01
+# Residual after a prediction diverged, in standard deviations.
+_DIVERGED = 1e6
+# Starts of the windows are searched within so many sizes of a state about the first guess.
+_START_RANGE = 10.0
+# A direction whose standard deviation is more than this share of the parameters is not visible.
+_WEAK = 0.5
+# A parameter belongs to that direction if its component is above this share of the largest one.
+_PART = 0.3
+# Lags of the residual's autocorrelation that are tested, and the level of the whole test.
+_LAGS = 20
+_LEVEL = 0.01
 
 
 class Unseen(NamedTuple):
@@ -40,7 +46,7 @@ class Unseen(NamedTuple):
     Attributes:
         held: The one that is held at its value in the case.
         others: Those that it cannot be told apart from; empty if it has no effect of its own.
-        words: What is visible of them, and what would show them.
+        words: Which combination of them is visible, and which log would show them.
     """
 
     held: str
@@ -49,7 +55,7 @@ class Unseen(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """How well one measured state is predicted.
+    """Accuracy of the prediction of one measured state.
 
     Attributes:
         state: Its name.
@@ -78,7 +84,7 @@ class Fit:
         values: Of all; what is not fitted has the case's value, (d,).
         covariance: Of those that are fitted.
         half: Half width of the 95 % interval of each that is fitted.
-        unseen: What the log does not show.
+        unseen: The parameters that the log does not show.
         scales: Standard deviation of each measured state's residual.
     """
 
@@ -92,29 +98,39 @@ class Fit:
 
     @property
     def correlation(self) -> Array:
-        """Of those that are fitted."""
+        """Correlation of the parameters that are fitted."""
         deviation = np.sqrt(np.diag(self.covariance))
         return self.covariance / np.outer(deviation, deviation)
 
     @property
     def estimates(self) -> list[tuple[Quantity, float, float | None]]:
         """Each parameter, its value and half the width of its interval; None where it is held."""
-        widths = iter(self.half.tolist())
-        half = [next(widths) if fitted else None for fitted in self.fitted]
-        return list(zip(self.parameters.quantities, self.values.tolist(), half, strict=True))
+        values = self.values.tolist()
+        halves = iter(self.half.tolist())
+        rows: list[tuple[Quantity, float, float | None]] = []
+        for quantity, value, fitted in zip(
+            self.parameters.quantities, values, self.fitted, strict=True
+        ):
+            rows.append((quantity, value, next(halves) if fitted else None))
+        return rows
 
 
 @dataclass(frozen=True, eq=False)
 class _Residual:
     """The weighted residual of a log, and its derivatives by parameters and starts.
 
+    A point x of the search holds the parameters that are fitted, as shares of their ranges, and
+    the starts of all windows in the sizes of the states.
+
     Attributes:
         parameters: The parameters.
         free: Which are fitted, (d,).
         predictor: The log's windows.
         plant: Before any change.
-        scales: Of the measured states.
+        scales: Standard deviations of the measured states.
         fixed: Values of the parameters that are not fitted, (d,).
+        starts: The first guess of the windows' starts, (windows, n).
+        sizes: A size of each state, (n,).
     """
 
     parameters: Parameters
@@ -123,19 +139,8 @@ class _Residual:
     plant: Plant
     scales: dict[str, float]
     fixed: Array
-
-    @cached_property
-    def starts(self) -> Array:
-        """The first guess of the windows' starts, (windows, n)."""
-        return starts_of(self.predictor.log, self.predictor.windows, self.plant.system)
-
-    @cached_property
-    def _sizes(self) -> Array:
-        """A size of each state, (n,)."""
-        outputs = self.predictor.log.outputs
-        spread = {name: max(float(np.ptp(y)), 1e-9) for name, y in outputs.items()}
-        largest = max(spread.values())
-        return np.array([spread.get(state.name, largest) for state in self.plant.system.states])
+    starts: Array
+    sizes: Array
 
     @property
     def width(self) -> Array:
@@ -144,74 +149,112 @@ class _Residual:
         return (high - low)[self.free]
 
     def point(self, values: Array) -> Array:
-        """Values of all parameters, with the starts, as a point of the search."""
-        inside = (values - self.parameters.bounds[0])[self.free] / self.width
-        return np.concatenate([inside, (self.starts / self._sizes).ravel()])
+        """The point of the search with these values of all parameters, (d,), at the first guess."""
+        low, _ = self.parameters.bounds
+        shares = (values - low)[self.free] / self.width
+        return np.concatenate([shares, (self.starts / self.sizes).ravel()])
 
     def parts(self, x: Array) -> tuple[Array, Array]:
-        """Values of all parameters, and the starts, of a point."""
-        values, count = self.fixed.copy(), int(self.free.sum())
-        values[self.free] = self.parameters.bounds[0][self.free] + self.width * x[:count]
-        return values, x[count:].reshape(self.starts.shape) * self._sizes
+        """Values of all parameters, (d,), and the starts, (windows, n), of a point."""
+        count = int(self.free.sum())
+        low, _ = self.parameters.bounds
+        values = self.fixed.copy()
+        values[self.free] = low[self.free] + self.width * x[:count]
+        starts = x[count:].reshape(self.starts.shape) * self.sizes
+        return values, starts
 
     def of(self, points: Sequence[Array]) -> list[Array]:
         """The residuals at several points, (r,) each: state by state, window by window."""
-        values, starts = zip(*map(self.parts, points), strict=True)
-        runs = self.predictor.states(
-            [self.parameters.plant(vector, self.plant) for vector in values],
-            starts,
-            [self.parameters.input_delay(vector) for vector in values],
-        )
-        errors = [
-            self.predictor.errors(
-                states, self.plant.system, partial(self.parameters.sensor, values=row)
-            )
-            for row, states in zip(values, runs, strict=True)
-        ]
-        return [
-            np.nan_to_num(
-                np.concatenate([np.concatenate(error[name]) / self.scales[name] for name in error]),
-                nan=1e6,
-            )
-            for error in errors
-        ]
+        values = []
+        starts = []
+        for x in points:
+            x_values, x_starts = self.parts(x)
+            values.append(x_values)
+            starts.append(x_starts)
 
-    @cached_property
+        # All points and windows are one batch of runs.
+        plants = [self.parameters.plant(row, self.plant) for row in values]
+        delays = [self.parameters.input_delay(row) for row in values]
+        runs = self.predictor.states(plants, starts, delays)
+
+        residuals = []
+        for row, states in zip(values, runs, strict=True):
+            sensor = partial(self.parameters.sensor, values=row)
+            errors = self.predictor.errors(states, self.plant.system, sensor)
+            scaled = [np.concatenate(errors[name]) / self.scales[name] for name in errors]
+            residuals.append(np.nan_to_num(np.concatenate(scaled), nan=_DIVERGED))
+        return residuals
+
+    @property
     def _lengths(self) -> NDArray[np.intp]:
         """Samples of each window."""
-        return np.array([w.samples.stop - w.samples.start for w in self.predictor.windows])
+        return np.array([window.length for window in self.predictor.windows])
 
     def errors(self, x: Array) -> dict[str, list[Array]]:
         """The residual at a point in the units of the states, by state and window."""
-        shares = np.split(self.of([x])[0], len(self.scales))
-        return {
-            name: np.split(share * scale, np.cumsum(self._lengths)[:-1])
-            for (name, scale), share in zip(self.scales.items(), shares, strict=True)
-        }
+        (residual,) = self.of([x])
+        borders = np.cumsum(self._lengths)[:-1]
+        errors = {}
+        by_state = np.split(residual, len(self.scales))
+        for (name, scale), scaled in zip(self.scales.items(), by_state, strict=True):
+            errors[name] = np.split(scaled * scale, borders)
+        return errors
 
     def jacobian(self, x: Array) -> Array:
         """Its derivative by the point, (r, p): a start acts in its own window alone."""
-        count, (windows, n) = int(self.free.sum()), self.starts.shape
-        # The starts of all windows are moved at once.
+        count = int(self.free.sum())
+        windows, n = self.starts.shape
+        # A direction for each parameter, and for each state: the starts of all windows are moved
+        # at once.
         directions = np.zeros((count + n, len(x)))
         directions[:count, :count] = np.eye(count)
         directions[count:, count:] = np.tile(np.eye(n), windows)
-        ends = [x + sign * _STEP * row for row in directions for sign in (1, -1)]
-        for end in ends:  # parameters stay within their bounds
-            end[:count] = end[:count].clip(0.0, 1.0)
-        values, ends = (
-            np.reshape(self.of(ends), (count + n, 2, -1)),
-            np.reshape(ends, (-1, 2, len(x))),
-        )
-        widths = np.abs(ends[:, 0] - ends[:, 1]).max(axis=1)
-        slopes = (values[:, 0] - values[:, 1]) / widths[:, None]
-        rows = np.arange(slopes.shape[1])
+
+        ends = []
+        for direction in directions:
+            for sign in (1, -1):
+                end = x + sign * _STEP * direction
+                # Parameters stay within their bounds.
+                end[:count] = end[:count].clip(0.0, 1.0)
+                ends.append(end)
+        values = np.reshape(self.of(ends), (count + n, 2, -1))
+        pairs = np.reshape(ends, (count + n, 2, len(x)))
+        steps = np.abs(pairs[:, 0] - pairs[:, 1]).max(axis=1)
+        slopes = (values[:, 0] - values[:, 1]) / steps[:, None]
+
+        # The window of each entry of the residual tells whose start moved it.
         owners = np.tile(np.repeat(np.arange(windows), self._lengths), len(self.scales))
-        result = np.zeros((len(rows), len(x)))
-        result[:, :count] = slopes[:count].T
+        rows = np.arange(slopes.shape[1])
+        jacobian = np.zeros((len(rows), len(x)))
+        jacobian[:, :count] = slopes[:count].T
         for j in range(n):
-            result[rows, count + owners * n + j] = slopes[count + j]
-        return result
+            jacobian[rows, count + owners * n + j] = slopes[count + j]
+        return jacobian
+
+
+def _residual_of(
+    parameters: Parameters,
+    free: NDArray[np.bool_],
+    predictor: Predictor,
+    plant: Plant,
+    scales: dict[str, float],
+    fixed: Array,
+) -> _Residual:
+    """The residual with the first guess of its starts, and sizes of the states."""
+    log = predictor.log
+    spans = {name: max(float(np.ptp(y)), 1e-9) for name, y in log.outputs.items()}
+    largest = max(spans.values())
+    sizes = [spans.get(state.name, largest) for state in plant.system.states]
+    return _Residual(
+        parameters=parameters,
+        free=free,
+        predictor=predictor,
+        plant=plant,
+        scales=scales,
+        fixed=fixed,
+        starts=starts_of(log, predictor.windows, plant.system),
+        sizes=np.array(sizes),
+    )
 
 
 def fit(
@@ -241,33 +284,45 @@ def fit(
     # In the order of the states, as the residual has them.
     measured = [state.name for state in plant.system.states if state.name in log.outputs]
     scales = {name: _first_scale(log, name) for name in measured}
-    free, unseen = np.ones(len(parameters.names), bool), list[Unseen]()
     values = parameters.first
+    free = np.ones(len(parameters.names), bool)
+    unseen: list[Unseen] = []
     while True:
         progress(f"fitting {int(free.sum())} parameters")
-        residual = _Residual(parameters, free, predictor, plant, scales, parameters.nominal)
+        residual = _residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
         x = _searched(residual, residual.point(values))
+
+        # Again, with each state weighted by what the first search left of it.
         scales = _rescaled(residual, x)
         residual = replace(residual, scales=scales)
         x = _searched(residual, x)
-        jacobian, values = residual.jacobian(x), residual.parts(x)[0]
+        values, _ = residual.parts(x)
+
+        jacobian = residual.jacobian(x)
         weak = _weak(parameters, free, jacobian)
         if weak is None:
-            break
+            return _fit_at(residual, x, jacobian, unseen)
+
         unseen.append(weak)
         free = free & (np.array(parameters.names) != weak.held)
         if not free.any():
             raise ArgumentError(f"{log.name} shows none of the parameters: {weak.words}")
-    count, width = int(free.sum()), residual.width
+
+
+def _fit_at(residual: _Residual, x: Array, jacobian: Array, unseen: Sequence[Unseen]) -> Fit:
+    """The fit at a point of least squares, in the units of the parameters."""
+    values, _ = residual.parts(x)
+    width = residual.width
+    count = len(width)
     covariance, half = _sysid().calculate_intervals(residual.of([x]), jacobian)
     return Fit(
-        parameters=parameters,
-        fitted=free,
+        parameters=residual.parameters,
+        fitted=residual.free,
         values=values,
         covariance=covariance[:count, :count] * np.outer(width, width),
         half=half[:count] * width,
         unseen=unseen,
-        scales=scales,
+        scales=residual.scales,
     )
 
 
@@ -286,20 +341,24 @@ def _sysid() -> Any:
 
 def _searched(residual: _Residual, x: Array) -> Array:
     """The point of least squares, from a first one."""
-    sysid, count = _sysid(), int(residual.free.sum())
-    low, high = np.zeros(len(x)), np.ones(len(x))
-    low[count:], high[count:] = x[count:] - 10.0, x[count:] + 10.0
-    names = sysid.ParameterDict()
-    names.add(sysid.Parameter("point", np.clip(x, low, high), low, high))
+    sysid = _sysid()
+    count = int(residual.free.sum())
+    low = np.zeros(len(x))
+    high = np.ones(len(x))
+    low[count:] = x[count:] - _START_RANGE
+    high[count:] = x[count:] + _START_RANGE
+
+    variables = sysid.ParameterDict()
+    variables.add(sysid.Parameter("point", np.clip(x, low, high), low, high))
     _, result = sysid.optimize(
-        names,
+        variables,
         lambda at, _: ([residual.of([np.asarray(at).ravel()])[0][:, None]], None, None),
         optimizer="mujoco",
         verbose=False,
         max_iters=50,
         xtol=1e-7,
         mu_factor=10.0,
-        # Its progress is nobody's.
+        # Nobody reads its progress.
         output=io.StringIO(),
         jacobian=lambda at, _: residual.jacobian(np.asarray(at).ravel()),
     )
@@ -308,48 +367,69 @@ def _searched(residual: _Residual, x: Array) -> Array:
 
 def _first_scale(log: Log, state: str) -> float:
     """Standard deviation of a sensor's noise, at least that of its rounding."""
-    rounding, span = log.resolution(state) / np.sqrt(12.0), float(np.ptp(log.outputs[state]))
-    return max(log.noise(state), float(rounding), 1e-9 * span, 1e-12)
+    rounding = float(log.resolution(state) / np.sqrt(12.0))
+    span = float(np.ptp(log.outputs[state]))
+    return max(log.noise(state), rounding, 1e-9 * span, 1e-12)
 
 
 def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
     """The standard deviation of each state's residual."""
-    errors, scales = residual.errors(x), {}
+    errors = residual.errors(x)
+    # The fitted starts take degrees of freedom, of each measured state as many.
+    fitted_starts = residual.starts.size // len(errors)
+    scales = {}
     for name, parts in errors.items():
-        samples = sum(map(len, parts)) - residual.starts.size // len(errors)
-        scales[name] = float(np.linalg.norm(np.concatenate(parts)) / np.sqrt(max(1, samples)))
+        samples = sum(map(len, parts)) - fitted_starts
+        norm = np.linalg.norm(np.concatenate(parts))
+        scales[name] = float(norm / np.sqrt(max(1, samples)))
     return scales
 
 
 def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> Unseen | None:
     """The parameters that are the least visible, if that is not enough; None if all are."""
-    count, sizes = int(free.sum()), parameters.scales[free]
-    width = (parameters.bounds[1] - parameters.bounds[0])[free]
-    own, starts = jacobian[:, :count] * (sizes / width), jacobian[:, count:]
-    seen = starts[:, np.abs(starts).max(axis=0) > 0]
-    own = own - seen @ np.linalg.lstsq(seen, own, rcond=None)[0]
-    _, s, v = np.linalg.svd(own, full_matrices=False)
+    count = int(free.sum())
+    low, high = parameters.bounds
+    by_size = jacobian[:, :count] * (parameters.scales[free] / (high - low)[free])
+
+    # What the starts of the windows could have made counts for no parameter.
+    by_start = jacobian[:, count:]
+    by_start = by_start[:, np.abs(by_start).max(axis=0) > 0]
+    by_size = by_size - by_start @ np.linalg.lstsq(by_start, by_size, rcond=None)[0]
+
+    # The least singular value is the inverse of the largest standard deviation of a direction.
+    _, s, v = np.linalg.svd(by_size, full_matrices=False)
     if s[-1] * _WEAK >= 1.0:
         return None
-    names = np.array(parameters.names)[free]
+
     direction = v[-1]
     members = np.flatnonzero(np.abs(direction) > _PART * np.abs(direction).max())
     held = members[np.abs(direction[members]).argmax()]
-    others = tuple(str(names[i]) for i in members if i != held)
+    names = np.array(parameters.names)[free]
     name = str(names[held])
+    others = tuple(str(names[i]) for i in members if i != held)
+    same_sign = bool(np.prod(np.sign(direction[members])) > 0)
+    return Unseen(name, others, _unseen_words(name, others, same_sign))
+
+
+def _unseen_words(name: str, others: Sequence[str], same_sign: bool) -> str:
+    """Words on a held parameter and those that it cannot be told apart from.
+
+    Args:
+        name: The one that is held.
+        others: The others.
+        same_sign: Whether their changes that cancel each other have the same sign.
+    """
     if not others:
-        words = f"{name} is not visible in this log: give it a run that moves it more, or faster"
-        return Unseen(name, (), words)
-    listed = " and ".join([name, *others])
+        return f"{name} is not visible in this log: give it a run that moves it more, or faster"
+
     relation = "a combination of them"
     if len(others) == 1:
-        same = np.prod(np.sign(direction[members])) > 0
-        relation = "their ratio" if same else "their sum or product"
-    words = (
+        relation = "their ratio" if same_sign else "their sum or product"
+    listed = " and ".join([name, *others])
+    return (
         f"{listed}: only {relation} is visible in this log; {name} is held at its value in the "
         "case. A run with a known load, or a measurement of one of them, tells them apart"
     )
-    return Unseen(name, others, words)
 
 
 def residuals(
@@ -360,8 +440,8 @@ def residuals(
     The starts of the windows are fitted to the log, the parameters are not.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    none = np.zeros(len(fit.values), bool)
-    residual = _Residual(fit.parameters, none, predictor, plant, fit.scales, fit.values)
+    none_free = np.zeros(len(fit.values), bool)
+    residual = _residual_of(fit.parameters, none_free, predictor, plant, fit.scales, fit.values)
     errors = residual.errors(_searched(residual, residual.point(fit.values)))
     samples = [window.samples for window in predictor.windows]
     return {name: list(zip(samples, parts, strict=True)) for name, parts in errors.items()}
@@ -370,28 +450,33 @@ def residuals(
 def quality(
     parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System
 ) -> list[Quality]:
-    """How well a fit predicts a log.
+    """Measure how well a fit predicts a log.
 
     Args:
         parts: Its ``residuals``.
         log: The log.
         system: Units of the states.
     """
-    units, rows = {state.name: state.unit for state in system.states}, []
-    for name, pieces in parts.items():
+    rows = []
+    for state in system.states:
+        name = state.name
+        if name not in parts:
+            continue
+        samples, errors = zip(*parts[name], strict=True)
         values = log.outputs[name]
-        measured = np.concatenate([values[samples] for samples, _ in pieces])
-        error = np.concatenate([residual for _, residual in pieces])
-        rms, spread = float(np.sqrt(np.mean(error**2))), float(np.std(measured))
+        measured = np.concatenate([values[window] for window in samples])
+        rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+        spread = float(np.std(measured))
+        # A sensor without steps is compared with its noise.
         step = log.resolution(name) or log.noise(name)
         rows.append(
             Quality(
                 state=name,
-                unit=units[name],
+                unit=state.unit,
                 rms=rms,
                 fit=1 - rms / max(spread, 1e-12),
                 steps=rms / max(step, 1e-12),
-                white=_white([residual for _, residual in pieces]),
+                white=_white(errors),
             )
         )
     return rows
@@ -399,15 +484,16 @@ def quality(
 
 def _white(pieces: Sequence[Array]) -> bool:
     """Whether residuals are uncorrelated in time, by Ljung and Box over all windows."""
-    long = [piece - piece.mean() for piece in pieces if len(piece) > 3 * _LAGS]
-    if not long:
+    errors = [piece - piece.mean() for piece in pieces if len(piece) > 3 * _LAGS]
+    if not errors:
         return True
-    power, count = sum(float(e @ e) for e in long), sum(map(len, long))
-    correlations = [
-        sum(float(e[lag:] @ e[:-lag]) for e in long) / max(power, 1e-300)
-        for lag in range(1, _LAGS + 1)
-    ]
-    statistic = count * (count + 2) * sum(
-        rho**2 / (count - lag) for lag, rho in enumerate(correlations, 1)
-    )  # fmt: skip
+    count = sum(map(len, errors))
+    power = max(sum(float(e @ e) for e in errors), 1e-300)
+
+    # Q = n (n + 2) sum of rho_k^2 / (n - k) over the lags k, of chi-squared distribution.
+    terms = []
+    for lag in range(1, _LAGS + 1):
+        rho = sum(float(e[lag:] @ e[:-lag]) for e in errors) / power
+        terms.append(rho**2 / (count - lag))
+    statistic = count * (count + 2) * sum(terms)
     return bool(stats.chi2.sf(statistic, _LAGS) > _LEVEL)

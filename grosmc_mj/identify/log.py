@@ -22,11 +22,19 @@ from grosmc_mj.experiments.file.schema import ColumnTable, LogTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.plants import Signal, System
 
-# A log of fewer samples tells nothing; a step of the time this many times the median is a gap.
-_FEWEST, _GAP = 50, 3.0
+# A log of fewer samples tells nothing.
+_FEWEST = 50
+# A step of the time this many times the median is a gap.
+_GAP = 3.0
+# Fewer samples between two gaps have no curvature, and are left out.
+SHORTEST_PIECE = 3
 # A header such as "rotor angle [deg]" or "u (V)".
 _HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+# Headers of the time.
 _TIME = ("time", "t")
+# Headers that a message lists, and letters of an error of a library that it quotes.
+_LISTED = 12
+_QUOTED = 160
 # Of an input: the largest share of samples at its largest or smallest value before it saturates.
 _SATURATED = 0.5
 
@@ -41,11 +49,20 @@ class _Column(NamedTuple):
         """The last value before each instant."""
         if self.stamps is None:
             return self.values
-        return self.values[(np.searchsorted(self.stamps, time, side="right") - 1).clip(0)]
+        last = np.searchsorted(self.stamps, time, side="right") - 1
+        return self.values[last.clip(0)]
 
     def between(self, time: Array) -> Array:
         """The values at some instants, by straight lines."""
-        return self.values if self.stamps is None else np.interp(time, self.stamps, self.values)
+        if self.stamps is None:
+            return self.values
+        return np.interp(time, self.stamps, self.values)
+
+    def name_and_unit(self, header: str) -> tuple[str, str]:
+        """Name and unit in its header; a path of a message has no unit."""
+        if self.stamps is not None:
+            return header, ""
+        return _name_and_unit(header)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,26 +97,33 @@ class Log:
         """The step of its encoder; 0 for none."""
         values = self.outputs[state]
         steps = np.diff(np.unique(values))
-        return float(steps.min()) if 0 < len(steps) < len(values) // 3 else 0.0
+        # An encoder repeats its values; of other sensors nearly every value is new.
+        if 0 < len(steps) < len(values) // 3:
+            return float(steps.min())
+        return 0.0
 
     def between(self, start: float, stop: float) -> Log:
         """The part of it from one share of its time to another, such as 0.7 to 1."""
-        ends = start * self.time[-1], stop * self.time[-1]
-        first, last = (int(np.searchsorted(self.time, end, side="right")) for end in ends)
-        first = 0 if start == 0 else first
-        pieces = [
-            slice(max(piece.start, first), min(piece.stop, last))
-            for piece in self.pieces
-            if min(piece.stop, last) - max(piece.start, first) > 2
-        ]
+        first = 0
+        if start != 0:
+            first = int(np.searchsorted(self.time, start * self.time[-1], side="right"))
+        last = int(np.searchsorted(self.time, stop * self.time[-1], side="right"))
+
+        parts = [slice(max(p.start, first), min(p.stop, last)) for p in self.pieces]
+        pieces = [part for part in parts if part.stop - part.start >= SHORTEST_PIECE]
         return replace(self, pieces=pieces)
 
 
 def read_log(path: Path, system: System, table: LogTable | None) -> Log:
-    """A log, with its columns matched to the inputs and states of a system.
+    """Read a log, with its columns matched to the inputs and states of a system.
 
     A column is matched by its header, the name or the symbol of the signal with its unit in
     brackets, or by the case file's ``[log]``.
+
+    Args:
+        path: A file of the kind CSV, Parquet or MCAP.
+        system: The inputs and states.
+        table: ``[log]`` of the case file; None if it has none.
 
     Raises:
         ArgumentError: If it cannot be read, or nothing can be learned from it.
@@ -126,16 +150,23 @@ def _log_of(name: str, columns: Mapping[str, _Column], system: System, table: Lo
             f"no column of a state ({', '.join(states)}), only {_some(columns)}: name one in the "
             "case file's [log]"
         )
+
+    # Messages of several topics are brought to the instants of the first measured state.
     time = next(iter(measured.values())).stamps
-    time = _time(columns, table) if time is None else time
+    if time is None:
+        time = _time(columns, table)
     u = np.column_stack([column.held(time) for column in inputs if column is not None])
     _require_excited(system.inputs, u)
     outputs = {state: column.between(time) for state, column in measured.items()}
-    step = np.diff(time)
-    ends = np.flatnonzero(step > _GAP * np.median(step)) + 1
-    borders = [0, *ends.tolist(), len(time)]
-    pieces = [slice(a, b) for a, b in itertools.pairwise(borders) if b - a > 2]
-    return Log(name, time - time[0], u, outputs, pieces)
+    return Log(name, time - time[0], u, outputs, _pieces(time))
+
+
+def _pieces(time: Array) -> list[slice]:
+    """The samples between two gaps, without what is too short."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+    borders = [0, *gaps.tolist(), len(time)]
+    return [slice(a, b) for a, b in itertools.pairwise(borders) if b - a >= SHORTEST_PIECE]
 
 
 def joined(logs: Sequence[Log]) -> Log:
@@ -145,51 +176,74 @@ def joined(logs: Sequence[Log]) -> Log:
         ArgumentError: If they do not measure the same states.
     """
     log = logs[0]
-    for other in logs[1:]:
-        if log.outputs.keys() != other.outputs.keys():
+    for following in logs[1:]:
+        if log.outputs.keys() != following.outputs.keys():
             raise ArgumentError(
-                f"{log.name} measures {', '.join(log.outputs)}, {other.name} "
-                f"{', '.join(other.outputs)}: several logs must measure the same states"
+                f"{log.name} measures {', '.join(log.outputs)}, {following.name} "
+                f"{', '.join(following.outputs)}: several logs must measure the same states"
             )
-        # A sample between them, of no piece: before the next log its first input was there.
-        begin, end = len(log.time) + 1, log.time[-1] + _GAP * log.period
-        shift = end + _GAP * other.period
-        log = Log(
-            name=f"{log.name} and {other.name}",
-            time=np.concatenate([log.time, [end], other.time + shift]),
-            inputs=np.vstack([log.inputs, other.inputs[:1], other.inputs]),
-            outputs={
-                name: np.concatenate([log.outputs[name], values[:1], values])
-                for name, values in other.outputs.items()
-            },
-            pieces=[*log.pieces, *(slice(begin + p.start, begin + p.stop) for p in other.pieces)],
-        )
+        log = _followed(log, following)
     return log
+
+
+def _followed(log: Log, following: Log) -> Log:
+    """Two logs as one, a gap between them.
+
+    A sample in the gap, of no piece, holds the first input of the second log: before that log
+    began its input was there.
+    """
+    gap = log.time[-1] + _GAP * log.period
+    shift = gap + _GAP * following.period
+    outputs = {}
+    for name, values in following.outputs.items():
+        outputs[name] = np.concatenate([log.outputs[name], values[:1], values])
+
+    begin = len(log.time) + 1
+    pieces = [slice(begin + piece.start, begin + piece.stop) for piece in following.pieces]
+    return Log(
+        name=f"{log.name} and {following.name}",
+        time=np.concatenate([log.time, [gap], following.time + shift]),
+        inputs=np.vstack([log.inputs, following.inputs[:1], following.inputs]),
+        outputs=outputs,
+        pieces=[*log.pieces, *pieces],
+    )
 
 
 def _columns(path: Path) -> dict[str, _Column]:
     """The columns of numbers of a file."""
+    allowed = "name a file that ends in .csv, .parquet or .mcap"
+    if not path.is_file():
+        raise ArgumentError(f"there is no such file: {allowed}")
     kind = path.suffix.lower()
-    if not path.is_file() or kind not in (".csv", ".parquet", ".mcap"):
-        why = "is no log" if path.is_file() else "there is no such file"
-        raise ArgumentError(f"{why}: name a file that ends in .csv, .parquet or .mcap")
+    if kind not in (".csv", ".parquet", ".mcap"):
+        raise ArgumentError(f"is no log: {allowed}")
+
     try:
         if kind == ".mcap":
             columns = _messages(path)
+        elif kind == ".parquet":
+            columns = _number_columns(pq.read_table(path))
         else:
-            read = pq.read_table(path) if kind == ".parquet" else pyarrow.csv.read_csv(path)
-            columns = {
-                name: _Column(np.asarray(read[name].to_numpy(zero_copy_only=False), float))
-                for name in read.column_names
-                if pa.types.is_integer(t := read[name].type) or pa.types.is_floating(t)
-            }
+            columns = _number_columns(pyarrow.csv.read_csv(path))
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise ArgumentError(f"cannot be read: {one_line(str(error))[:160]}") from None
+        raise ArgumentError(f"cannot be read: {one_line(str(error))[:_QUOTED]}") from None
+
     rows = max((len(column.values) for column in columns.values()), default=0)
     if rows < _FEWEST:
         raise ArgumentError(
             f"has {rows} rows of numbers; {_FEWEST} or more are needed: log some seconds"
         )
+    return columns
+
+
+def _number_columns(table: pa.Table) -> dict[str, _Column]:
+    """The columns of a table that are numbers."""
+    columns = {}
+    for name in table.column_names:
+        kind = table[name].type
+        if pa.types.is_integer(kind) or pa.types.is_floating(kind):
+            values = table[name].to_numpy(zero_copy_only=False)
+            columns[name] = _Column(np.asarray(values, float))
     return columns
 
 
@@ -209,9 +263,10 @@ def _messages(path: Path) -> dict[str, _Column]:
     with path.open("rb") as file:
         try:
             for schema, channel, message in make_reader(file).iter_messages():
+                decode = ros.decoder_for(channel.message_encoding, schema)
                 if channel.message_encoding == "json":
                     content: Any = json.loads(message.data)
-                elif decode := ros.decoder_for(channel.message_encoding, schema):
+                elif decode is not None:
                     content = decode(message.data)
                 else:
                     continue
@@ -219,15 +274,15 @@ def _messages(path: Path) -> dict[str, _Column]:
                     rows.setdefault(name, []).append((message.log_time, value))
         except McapError as error:
             raise ValueError(str(error)) from None
+
     # Nanoseconds since 1970 do not fit into a float.
     begin = min((pairs[0][0] for pairs in rows.values()), default=0)
-    return {
-        name: _Column(
-            np.array([value for _, value in pairs]),
-            np.array([1e-9 * (stamp - begin) for stamp, _ in pairs]),
-        )
-        for name, pairs in rows.items()
-    }
+    columns = {}
+    for name, pairs in rows.items():
+        values = [value for _, value in pairs]
+        stamps = [1e-9 * (stamp - begin) for stamp, _ in pairs]
+        columns[name] = _Column(np.array(values), np.array(stamps))
+    return columns
 
 
 def _numbers(name: str, content: Any) -> Iterator[tuple[str, float]]:
@@ -247,23 +302,22 @@ def _numbers(name: str, content: Any) -> Iterator[tuple[str, float]]:
 
 def _some(columns: Mapping[str, _Column]) -> str:
     """The headers, the first ones of many."""
-    names = list(columns)
-    return ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    listed = ", ".join(list(columns)[:_LISTED])
+    if len(columns) > _LISTED:
+        return f"{listed}, ..."
+    return listed
 
 
 def _time(columns: Mapping[str, _Column], table: LogTable) -> Array:
     """The instants of the samples [s]."""
     names = [table.time] if table.time else _TIME
     for header, column in columns.items():
-        name, unit = _parts(header)
+        name, unit = _name_and_unit(header)
         if header in names or name.lower() in names:
             time = column.values * _factor(unit, "s", "")
-            if not np.all(np.diff(time) > 0):
-                row = int(np.argmin(np.diff(time) > 0)) + 2
-                raise ArgumentError(
-                    f"the time does not rise at row {row}: sort or cut the log there"
-                )
+            _require_rising(time)
             return time
+
     if table.sampling is None:
         raise ArgumentError(
             f"no column of the time, only {_some(columns)}: call one time [s], or give the "
@@ -273,35 +327,61 @@ def _time(columns: Mapping[str, _Column], table: LogTable) -> Array:
     return np.arange(rows) * table.sampling
 
 
+def _require_rising(time: Array) -> None:
+    """Refuse instants that do not rise."""
+    rises = np.diff(time) > 0
+    if not np.all(rises):
+        # The later one of two samples, counted from 1.
+        row = int(np.argmin(rises)) + 2
+        raise ArgumentError(f"the time does not rise at row {row}: sort or cut the log there")
+
+
 def _signal(columns: Mapping[str, _Column], signal: Signal, table: LogTable) -> _Column | None:
     """A signal in its own unit; None if the log does not have it."""
     named = table.columns.get(signal.name)
-    for header, (values, stamps) in columns.items():
-        name, unit = _parts(header) if stamps is None else (header, "")
-        plain = name.replace("_", " ").lower()
-        if named is not None and header != named.column:
-            continue
-        if named is None and plain not in (signal.name.lower(), signal.symbol.lower()):
-            continue
-        if not np.all(np.isfinite(values)):
-            row = int(np.argmin(np.isfinite(values))) + 2
-            raise ArgumentError(f"{header} is no number in row {row}: fill or cut it")
-        named = named or ColumnTable(column=header)
-        factor = _factor(named.unit or unit, signal.unit, header)
-        scale = named.sign * factor * named.scale
-        return _Column(scale * (values - named.offset), stamps)
+    header = _header_of(columns, signal, named)
+    if header is None:
+        return None
+
+    column = columns[header]
+    if not np.all(np.isfinite(column.values)):
+        row = int(np.argmin(np.isfinite(column.values))) + 2
+        raise ArgumentError(f"{header} is no number in row {row}: fill or cut it")
+
+    if named is None:
+        named = ColumnTable(column=header)
+    _, unit = column.name_and_unit(header)
+    scale = named.sign * _factor(named.unit or unit, signal.unit, header) * named.scale
+    return _Column(scale * (column.values - named.offset), column.stamps)
+
+
+def _header_of(
+    columns: Mapping[str, _Column], signal: Signal, named: ColumnTable | None
+) -> str | None:
+    """The header that the case file names, or else the one that is called like the signal."""
     if named is not None:
-        raise ArgumentError(f"[log] names the column {named.column!r}: there is none")
+        if named.column not in columns:
+            raise ArgumentError(f"[log] names the column {named.column!r}: there is none")
+        return named.column
+
+    for header, column in columns.items():
+        name, _ = column.name_and_unit(header)
+        plain = name.replace("_", " ").lower()
+        if plain in (signal.name.lower(), signal.symbol.lower()):
+            return header
     return None
 
 
-def _parts(header: str) -> tuple[str, str]:
+def _name_and_unit(header: str) -> tuple[str, str]:
+    """Name and unit of a header; without brackets its unit is empty."""
     match = _HEADER.fullmatch(header)
-    return (match["name"], match["unit"] or "") if match else (header, "")
+    if match is None:
+        return header, ""
+    return match["name"], match["unit"] or ""
 
 
 def _factor(written: str, unit: str, header: str) -> float:
-    """From a written unit to that of a signal; 1 where none is written."""
+    """Factor from a written unit to that of a signal; 1 where none is written."""
     if not written or written == unit or unit in ("", "1"):
         return 1.0
     try:
@@ -318,8 +398,13 @@ def _require_excited(inputs: Sequence[Signal], u: Array) -> None:
             "be learned: log a run with steps or a sweep"
         )
     for signal, values in zip(inputs, u.T, strict=True):
-        end = max((values.min(), values.max()), key=lambda end: np.mean(values == end))
+        # The end at which the input is more often, the lower one if both are as often.
+        end = values.min()
         share = float(np.mean(values == end))
+        share_at_largest = float(np.mean(values == values.max()))
+        if share_at_largest > share:
+            end = values.max()
+            share = share_at_largest
         if share > _SATURATED and len(np.unique(values)) > len(values) // 10:
             raise ArgumentError(
                 f"{signal.name} is at its end of {end:g} {signal.unit} for "
@@ -339,12 +424,17 @@ def held(time: Array, values: Array, delay: float, grid: Array) -> Array:
     Returns:
         (K, m).
     """
+    # Integrals from the first instant to the ends of the held values.
     widths = np.diff(time, append=time[-1] + (time[-1] - time[-2]))
-    sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(values * widths[:, None], axis=0)])
     ends = np.append(time, time[-1] + widths[-1])
-    integral = np.column_stack(
-        [np.interp(grid - delay, ends, column, left=math.nan) for column in sums.T]
-    )
+    areas = np.cumsum(values * widths[:, None], axis=0)
+    sums = np.vstack([np.zeros(values.shape[1]), areas])
+
+    late = grid - delay
+    integral = np.column_stack([np.interp(late, ends, column, left=math.nan) for column in sums.T])
+
+    # Before the first instant the first value is held.
     before = np.isnan(integral[:, :1])
-    integral = np.where(before, values[0] * (grid - delay - time[0])[:, None], integral)
+    first_held = values[0] * (late - time[0])[:, None]
+    integral = np.where(before, first_held, integral)
     return np.diff(integral, axis=0) / np.diff(grid)[:, None]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -19,11 +18,11 @@ from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.parameters import varied
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.
-_OF_LOOP = {("computing", "delay"), ("actuator", "delay")}
-_OF_LOOP |= {("sensor", quantity) for quantity in ("delay", "bias", "scale")}
-# What a path can be of.
+_INPUT_DELAYS = (("computing", "delay"), ("actuator", "delay"))
+_SENSOR_ERRORS = (("sensor", "delay"), ("sensor", "bias"), ("sensor", "scale"))
+# Owners that a path can begin with.
 _PATHS = ("body", "joint", "parameter")
-# Of a number without a range: from and to so many times its value.
+# A number without a range is searched from and to so many times its value.
 _RANGE = (0.1, 10.0)
 
 
@@ -51,16 +50,16 @@ class Parameters:
 
     @property
     def first(self) -> Array:
-        """Where the search begins: the same within the bounds, (d,)."""
+        """Start of the search: the case's values, moved inside the bounds, (d,)."""
         low, high = self.bounds
         inside = 1e-3 * (high - low)
         return np.clip(self.nominal, low + inside, high - inside)
 
-    @cached_property
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Smallest and largest values, (d,) each."""
-        ends = [quantity.distribution.support for quantity in self.quantities]
-        low, high = np.array(ends, float).T
+        supports = [quantity.distribution.support for quantity in self.quantities]
+        low, high = np.array(supports, float).T
         return low, high
 
     @property
@@ -70,29 +69,43 @@ class Parameters:
         return np.maximum(np.abs(self.nominal), (high - low) / 4)
 
     def plant(self, values: Array, base: Plant) -> Plant:
-        """The plant with these values."""
-        pairs = zip(self.quantities, map(float, values), strict=True)
-        own = [(quantity, value) for quantity, value in pairs if quantity.of_plant]
-        sample = varied(self.experiment, own)
+        """Return the plant with these values.
+
+        Args:
+            values: Of all parameters, (d,).
+            base: The plant before any change.
+        """
+        changes = []
+        for quantity, value in zip(self.quantities, values, strict=True):
+            if quantity.of_plant:
+                changes.append((quantity, float(value)))
+        sample = varied(self.experiment, changes)
         return base.changed(sample.case.edits, dict(sample.scales))
 
     def input_delay(self, values: Array) -> float:
-        """How late the inputs arrive [s]."""
-        late = {("computing", "delay"), ("actuator", "delay")}
-        return sum(
-            float(v)
-            for q, v in zip(self.quantities, values, strict=True)
-            if (q.owner, q.quantity) in late
-        )
+        """Delay of the inputs [s].
+
+        Args:
+            values: Of all parameters, (d,).
+        """
+        delay = 0.0
+        for quantity, value in zip(self.quantities, values, strict=True):
+            if (quantity.owner, quantity.quantity) in _INPUT_DELAYS:
+                delay += float(value)
+        return delay
 
     def sensor(self, state: str, quantity: str, values: Array) -> float:
-        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; ideal by default."""
-        fitted = (
-            float(v)
-            for q, v in zip(self.quantities, values, strict=True)
-            if (q.owner, q.of, q.quantity) == ("sensor", state, quantity)
-        )
-        return next(fitted, ideal(state, quantity))
+        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; ideal by default.
+
+        Args:
+            state: Name of the state.
+            quantity: Name of the number.
+            values: Of all parameters, (d,).
+        """
+        for parameter, value in zip(self.quantities, values, strict=True):
+            if (parameter.owner, parameter.of, parameter.quantity) == ("sensor", state, quantity):
+                return float(value)
+        return ideal(state, quantity)
 
 
 def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
@@ -106,46 +119,74 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     Raises:
         ArgumentError: If there is no such parameter, or none at all.
     """
-    file, plant = experiment.file, experiment.plant(experiment.nominal.truest)
-    tables = {table.called: table for table in file.uncertain}
-    chosen = [
-        tables[name] if name in tables else _table_of(name, experiment, list(tables))
-        for name in names
-    ] or list(tables.values())
-    if not chosen:
+    plant = experiment.plant(experiment.nominal.truest)
+    declared = {table.called: table for table in experiment.file.uncertain}
+    tables = list(declared.values())
+    if names:
+        tables = [_table_of(name, experiment, declared) for name in names]
+    if not tables:
         raise ArgumentError(
             f"{experiment.path} has no [[uncertain]]: name what to fit, such as --fit "
             "joint.shaft.damping"
         )
-    declared = file.model_copy(update={"uncertain": chosen, "correlation": []})
+
     try:
-        quantities = family_of(declared, experiment.case, plant).quantities
+        quantities = _quantities(experiment, plant, tables)
     except ArgumentError as error:
         raise ArgumentError(f"{experiment.path}: {error}") from None
-    fitted = [q for q in quantities if q.of_plant or (q.owner, q.quantity) in _OF_LOOP]
-    if names and len(fitted) < len(quantities):
-        left = next(q.name for q in quantities if q not in fitted)
-        raise ArgumentError(f"--fit {left}: no log shows it: fit numbers of the plant or a delay")
+    fitted = [quantity for quantity in quantities if _is_visible(quantity)]
+    # Whoever names a number is told of it; those of the file that no log shows are left out.
+    for quantity in quantities:
+        if names and quantity not in fitted:
+            raise ArgumentError(
+                f"--fit {quantity.name}: no log shows it: fit numbers of the plant or a delay"
+            )
     for quantity in fitted:
         if not all(map(math.isfinite, quantity.distribution.support)):
             raise ArgumentError(f"{quantity.name} needs a range: give it least and most")
     return Parameters(experiment, fitted)
 
 
-def _table_of(path: str, experiment: Experiment, known: Sequence[str]) -> UncertainTable:
+def _quantities(
+    experiment: Experiment, plant: Plant, tables: Sequence[UncertainTable]
+) -> Sequence[Quantity]:
+    """The quantities of a case with other [[uncertain]] tables."""
+    update = {"uncertain": list(tables), "correlation": []}
+    file = experiment.file.model_copy(update=update)
+    return family_of(file, experiment.case, plant).quantities
+
+
+def _is_visible(quantity: Quantity) -> bool:
+    """Whether a log can show a number: of the plant, an input's delay or a sensor's error."""
+    path = (quantity.owner, quantity.quantity)
+    return quantity.of_plant or path in _INPUT_DELAYS or path in _SENSOR_ERRORS
+
+
+def _table_of(
+    name: str, experiment: Experiment, declared: Mapping[str, UncertainTable]
+) -> UncertainTable:
+    """The declared table of a name, or the table of a path."""
+    if name in declared:
+        return declared[name]
+    return _table_of_path(name, experiment, list(declared))
+
+
+def _table_of_path(path: str, experiment: Experiment, names: Sequence[str]) -> UncertainTable:
     """The table of a path, with a wide range around the value of the case."""
-    owner, _, rest = path.partition(".")
-    of, _, quantity = rest.rpartition(".")
+    owner, _, of_and_quantity = path.partition(".")
+    of, _, quantity = of_and_quantity.rpartition(".")
     if owner not in _PATHS or quantity not in QUANTITIES[owner]:
         paths = [f"{owner}.NAME.{number}" for owner in _PATHS for number in QUANTITIES[owner]]
-        raise ArgumentError(f"--fit {unknown_name('parameter', path, [*known, *paths])}")
+        raise ArgumentError(f"--fit {unknown_name('parameter', path, [*names, *paths])}")
+
     name = f"{of} {quantity.replace('_', ' ')}"
     table = UncertainTable.model_validate({owner: of, quantity: list(_RANGE), "name": name})
+    # Numbers of bodies and parameters are factors already.
     if owner != "joint":
         return table
+
     plant = experiment.plant(experiment.nominal.truest)
-    declared = experiment.file.model_copy(update={"uncertain": [table], "correlation": []})
-    nominal = family_of(declared, experiment.case, plant).quantities[0].nominal
+    nominal = _quantities(experiment, plant, [table])[0].nominal
     if nominal <= 0:
         raise ArgumentError(
             f"--fit {path}: the case has none: give it a range in an [[uncertain]] of the file"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,23 +13,27 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.identify.log import Log, held
+from grosmc_mj.identify.log import SHORTEST_PIECE, Log, held
 from grosmc_mj.loop import Sensor
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
-# Slips of a column: what it has to be multiplied by, and what it then seems to be.
+# Slips of a column: the factor that would mend it, and the words for it.
 _SLIPS = (
     (-1.0, "have the other sign"),
     (math.pi / 180, "be in degrees"),
     (1e-3, "be in thousandths of its unit"),
     (1e3, "be in thousands of its unit"),
 )
-# Inputs that leave this share of the error explain little; without a slip they leave so much less.
-_POOR, _BETTER = 0.9, 1.2
-# Samples of a window; samples before and after its start from which that is estimated.
-_FEWEST, _AROUND = 10, 15
+# Inputs that leave this share of the error explain little.
+_POOR = 0.9
+# Without a slip they leave an error that is so many times less.
+_BETTER = 1.2
+# Fewest samples of a window.
+_FEWEST = 10
+# Samples before and after the start of a window from which that is estimated.
+_AROUND = 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,11 @@ class Window(NamedTuple):
     samples: slice
     start: float
 
+    @property
+    def length(self) -> int:
+        """Number of its samples."""
+        return self.samples.stop - self.samples.start
+
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
@@ -80,7 +88,12 @@ class Predictor:
 
     @classmethod
     def of(cls, log: Log, horizon: float, timestep: float) -> Predictor:
-        """Windows of a horizon [s] one after the other, over all pieces of a log.
+        """Predictor with windows one after the other, over all pieces of a log.
+
+        Args:
+            log: The log.
+            horizon: Length of a window [s].
+            timestep: Of the prediction [s].
 
         Raises:
             ArgumentError: If a window or a piece of the log would have too few samples.
@@ -98,28 +111,24 @@ class Predictor:
             )
         windows = []
         for piece in log.pieces:
-            first = piece.start
-            while piece.stop - first > 2:
-                start = log.time[first]
-                last = int(np.searchsorted(log.time, start + horizon, side="right"))
-                last = min(max(last, first + 3), piece.stop)
-                windows.append(Window(slice(first, last), float(start)))
-                first = last
+            windows += _windows(log, piece, horizon)
         return cls(log, windows, timestep)
 
-    @cached_property
+    @property
     def steps(self) -> int:
         """Timesteps of the longest window."""
-        longest = max(self.log.time[w.samples.stop - 1] - w.start for w in self.windows)
+        time = self.log.time
+        longest = max(time[window.samples.stop - 1] - window.start for window in self.windows)
         return int(np.ceil(longest / self.timestep)) + 1
 
-    def _inputs(self, delay: float) -> list[Array]:
-        """The inputs of each window, (steps, m)."""
+    def _laws(self, system: System, delay: float) -> list[Controller]:
+        """The laws that give the inputs of each window, late by a delay [s]."""
         grid = np.arange(self.steps + 1) * self.timestep
-        return [
-            held(self.log.time, self.log.inputs, delay, window.start + grid)
-            for window in self.windows
-        ]
+        laws = []
+        for window in self.windows:
+            inputs = held(self.log.time, self.log.inputs, delay, window.start + grid)
+            laws.append(_law(system, inputs, self.timestep))
+        return laws
 
     def states(
         self, plants: Sequence[Plant], starts: Sequence[Array], delays: Sequence[float]
@@ -134,20 +143,24 @@ class Predictor:
         Returns:
             For each trial and window (steps + 1, n); NaN after a run that diverged.
         """
-        system, count = plants[0].system, len(self.windows)
-        tables = {delay: self._inputs(delay) for delay in dict.fromkeys(delays)}
-        laws = {
-            (delay, i): _law(system, samples, self.timestep)
-            for delay, table in tables.items()
-            for i, samples in enumerate(table)
-        }
+        system = plants[0].system
+        count = len(self.windows)
+        # Most trials have the same delay, and share their laws.
+        laws_by_delay = {delay: self._laws(system, delay) for delay in set(delays)}
+
+        plants_of_runs: list[Plant] = []
+        laws_of_runs: list[Controller] = []
+        for plant, delay in zip(plants, delays, strict=True):
+            plants_of_runs += [plant] * count
+            laws_of_runs += laws_by_delay[delay]
         run = simulate(
-            [plant for plant in plants for _ in range(count)],
-            [laws[delay, i] for delay in delays for i in range(count)],
+            plants_of_runs,
+            laws_of_runs,
             np.concatenate(list(starts)),
             duration=self.steps * self.timestep,
             timestep=None if plants[0].step_length else self.timestep,
         )
+
         states = np.array(run.state)
         for row, until in zip(states, np.atleast_1d(run.valid_until), strict=True):
             row[round(float(until) / self.timestep) + 1 :] = np.nan
@@ -155,7 +168,7 @@ class Predictor:
 
     def first_run(self, plant: Plant, delay: float) -> Trajectory:
         """The recorded run of a plant along the first window, its inputs late by a delay [s]."""
-        law = _law(plant.system, self._inputs(delay)[0], self.timestep)
+        law = self._laws(plant.system, delay)[0]
         start = starts_of(self.log, self.windows[:1], plant.system)[0]
         return simulate(plant, law, start, duration=(self.steps - 1) * self.timestep)
 
@@ -172,15 +185,20 @@ class Predictor:
             system: Names of the states.
             sensor: From a state and ``scale``, ``delay`` or ``bias`` to that of its sensor.
         """
-        errors: dict[str, list[Array]] = {}
+        errors = {}
         for j, state in enumerate(system.states):
-            if (measured := self.log.outputs.get(state.name)) is None:
+            if state.name not in self.log.outputs:
                 continue
-            scale, delay, bias = (sensor(state.name, name) for name in ("scale", "delay", "bias"))
-            errors[state.name] = [
-                measured[window.samples] - scale * self._at_samples(window, x[:, j], delay) - bias
-                for window, x in zip(self.windows, states, strict=True)
-            ]
+            measured = self.log.outputs[state.name]
+            scale = sensor(state.name, "scale")
+            delay = sensor(state.name, "delay")
+            bias = sensor(state.name, "bias")
+
+            by_window = []
+            for window, x in zip(self.windows, states, strict=True):
+                predicted = self._at_samples(window, x[:, j], delay)
+                by_window.append(measured[window.samples] - scale * predicted - bias)
+            errors[state.name] = by_window
         return errors
 
     def _at_samples(self, window: Window, values: Array, delay: float) -> Array:
@@ -189,68 +207,110 @@ class Predictor:
         return np.interp(times, np.arange(len(values)) * self.timestep, values)
 
 
-def _law(system: System, samples: Array, timestep: float) -> Controller:
+def _law(system: System, inputs: Array, timestep: float) -> Controller:
+    """The law that gives these inputs, (steps, m)."""
     # The law is compiled for a number of rows: a power of two is few of them.
-    rows = 1 << (len(samples) - 1).bit_length()
-    padded = np.pad(samples, ((0, rows - len(samples)), (0, 0)), mode="edge")
+    rows = 1 << (len(inputs) - 1).bit_length()
+    padded = np.pad(inputs, ((0, rows - len(inputs)), (0, 0)), mode="edge")
     numbers = Replay(period=timestep, samples=np.ascontiguousarray(padded))
     return Controller("log", _replayed, numbers, memory_of(len(system.inputs)))
+
+
+def _windows(log: Log, piece: slice, horizon: float) -> list[Window]:
+    """Windows of a horizon [s] one after the other over a piece, whose end may be too short."""
+    windows = []
+    first = piece.start
+    while piece.stop - first >= SHORTEST_PIECE:
+        start = log.time[first]
+        last = int(np.searchsorted(log.time, start + horizon, side="right"))
+        last = min(max(last, first + SHORTEST_PIECE), piece.stop)
+        windows.append(Window(slice(first, last), float(start)))
+        first = last
+    return windows
 
 
 def starts_of(log: Log, windows: Sequence[Window], system: System) -> Array:
     """States at the start of each window, (windows, n), from a parabola through samples around it.
 
     A rate that is not measured is the slope of its position; any other state is 0.
+
+    Args:
+        log: The log.
+        windows: Its parts.
+        system: Names of the states: all positions, then their rates.
     """
-    n, names = len(system.states), [state.name for state in system.states]
-    starts, half = np.zeros((len(windows), n)), system.degrees_of_freedom
+    names = [state.name for state in system.states]
+    positions = system.degrees_of_freedom
+    starts = np.zeros((len(windows), len(names)))
     for row, window in zip(starts, windows, strict=True):
-        first = window.samples.start
-        piece = next(p for p in log.pieces if p.start <= first < p.stop)
-        few = slice(max(first - _AROUND, piece.start), min(first + _AROUND, piece.stop))
-        t = log.time[few] - window.start
+        samples = _samples_around(log, window.samples.start)
+        t = log.time[samples] - window.start
+        degree = min(2, len(t) - 1)
         for j, name in enumerate(names):
-            position = names[j - half] if half and j >= half else ""
             if name in log.outputs:
-                row[j] = np.polyval(np.polyfit(t, log.outputs[name][few], min(2, len(t) - 1)), 0.0)
-            elif position in log.outputs:
-                row[j] = np.polyfit(t, log.outputs[position][few], min(2, len(t) - 1))[-2]
+                parabola = np.polyfit(t, log.outputs[name][samples], degree)
+                row[j] = np.polyval(parabola, 0.0)
+            elif positions and j >= positions and names[j - positions] in log.outputs:
+                parabola = np.polyfit(t, log.outputs[names[j - positions]][samples], degree)
+                row[j] = parabola[-2]
     return starts
+
+
+def _samples_around(log: Log, sample: int) -> slice:
+    """The samples near one, within its piece."""
+    piece = next(piece for piece in log.pieces if piece.start <= sample < piece.stop)
+    return slice(max(sample - _AROUND, piece.start), min(sample + _AROUND, piece.stop))
 
 
 def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) -> None:
     """Refuse a log that another sign or unit of one of its columns would explain far better.
 
+    Args:
+        log: The log.
+        plant: The case's plant.
+        horizon: Length of a prediction [s].
+        timestep: Of the prediction [s].
+
     Raises:
         ArgumentError: With the column and the factor.
     """
-    windows = Predictor.of(log, horizon, timestep).windows
-
-    def unexplained(trial: Log) -> float:
-        """The share of the error that the inputs leave, of the state of which they leave most."""
-        starts = starts_of(trial, windows, plant.system)
-        norms = []
-        for candidate in (trial, replace(trial, inputs=0.0 * trial.inputs)):
-            predictor = Predictor(candidate, windows, timestep)
-            (states,) = predictor.states([plant], [starts], [0.0])
-            errors = predictor.errors(states, plant.system).values()
-            norms.append(np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors]))
-        driven, still = norms
-        return float(np.nan_to_num(np.max(driven / np.maximum(still, 1e-12)), nan=np.inf))
-
-    poor = unexplained(log)
-    if poor <= _POOR:
+    predictor = Predictor.of(log, horizon, timestep)
+    unexplained = _unexplained(predictor, plant)
+    if unexplained <= _POOR:
         return
+
     inputs = [signal.name for signal in plant.system.inputs]
     for name in (*log.outputs, *inputs):
         for factor, words in _SLIPS:
-            if name in log.outputs:
-                other = replace(log, outputs={**log.outputs, name: factor * log.outputs[name]})
-            else:
-                scale = np.where(np.array(inputs) == name, factor, 1.0)
-                other = replace(log, inputs=log.inputs * scale)
-            if unexplained(other) < poor / _BETTER:
+            mended = replace(predictor, log=_scaled(log, name, factor, inputs))
+            if _unexplained(mended, plant) < unexplained / _BETTER:
                 raise ArgumentError(
                     f"{log.name}: {name} seems to {words}: the case's plant explains it far "
                     "better then; say so in the unit of its header, or in the case file's [log]"
                 )
+
+
+def _scaled(log: Log, name: str, factor: float, inputs: Sequence[str]) -> Log:
+    """A log with one of its measured states or inputs times a factor."""
+    if name in log.outputs:
+        return replace(log, outputs={**log.outputs, name: factor * log.outputs[name]})
+    scale = np.where(np.array(inputs) == name, factor, 1.0)
+    return replace(log, inputs=log.inputs * scale)
+
+
+def _unexplained(predictor: Predictor, plant: Plant) -> float:
+    """The share of the error that the inputs leave, of the state of which they leave most."""
+    log = predictor.log
+    without_inputs = replace(predictor, log=replace(log, inputs=0.0 * log.inputs))
+    driven = _error_norms(predictor, plant)
+    still = _error_norms(without_inputs, plant)
+    shares = driven / np.maximum(still, 1e-12)
+    return float(np.nan_to_num(np.max(shares), nan=np.inf))
+
+
+def _error_norms(predictor: Predictor, plant: Plant) -> Array:
+    """Norm of the prediction error of each measured state."""
+    starts = starts_of(predictor.log, predictor.windows, plant.system)
+    (states,) = predictor.states([plant], [starts], [0.0])
+    errors = predictor.errors(states, plant.system)
+    return np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors.values()])

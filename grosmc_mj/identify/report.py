@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
 from grosmc_mj.identify.fit import Fit, Quality
 from grosmc_mj.identify.log import Log
@@ -16,6 +14,7 @@ from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION
 from grosmc_mj.results.result import MEASURED, OPEN, Answer, Sheet, Value, result
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.sweep.family import Quantity
 
 # A value this near to an end of its range, as a share of that, is at the end.
 _NEAR = 1e-3
@@ -23,34 +22,48 @@ _NEAR = 1e-3
 
 def values_table(fit: Fit) -> Table:
     """The parameters with their intervals."""
-    rows = []
-    for quantity, value, half in fit.estimates:
-        support = quantity.distribution.support
-        at_end = np.abs(np.array(support) - value).min() < _NEAR * np.ptp(support)
-        note = "at the end of its range: widen it, or check the log" if at_end else ""
-        interval = "-" if half is None else f"{value - half:.4g} to {value + half:.4g}"
-        if half is None:
-            note = "held: not visible in this log"
-        nominal = f"{quantity.nominal:.4g}"
-        rows.append((quantity.name, f"{value:.4g}", interval, quantity.unit, nominal, note))
-    return table(
-        "Parameters",
-        [*names("parameter"), *numbers("value", "95 % interval"), *words("unit"),
-         *numbers("in the case"), *text()],
-        rows,
-    )  # fmt: skip
+    columns = [
+        *names("parameter"),
+        *numbers("value", "95 % interval"),
+        *words("unit"),
+        *numbers("in the case"),
+        *text(),
+    ]
+    rows = [_values_row(*estimate) for estimate in fit.estimates]
+    return table("Parameters", columns, rows)
+
+
+def _values_row(quantity: Quantity, value: float, half: float | None) -> tuple[str, ...]:
+    """A row of ``values_table``."""
+    if half is None:
+        interval = "-"
+        note = "held: not visible in this log"
+    else:
+        interval = f"{value - half:.4g} to {value + half:.4g}"
+        note = ""
+        low, high = quantity.distribution.support
+        distance = min(abs(low - value), abs(high - value))
+        if distance < _NEAR * (high - low):
+            note = "at the end of its range: widen it, or check the log"
+    nominal = f"{quantity.nominal:.4g}"
+    return quantity.name, f"{value:.4g}", interval, quantity.unit, nominal, note
 
 
 def quality_table(rows: Sequence[Quality]) -> Table:
-    """How well the held-out part is predicted."""
-    cells = [
-        (row.state, f"{number(row.rms)} {row.unit}", number(100 * row.fit),
-         number(row.steps), "white" if row.white else "correlated in time")
-        for row in rows
-    ]  # fmt: skip
+    """Accuracy of the prediction of the held-out part."""
+    columns = [
+        *names("state"),
+        *numbers("RMS", "fit %", "RMS in steps"),
+        *words("residual"),
+    ]
+    cells = []
+    for row in rows:
+        rms = f"{number(row.rms)} {row.unit}"
+        residual = "white" if row.white else "correlated in time"
+        cells.append((row.state, rms, number(100 * row.fit), number(row.steps), residual))
     return table(
         "Prediction of the held-out part",
-        [*names("state"), *numbers("RMS", "fit %", "RMS in steps"), *words("residual")],
+        columns,
         cells,
         legend="Fit: 1 - |residual| / |deviation from the mean|. In steps of the sensor, or in "
         "standard deviations of its noise. A residual that is correlated in time means that the "
@@ -62,56 +75,80 @@ def identification(
     fit: Fit, rows: Sequence[Quality], log: str, horizon: float, hold_out: float
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
-    experiment, white = fit.parameters.experiment, all(row.white for row in rows)
-    least = min(rows, key=lambda row: row.fit)
-    words = f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
-    words += f"{least.state} of the held-out part predicted to {100 * least.fit:.3g} %"
-    values = [
-        {"name": quantity.name, "value": value, "unit": quantity.unit,
-         "in_the_case": quantity.nominal, "half_width": half}
-        for quantity, value, half in fit.estimates
-    ]  # fmt: skip
+    path = fit.parameters.experiment.path
+    white = all(row.white for row in rows)
+    worst = min(rows, key=lambda row: row.fit)
+    answer = Answer(
+        question=f"Parameters of {path.stem} from {log}",
+        verdict=MEASURED if white else OPEN,
+        words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
+        f"{worst.state} of the held-out part predicted to {100 * worst.fit:.3g} %",
+        more="; ".join(row.words for row in fit.unseen),
+    )
+
+    parameters = []
+    values = []
+    for quantity, value, half in fit.estimates:
+        name = quantity.name
+        unit = quantity.unit
+        parameters.append(
+            {
+                "name": name,
+                "value": value,
+                "unit": unit,
+                "in_the_case": quantity.nominal,
+                "half_width": half,
+            }
+        )
+        values.append(Value(name=f"{log}: {name}", value=value, unit=unit, relative=1e-3))
     return result(
         "identify",
-        {"case": str(experiment.path), "log": log, "horizon": horizon, "hold_out": hold_out},
-        answers=[
-            Answer(
-                question=f"Parameters of {experiment.path.stem} from {log}",
-                verdict=MEASURED if white else OPEN,
-                words=words,
-                more="; ".join(row.words for row in fit.unseen),
-            )
-        ],
+        {"case": str(path), "log": log, "horizon": horizon, "hold_out": hold_out},
+        answers=[answer],
         sheets=[Sheet(table=values_table(fit)), Sheet(table=quality_table(rows))],
-        values=[
-            Value(name=f"{log}: {row['name']}", value=row["value"], unit=row["unit"],
-                  relative=1e-3)
-            for row in values
-        ],
-        parameters=values,
+        values=values,
+        parameters=parameters,
         covariance=fit.covariance.tolist(),
         unseen=[row._asdict() for row in fit.unseen],
         held_out=[row._asdict() for row in rows],
-    )  # fmt: skip
+    )
 
 
 def draw(
     parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System, path: Path
 ) -> None:
-    """Draw measured and fitted states of a log, and their difference, by ``fit.residuals``."""
+    """Draw measured and fitted states of a log, and their difference.
+
+    Args:
+        parts: The result of ``fit.residuals``.
+        log: The log.
+        system: Units of the states.
+        path: The picture.
+    """
     units = {state.name: state.unit for state in system.states}
-    size = 9.0, 2.2 * 2 * len(parts) + 0.6
+    size = (9.0, 2.2 * 2 * len(parts) + 0.6)
     with figure_written(path, size, [".png"]) as figure:
         axes = figure.subplots(2 * len(parts), 1, sharex=True)
         for row, (name, pieces) in enumerate(parts.items()):
-            above, below = axes[2 * row], axes[2 * row + 1]
-            for index, (samples, error) in enumerate(pieces):
-                time, measured = log.time[samples], log.outputs[name][samples]
-                label = ("measured", "fitted", "residual") if index == 0 else (None, None, None)
-                above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=label[0])
-                above.plot(time, measured - error, color=BLUE, lw=1.0, label=label[1])
-                below.plot(time, error, color=VERMILION, lw=0.8, label=label[2])
+            above = axes[2 * row]
+            below = axes[2 * row + 1]
+            _draw_state(above, below, log, name, pieces)
             above.set_ylabel(f"{name} [{units[name]}]")
             below.set_ylabel(f"residual [{units[name]}]")
             above.legend(loc="upper right")
         axes[-1].set_xlabel("time [s]")
+
+
+def _draw_state(
+    above: Any, below: Any, log: Log, state: str, pieces: Sequence[tuple[slice, Array]]
+) -> None:
+    """Draw one state over its residual, window by window."""
+    # Only the first window has labels: the legend names each curve once.
+    labels = ("measured", "fitted", "residual")
+    for samples, error in pieces:
+        time = log.time[samples]
+        measured = log.outputs[state][samples]
+        above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=labels[0])
+        above.plot(time, measured - error, color=BLUE, lw=1.0, label=labels[1])
+        below.plot(time, error, color=VERMILION, lw=0.8, label=labels[2])
+        labels = (None, None, None)

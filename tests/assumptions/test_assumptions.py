@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from shipped import ARM_G, find_case, nominal, robust, run_case, task_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
-from grosmc_mj.assumptions.audit import Audit, Premise, audit, run_audit
+from grosmc_mj.assumptions.audit import Audit, Premise, Reading, audit, run_audit
 from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
 from grosmc_mj.control.controller import Controller
@@ -42,9 +42,41 @@ EDITS = {
 each_system = pytest.mark.parametrize("system", EDITS)
 
 
+class OffSurface(NamedTuple):
+    """A random instant of a perturbed plant: time [s], errors, wrenches, state and balance."""
+
+    t: float
+    z: Array
+    w: Array
+    x: Array
+    balance: Balance
+
+
+@cache
+def perturbed(system: str) -> MujocoPlant:
+    return MujocoPlant.load(system, edits=EDITS[system])
+
+
+@cache
+def instants(system: str) -> list[OffSurface]:
+    """Twenty random instants of the perturbed plant."""
+    law = robust(system)
+    plant = perturbed(system)
+    random = np.random.default_rng(7)
+    rows = []
+    for _ in range(20):
+        t = random.uniform(0.1, 2)
+        z = random.uniform(-0.4, 0.4, 2)
+        w = random.uniform(-0.3, 0.3, 6 * len(plant.system.bodies))
+        x = state(law, t, z)
+        rows.append(OffSurface(t, z, w, x, balance(law, plant.analytic(), t, x, w)))
+    return rows
+
+
 def state(law: Controller, t: float, z: Array) -> Array:
     """The plant's state at an error state, with the cart at rest."""
-    system, sign = law.coordinates.system, law.coordinates.sign
+    system = law.coordinates.system
+    sign = law.coordinates.sign
     y_r, dy_r, _ = law.coordinates.reference(t, law.parameters.reference)
     x = np.zeros(len(system.states))
     x[system.output] = y_r + sign * z[0]
@@ -63,56 +95,67 @@ def input_beside_surface(law: Controller, t: float, z: Array, s: float) -> Array
 
 def surface_rate(law: Controller, t: float, z: Array, dx: Array) -> float:
     """s' = G z' - G (A - B K) z of eqs. (9), (32) and (52), from the plant's x'."""
-    system, p = law.coordinates.system, law.parameters
+    system = law.coordinates.system
+    p = law.parameters
     ddy_r = law.coordinates.reference(t, p.reference)[2]
     dz2 = law.coordinates.sign * (dx[system.output + system.degrees_of_freedom] - ddy_r)
     return float((p.G @ np.array([z[1], dz2]) - p.S @ z).item())
 
 
+# The equations of the perturbed plant, and MuJoCo, which does not know them.
+@pytest.mark.parametrize("equations", [True, False], ids=["equations", "mujoco"])
 @each_system
-def test_balance_is_the_rate_of_s_on_the_true_plant(system: str) -> None:
-    """By the equations of the perturbed plant, and by MuJoCo, which does not know them.
-
-    With the required rho s falls on both sides; with any less it grows on the pushed one.
-    """
-    law, random = robust(system), np.random.default_rng(7)
-    plant = MujocoPlant.load(system, edits=EDITS[system])
-    true, bodies = plant.analytic(), len(plant.system.bodies)
-    for _ in range(20):
-        t, z = random.uniform(0.1, 2), random.uniform(-0.4, 0.4, 2)
-        w, x = random.uniform(-0.3, 0.3, 6 * bodies), state(law, t, z)
-        found = balance(law, true, t, x, w)
-        # The servo's input gain is K_t/J and nothing else.
-        assert system != "servo" or found.gain_ratio == pytest.approx(1 / 3, rel=1e-12)
-
-        def rate(
-            u: Array, derivative: Any, t: float = t, z: Any = z, x: Any = x, w: Any = w
-        ) -> Any:
-            return surface_rate(law, t, z, derivative(x, u, w))
-
+def test_balance_is_the_rate_of_s_on_the_true_plant(system: str, equations: bool) -> None:
+    law = robust(system)
+    plant = perturbed(system)
+    derivative = plant.analytic().derivative if equations else plant.derivative
+    for t, z, w, x, at in instants(system):
         # A and B of the servo's law are a Jacobian by differences, good to 1e-10.
-        for derivative in (true.derivative, plant.derivative):
-            pushed = rate(found.u_c, derivative)
-            assert abs(pushed) == pytest.approx(found.push, rel=1e-8, abs=1e-8)
-            for side in (-1e-9, 1e-9):
-                back = math.copysign(found.gain_ratio * found.configured, side)
-                beside = rate(input_beside_surface(law, t, z, side), derivative)
-                assert beside == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
-        jumps = [input_beside_surface(law, t, z, s) for s in (-1e-13, 1e-13)]
-        assert sum(jumps) / 2 == pytest.approx(found.u_c, rel=1e-9, abs=1e-9)
-        for factor in (1 + 1e-6, 1 - 1e-6):
-            gains = {"eta": factor * found.required, "gamma0": 0.0, "gamma1": 0.0}
-            if law.parameters.epsilon:
-                gains = {"epsilon": factor * found.required}
-            sized = replace(law, parameters=replace(law.parameters, **gains))
-            configured = balance(sized, true, t, x, w).configured
-            assert configured == pytest.approx(factor * found.required, rel=1e-12)
+        pushed = surface_rate(law, t, z, derivative(x, at.u_c, w))
+        assert abs(pushed) == pytest.approx(at.push, rel=1e-8, abs=1e-8)
+        for side in (-1e-9, 1e-9):
+            u = input_beside_surface(law, t, z, side)
+            beside = surface_rate(law, t, z, derivative(x, u, w))
+            back = math.copysign(at.gain_ratio * at.configured, side)
+            assert beside == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
+
+
+@each_system
+def test_continuous_input_is_in_the_middle_of_the_switch(system: str) -> None:
+    law = robust(system)
+    for t, z, _, _, at in instants(system):
+        below = input_beside_surface(law, t, z, -1e-13)
+        above = input_beside_surface(law, t, z, 1e-13)
+        assert (below + above) / 2 == pytest.approx(at.u_c, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1 + 1e-6, 1 - 1e-6])
+@each_system
+def test_s_falls_on_both_sides_with_the_required_rate_only(system: str, factor: float) -> None:
+    """With any less it grows on the pushed side."""
+    law = robust(system)
+    true = perturbed(system).analytic()
+    for t, z, w, x, at in instants(system):
+        rate = factor * at.required
+        gains = {"eta": rate, "gamma0": 0.0, "gamma1": 0.0}
+        if law.parameters.epsilon:
+            gains = {"epsilon": rate}
+        sized = replace(law, parameters=replace(law.parameters, **gains))
+        configured = balance(sized, true, t, x, w).configured
+        assert configured == pytest.approx(rate, rel=1e-12)
+
+        growth = []
+        for side in (-1.0, 1.0):
             # So near that k s of eq. (55) is below the change of the factor.
-            sides = [
-                side * rate(input_beside_surface(sized, t, z, 1e-11 * side), true.derivative)
-                for side in (-1.0, 1.0)
-            ]
-            assert (max(sides) < 0) is (factor > 1)
+            u = input_beside_surface(sized, t, z, 1e-11 * side)
+            growth.append(side * surface_rate(law, t, z, true.derivative(x, u, w)))
+        assert (max(growth) < 0) is (factor > 1)
+
+
+def test_gain_ratio_of_the_servo_is_that_of_its_inertias() -> None:
+    """The servo's input gain is K_t/J and nothing else."""
+    for instant in instants("servo"):
+        assert instant.balance.gain_ratio == pytest.approx(1 / 3, rel=1e-12)
 
 
 @cache
@@ -125,88 +168,130 @@ def chapter_audit(system: str, case: str) -> Audit:
     return audit(laboratory(), find_experiment(system, case))
 
 
-def premise(found: Audit, name: str) -> Premise:
-    return next(each for each in found.premises if each.name == name)
+def premise(audited: Audit, name: str) -> Premise:
+    return next(premise for premise in audited.premises if premise.name == name)
+
+
+def readings(audited: Audit, name: str) -> tuple[Reading, Reading]:
+    """A premise over the region and along the run."""
+    both = premise(audited, name)
+    assert both.region is not None
+    assert both.along is not None
+    return both.region, both.along
+
+
+def pendulum_gain_ratio(theta: float) -> float:
+    """E of case 1's pole over that of the nominal one.
+
+    E = a cos / (L (4/3 - a m cos^2)), a = 1/(M+m).
+    """
+    p: Any = nominal("cart_pendulum").parameters
+    c = math.cos(theta)
+
+    def E(m: float, L: float) -> float:
+        return c / (p.M + m) / (L * (4 / 3 - m / (p.M + m) * c * c))
+
+    return E(4 * p.m, 4 * p.L) / E(p.m, p.L)
 
 
 @pytest.mark.slow
 def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> None:
-    """E = a cos / (L (4/3 - a m cos^2)), a = 1/(M+m): least at the region's edge, 0.22 upright."""
-    p: Any = nominal("cart_pendulum").parameters
-
-    def E(m: float, L: float, theta: float) -> float:
-        c = math.cos(theta)
-        return c / (p.M + m) / (L * (4 / 3 - m / (p.M + m) * c * c))
-
-    def ratio(theta: float) -> float:
-        return E(4 * p.m, 4 * p.L, theta) / E(p.m, p.L, theta)
-
-    found = premise(chapter_audit("cart_pendulum", "case1"), "input gain")
-    assert found.holds
-    assert found.region is not None
-    assert found.along is not None
+    """It is least at the region's edge, and 0.22 upright."""
+    audited = chapter_audit("cart_pendulum", "case1")
+    region, along = readings(audited, "input gain")
+    assert premise(audited, "input gain").holds
     # The margins are measured from 1e-9, which is what the reading calls rounding.
-    assert found.region.margin == pytest.approx(ratio(math.pi / 6), rel=1e-8)
-    assert abs(found.region.worst.x[1]) == pytest.approx(math.pi / 6)
-    assert ratio(math.pi / 18) <= found.along.margin + 2e-9 <= ratio(0) + 2e-9
-    assert ratio(0) == pytest.approx(0.22, abs=0.005)
+    assert region.margin == pytest.approx(pendulum_gain_ratio(math.pi / 6), rel=1e-8)
+    assert abs(region.worst.x[1]) == pytest.approx(math.pi / 6)
+    upright = pendulum_gain_ratio(0)
+    assert pendulum_gain_ratio(math.pi / 18) <= along.margin + 2e-9 <= upright + 2e-9
+    assert upright == pytest.approx(0.22, abs=0.005)
 
 
 @pytest.mark.slow
-def test_printed_epsilon_fails_by_the_closed_form_and_the_named_one_restores_it() -> None:
+def test_printed_epsilon_fails_by_the_closed_form() -> None:
     """|d/M(q)| with M = 0.1 + 0.06 sin q: most at the lowest q of the region, and above 6."""
-    case, T = find_experiment("arm", "case1"), Settings().control_period
-    found = premise(chapter_audit("arm", "case1"), "epsilon")
-    assert not found.holds
-    assert found.region is not None
-    assert found.along is not None
+    audited = chapter_audit("arm", "case1")
+    region, along = readings(audited, "epsilon")
+    assert not premise(audited, "epsilon").holds
     M = 0.1 + 0.06 * math.sin(-1.5)
-    assert found.region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
-    assert found.region.worst.x[0] == pytest.approx(-1.5)
-    assert 0 < found.along.violated < 1
+    assert region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
+    assert region.worst.x[0] == pytest.approx(-1.5)
+    assert 0 < along.violated < 1
+
+
+def named_epsilons() -> tuple[float, float]:
+    """Gains that restore the premise along the run of the arm's case 1, and over the region."""
+    restores = premise(chapter_audit("arm", "case1"), "epsilon").restores
     named = re.match(
         r"ε = ([\d.]+) along this run, which leaves its surface, and ([\d.]+) over the region",
-        found.restores,
+        restores,
     )
-    assert named is not None, found.restores
-    along, region = map(float, named.groups())
+    assert named is not None, restores
+    return float(named[1]), float(named[2])
+
+
+@pytest.mark.slow
+def test_named_epsilons_are_the_closed_form_s() -> None:
+    along, region = named_epsilons()
     # On the reference itself, from which the run parts by up to 2.5 % of a radian.
     t = np.linspace(0, 2, 20001)
     needed = np.abs(0.5 * np.sin(2 * np.pi * t) / (0.1 + 0.06 * np.sin(np.sin(np.pi * t))))
     assert along == pytest.approx(needed.max(), rel=0.02)
+    M = 0.1 + 0.06 * math.sin(-1.5)
     assert region == pytest.approx(0.5 / M, rel=5e-3)
-    # With it s stays within the step of one sample, and with less it does not.
-    for epsilon in (1.01 * region, along, 0.9 * along):
-        law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, ARM_G)
-        lab = OtherLaws(lambda *_, law=law: law)
-        other = premise(audit(lab, case), "epsilon")
-        assert other.along is not None
-        assert other.holds is (epsilon == 1.01 * region)
-        assert (other.along.margin >= 0) is (epsilon >= along)
-        assert bool(other.restores) is not other.holds
-        s = lab.case("arm", "case1", "physics", "grosmc").trajectory.sliding
-        assert s is not None
-        # The push is at most ε, and ε pushes back; k s adds its share of one sample.
-        largest = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
-        assert (largest <= 1) is (epsilon >= along)
-        assert not 1 < largest <= 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("gain", "in_region", "along_run"),
+    [("1.01 region", True, True), ("along", False, True), ("0.9 along", False, False)],
+)
+def test_named_epsilons_restore_the_premise(gain: str, in_region: bool, along_run: bool) -> None:
+    """With them s stays within the step of one sample, and with less it does not."""
+    along, region = named_epsilons()
+    epsilon = {"1.01 region": 1.01 * region, "along": along, "0.9 along": 0.9 * along}[gain]
+    law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, ARM_G)
+    lab = OtherLaws(lambda *_: law)
+
+    audited = audit(lab, find_experiment("arm", "case1"))
+    sized = premise(audited, "epsilon")
+    assert sized.holds is in_region
+    assert bool(sized.restores) is not sized.holds
+    _, reading = readings(audited, "epsilon")
+    assert (reading.margin >= 0) is along_run
+
+    s = lab.case("arm", "case1", "physics", "grosmc").trajectory.sliding
+    assert s is not None
+    # The push is at most ε, and ε pushes back; k s adds its share of one sample.
+    T = Settings().control_period
+    largest = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
+    assert (largest <= 1) is along_run
+    assert not 1 < largest <= 1.5
 
 
 @pytest.mark.slow
 @each_system
-def test_every_premise_holds_on_the_nominal_plant_and_documents_agree(system: str) -> None:
-    found = chapter_audit(system, "nominal")
-    assert found.failed() == []
-    assert len({own.name for own in found.premises}) == len(found.premises) == 8
+def test_every_premise_holds_on_the_nominal_plant(system: str) -> None:
+    audited = chapter_audit(system, "nominal")
+    assert audited.failed() == []
+    names = {premise.name for premise in audited.premises}
+    assert len(names) == len(audited.premises) == 8
     # Nothing pushes: the model is the plant, up to the Jacobian's rounding.
-    assert found.signals["required"].max() < 1e-9
-    found = chapter_audit(system, "case1")
-    content = json.loads(json_text(audit_document(found)))
+    assert audited.signals["required"].max() < 1e-9
+
+
+@pytest.mark.slow
+@each_system
+def test_documents_agree_with_their_audits(system: str) -> None:
+    audited = chapter_audit(system, "case1")
+    content = json.loads(json_text(audit_document(audited)))
     assert (content["system"], content["case"]) == (system, "case1")
-    for written, own in zip(content["premises"], found.premises, strict=True):
-        margins = [r["margin"] for r in (written["region"], written["along_run"]) if r]
-        assert written["holds"] == (min(margins) >= 0) == own.holds
-        assert bool(written["restored_by"]) <= (not own.holds)
+    for written, premise in zip(content["premises"], audited.premises, strict=True):
+        readings = [written["region"], written["along_run"]]
+        least = min(reading["margin"] for reading in readings if reading)
+        assert written["holds"] == (least >= 0) == premise.holds
+        assert bool(written["restored_by"]) <= (not premise.holds)
 
 
 def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
@@ -220,67 +305,102 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
         return replace(law, law=off)
 
     lab = OtherLaws(shifted, Settings(engine="python"))
-    found = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
-    assert not premise(found, "s(0) = 0").holds
-    # G B = 0, which a design refuses, of a law of one's own: a surface that no input steers.
+    audited = audit(lab, trial("servo", "short", find_case("servo", "nominal").x0, 0.1))
+    assert not premise(audited, "s(0) = 0").holds
+
+
+@pytest.mark.parametrize("GB", [1.0, 0.0])
+def test_a_surface_that_no_input_steers_fails(GB: float) -> None:
+    """G B = 0, which a design refuses, of a law of one's own."""
     settings = Settings(engine="python")
     result = run_case(trial("servo", "short", (0.0, 0.0), 0.05).case, "physics", "grosmc", settings)
-    for size in (1.0, 0.0):
-        parameters = replace(result.controller.parameters, GB=size * np.eye(1))
-        law = replace(result.controller, parameters=parameters)
-        steered = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
-        assert (steered.holds, steered.note) == (bool(size), f"G B = {size:g}")
+    parameters = replace(result.controller.parameters, GB=GB * np.eye(1))
+    law = replace(result.controller, parameters=parameters)
+    steered = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
+    assert steered.holds is (GB != 0)
+    assert steered.note == f"G B = {GB:g}"
 
 
-def test_pushes_on_two_bodies_need_not_point_the_same_way() -> None:
-    """The least margin is that of the worst signs, whatever the signs of what is declared."""
-    law, plant = robust("cart_pendulum"), nominal("cart_pendulum")
-    together = np.zeros(12)
-    together[[0, 6]] = 0.2, 0.3
-    apart = together * np.repeat([1.0, -1.0], 6)
-    # A force on the cart turns the upright pole the other way than one on the pole.
-    upright = [balance(law, plant, 0.0, np.zeros(4), w) for w in (together, apart)]
-    assert upright[1].required > upright[0].required
-    margins = [audits.least_margin(law, plant, (0.1, 0.1), w) for w in (together, apart)]
-    assert margins[0] == pytest.approx(margins[1], rel=1e-12)
+# A force on each of the pendulum's two bodies [N].
+TOGETHER = np.zeros(12)
+TOGETHER[[0, 6]] = 0.2, 0.3
+APART = TOGETHER * np.repeat([1.0, -1.0], 6)
+
+
+def test_a_force_on_the_cart_turns_the_upright_pole_against_one_on_the_pole() -> None:
+    law = robust("cart_pendulum")
+    plant = nominal("cart_pendulum")
+    together = balance(law, plant, 0.0, np.zeros(4), TOGETHER)
+    apart = balance(law, plant, 0.0, np.zeros(4), APART)
+    assert apart.required > together.required
+
+
+def test_the_least_margin_is_that_of_the_worst_signs() -> None:
+    """Whatever the signs of the declared forces: two need not point the same way."""
+    law = robust("cart_pendulum")
+    plant = nominal("cart_pendulum")
+    together = audits.least_margin(law, plant, (0.1, 0.1), TOGETHER)
+    apart = audits.least_margin(law, plant, (0.1, 0.1), APART)
+    assert together == pytest.approx(apart, rel=1e-12)
     # A region of next to nothing is the pole upright.
-    here = audits.least_margin(law, plant, (1e-9, 1e-9), together)
-    assert here == pytest.approx(upright[1].configured - upright[1].required, rel=1e-6)
+    upright = balance(law, plant, 0.0, np.zeros(4), APART)
+    smallest = audits.least_margin(law, plant, (1e-9, 1e-9), TOGETHER)
+    assert smallest == pytest.approx(upright.configured - upright.required, rel=1e-6)
 
 
-def test_premises_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
+BEYOND_CABLE = """
+[plant]
+system = "arm"
+[task]
+reference = ["2"]
+Q = [[10, 2], [2, 1]]
+R = 1
+region = [0.1, 0.1]
+[run]
+duration = "0.01 s"
+[[controller]]
+law = "grosmc"
+k = 18
+epsilon = 6
+G = [[0, 1]]
+"""
+
+
+def test_premises_of_a_region_where_laws_are_undefined_are_refused(tmp_path: Path) -> None:
     """About 2 rad the arm's cable has no direction: its laws end at 1.5 rad."""
-    text = (
-        '[plant]\nsystem = "arm"\n[task]\nreference = ["2"]\nQ = [[10, 2], [2, 1]]\nR = 1\n'
-        'region = [0.1, 0.1]\n[run]\nduration = "0.01 s"\n'
-        '[[controller]]\nlaw = "grosmc"\nk = 18\nepsilon = 6\nG = [[0, 1]]\n'
-    )
-    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(BEYOND_CABLE, encoding="utf-8")
     run = Experiment.load(tmp_path / "mine.toml").with_settings(engine="python").run("physics")
     with pytest.raises(ArgumentError, match=r"nowhere in the .* \|z1\| <= 0\.1, \|z2\| <= 0\.1"):
         run_audit(run)
-    beyond = find_experiment("arm", "nominal").varied(x0=(1.6, 0.0)).run("physics", "grosmc")
+
+
+def test_premises_of_a_run_that_ended_at_its_start_are_refused() -> None:
+    run = find_experiment("arm", "nominal").varied(x0=(1.6, 0.0)).run("physics", "grosmc")
     with pytest.raises(ArgumentError, match=r"it ended at its start: .* cable has length zero"):
-        run_audit(beyond)
+        run_audit(run)
 
 
 @pytest.mark.slow
 def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
-    found = audit(FAULTS["zero switching gain"](), find_experiment("arm", "case1"))
-    failed = premise(found, "epsilon")
+    audited = audit(FAULTS["zero switching gain"](), find_experiment("arm", "case1"))
+    failed = premise(audited, "epsilon")
     assert failed.along is not None
     # Without a gain the margin is minus the requirement, and no multiple of it restores anything.
-    assert failed.along.margin == pytest.approx(-found.signals["required"].max(), rel=0.05)
-    assert audit_table(found).rows
-    assert list(worst_points(found))
+    assert failed.along.margin == pytest.approx(-audited.signals["required"].max(), rel=0.05)
+    assert audit_table(audited).rows
+    assert list(worst_points(audited))
     assert failed.restores
     assert "inf" not in failed.restores
-    # A law that does not switch has no such premises, and its requirement makes it fragile.
-    found = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
-    names = {own.name for own in found.premises}
+
+
+@pytest.mark.slow
+def test_a_law_that_does_not_switch_has_no_premises_of_switching() -> None:
+    """Its requirement makes it fragile."""
+    audited = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
+    names = {premise.name for premise in audited.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
-    assert found.signals["configured"].max() == 0
-    assert found.signals["required"].max() > 1
+    assert audited.signals["configured"].max() == 0
+    assert audited.signals["required"].max() > 1
 
 
 def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None:
@@ -289,8 +409,12 @@ def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None
     reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
-    # No multiple of no gain is enough.
-    one = np.eye(1)
-    for required, configured, times in ((3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)):
-        own = Balance(0.0, one[0], one, 1.0, one[0], 1.0, required, configured, 1.0, 0.0, one[0])
-        assert own.times == times
+
+
+@pytest.mark.parametrize(
+    ("required", "configured", "times"),
+    [(3.0, 2.0, 1.5), (3.0, 0.0, math.inf), (0.0, 0.0, 0.0)],
+)
+def test_no_multiple_of_no_gain_is_enough(required: float, configured: float, times: float) -> None:
+    at = instants("servo")[0].balance
+    assert at._replace(required=required, configured=configured).times == times

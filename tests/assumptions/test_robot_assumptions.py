@@ -68,7 +68,9 @@ def law(name: str = "grosmc", epsilon: float = 2.0, amplitude: float = 0.2) -> C
     series = FourierSeries(2.0, np.array([0.3, -0.4]), np.zeros((N, 1)), sine)
     Q = np.kron(np.eye(N), np.diag([100.0, 0.0]))
     task = arm().task(fourier_series(N, 1), series, Q, np.eye(N))
-    return linearized_lqr(task, "lqr") if name == "lqr" else tracking_grosmc(task, 5.0, epsilon)
+    if name == "lqr":
+        return linearized_lqr(task, "lqr")
+    return tracking_grosmc(task, 5.0, epsilon)
 
 
 @cache
@@ -83,14 +85,18 @@ def audited(result: RunResult) -> Audit:
     return robot_audit(result)
 
 
+def names(result: RunResult) -> list[str]:
+    return [premise.name for premise in audited(result).premises]
+
+
 def premise(result: RunResult, name: str) -> Premise:
-    return next(each for each in audited(result).premises if each.name == name)
+    return next(premise for premise in audited(result).premises if premise.name == name)
 
 
 def along(result: RunResult, name: str) -> Reading:
-    found = premise(result, name).along
-    assert found is not None
-    return found
+    reading = premise(result, name).along
+    assert reading is not None
+    return reading
 
 
 def required(result: RunResult) -> Array:
@@ -100,115 +106,162 @@ def required(result: RunResult) -> Array:
 @pytest.mark.slow
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
-    robot, shipped = Robot.from_mjcf(load_spec("two_link_arm")), MujocoPlant.load("two_link_arm")
-    theirs = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, "regulation")
+    robot = Robot.from_mjcf(load_spec("two_link_arm"))
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
-    ours = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
+    law_of_robot = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
     heavier = BodyEdit("payload", mass_scale=3.0)
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
-    case = Case(
-        "two_link_arm", "x", "x", "this test", (0.9, -1.4, 0.3, 0.0), 0.3, (heavier,), (push,)
-    )
-    result = run_on(case, "physics", ours, robot.plant.edited(heavier), PYTHON)
-    twin, run = shipped.edited(heavier).analytic(), result.trajectory
+    start = (0.9, -1.4, 0.3, 0.0)
+    case = Case("two_link_arm", "x", "x", "this test", start, 0.3, (heavier,), (push,))
+    result = run_on(case, "physics", law_of_robot, robot.plant.edited(heavier), PYTHON)
+
+    shipped = MujocoPlant.load("two_link_arm")
+    true = shipped.edited(heavier).analytic()
+    symbolic_law = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, "regulation")
+    trajectory = result.trajectory
+    assert trajectory.wrench is not None
     signals = robot_audit(result).signals
-    assert run.wrench is not None
     for t, rate in zip(signals["time"], signals["required"], strict=True):
-        row = int(np.searchsorted(run.time, t))
-        wanted = balance(theirs, twin, t, run.state[row], run.wrench[row])
-        assert wanted.required > 1
-        assert rate == pytest.approx(wanted.required, rel=1e-9)
+        row = int(np.searchsorted(trajectory.time, t))
+        w = trajectory.wrench[row]
+        expected = balance(symbolic_law, true, t, trajectory.state[row], w)
+        assert expected.required > 1
+        assert rate == pytest.approx(expected.required, rel=1e-9)
 
 
-def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing() -> None:
-    """Nor do gears whose inertia was the joints' own; of a machine its rigid plant is looked at."""
-    gears = [
-        Transmission(joint, 0.15, stiffness=5e3, added=False) for joint in ("shoulder", "elbow")
-    ]
-    plain, geared = run(law()), run(law(), *gears, Stop("elbow", -1.0, 0.0))
-    for result in (plain, geared):
-        # Torques of 10 N m over inertias of 0.2 kg m², in double precision.
-        assert required(result).max() < 1e-10
-        assert along(result, "input gain").margin == pytest.approx(1.0)
-    assert [own.name for own in audited(plain).premises] == list(KEPT)
-    assert all(own.holds for own in audited(plain).premises)
-    # Of a law that does not switch those of torques and joints alone.
-    assert [own.name for own in robot_audit(run(law("lqr"))).premises] == list(KEPT[3:])
-    assert along(geared, "joint limits").margin > 0.3
+def geared() -> RunResult:
+    """A run on a machine whose gears have the inertia that the joints had."""
+    shoulder = Transmission("shoulder", 0.15, stiffness=5e3, added=False)
+    elbow = Transmission("elbow", 0.15, stiffness=5e3, added=False)
+    return run(law(), shoulder, elbow, Stop("elbow", -1.0, 0.0))
+
+
+@pytest.mark.parametrize("machine", [False, True])
+def test_the_true_plant_that_is_the_nominal_one_asks_for_nothing(machine: bool) -> None:
+    """Of a machine its rigid plant is looked at."""
+    result = geared() if machine else run(law())
+    # Torques of 10 N m over inertias of 0.2 kg m², in double precision.
+    assert required(result).max() < 1e-10
+    assert along(result, "input gain").margin == pytest.approx(1.0)
+
+
+def test_every_premise_holds_on_the_nominal_robot() -> None:
+    result = run(law())
+    assert names(result) == list(KEPT)
+    assert audited(result).failed() == []
+
+
+def test_a_law_that_does_not_switch_has_premises_of_torques_and_joints_alone() -> None:
+    assert names(run(law("lqr"))) == list(KEPT[3:])
+
+
+def test_parts_of_a_machine_are_not_in_the_push() -> None:
     note = "not in it: that the law is sampled, the parts of its machine, and"
-    assert note in premise(geared, "epsilon").note
-    assert "machine" not in premise(plain, "epsilon").note
+    assert note in premise(geared(), "epsilon").note
+    assert "machine" not in premise(run(law()), "epsilon").note
+    assert along(geared(), "joint limits").margin > 0.3
 
 
 def test_the_least_that_is_left_of_rho_is_that_of_the_inertias() -> None:
     """R = (G E*)(G E)^-1 = M*^-1 M, by MuJoCo's mj_fullM of the edited model."""
-    weak, enough = run(law(epsilon=0.5), LOAD), run(law(epsilon=12.0), LOAD)
-    plant, gain = weak.true, along(weak, "input gain")
+    result = run(law(epsilon=0.5), LOAD)
+    plant = result.true
+    gain = along(result, "input gain")
     assert isinstance(plant, MujocoPlant)
-    data, M = mujoco.MjData(plant.model), np.zeros((N, N))
+    data = mujoco.MjData(plant.model)
     data.qpos[:] = gain.worst.x[:N]
     mujoco.mj_forward(plant.model, data)
+    M = np.zeros((N, N))
     mujoco.mj_fullM(plant.model, data, M)
     R = np.linalg.solve(M, inertia(arm().nominal, data.qpos))
-    left = (2 * np.diag(R) - np.abs(R).sum(axis=1)).min()
-    assert gain.margin == pytest.approx(left, rel=1e-9, abs=1e-9)
-    # A law with less than it needs fails, with the rate that restores it.
-    failed, rate = premise(weak, "epsilon"), along(weak, "epsilon")
+    dominance = (2 * np.diag(R) - np.abs(R).sum(axis=1)).min()
+    assert gain.margin == pytest.approx(dominance, rel=1e-9, abs=1e-9)
+    assert premise(result, "input gain").holds
+
+
+def test_a_law_with_less_than_it_needs_fails_with_the_rate_that_restores_it() -> None:
+    weak = run(law(epsilon=0.5), LOAD)
+    failed = premise(weak, "epsilon")
+    rate = along(weak, "epsilon")
     assert not failed.holds
     assert rate.margin == pytest.approx(0.5 - required(weak).max(), rel=1e-12)
     assert f"{required(weak).max():.3g}" in failed.restores
     assert rate.worst.t in audited(weak).signals["time"]
-    assert (premise(enough, "epsilon").holds, premise(enough, "epsilon").restores) == (True, "")
-    # A payload that takes the dominance of the input gain away is named by its row.
+
+
+def test_a_law_with_more_than_it_needs_holds() -> None:
+    rate = premise(run(law(epsilon=12.0), LOAD), "epsilon")
+    assert rate.holds
+    assert rate.restores == ""
+
+
+def test_a_payload_that_takes_the_dominance_away_is_named_by_its_row() -> None:
     heavy = run(law(), replace(LOAD, mass=30.0))
-    gain, rate = premise(heavy, "input gain"), premise(heavy, "epsilon")
+    gain = premise(heavy, "input gain")
     assert not gain.holds
     assert "in the row of elbow 0.568 is its own and 0.573 the others', most of it" in gain.note
     assert gain.restores.startswith("another G, smaller edits")
-    assert rate.restores == "no ρ, while r is not positive: see the input gain"
-    assert premise(weak, "input gain").holds
+    no_rate = "no ρ, while r is not positive: see the input gain"
+    assert premise(heavy, "epsilon").restores == no_rate
 
 
 def test_a_cut_torque_is_noticed_by_joint_and_by_how_often() -> None:
     strong = run(law(epsilon=40.0))
-    reading, trajectory = along(strong, "torque limits"), strong.trajectory
+    limits = premise(strong, "torque limits")
+    reading = along(strong, "torque limits")
+    trajectory = strong.trajectory
     cut = trajectory.command != trajectory.input
     assert cut.any()
-    assert not premise(strong, "torque limits").holds
+    assert not limits.holds
     assert reading.violated == cut.any(axis=1).mean()
-    largest = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
-    assert reading.margin == pytest.approx(1 - largest.max(), rel=1e-12)
-    for joint, share in zip(("shoulder", "elbow"), largest, strict=True):
-        assert f"{joint} {100 * share:.0f} %" in premise(strong, "torque limits").note
+
+    shoulder, elbow = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
+    assert reading.margin == pytest.approx(1 - max(shoulder, elbow), rel=1e-12)
+    assert f"shoulder {100 * shoulder:.0f} %" in limits.note
+    assert f"elbow {100 * elbow:.0f} %" in limits.note
+
+
+def test_a_torque_within_its_limits_is_not_cut() -> None:
     assert premise(run(law("lqr")), "torque limits").holds
 
 
 def test_inverse_dynamics_and_switching_leave_headroom_of_the_limits() -> None:
     controller = law(epsilon=2.0)
     headroom = along(run(controller), "torque headroom")
-    t = headroom.worst.t
-    y = np.reshape(controller.coordinates.reference(t, controller.parameters.reference), (N, 3))
+    reference = controller.coordinates.reference
+    y = np.reshape(reference(headroom.worst.t, controller.parameters.reference), (N, 3))
     data = mujoco.MjData(arm().plant.model)
-    data.qpos[:], data.qvel[:], data.qacc[:] = y.T
+    data.qpos[:] = y[:, 0]
+    data.qvel[:] = y[:, 1]
+    data.qacc[:] = y[:, 2]
     mujoco.mj_inverse(arm().plant.model, data)
     switching = 2.0 * np.abs(inertia(arm().nominal, y[:, 0])).sum(axis=1)
-    left = (1 - (np.abs(data.qfrc_inverse) + switching) / [25.0, 9.0]).min()
-    assert headroom.margin == pytest.approx(left, rel=1e-9)
-    # Without switching there is more of it.
-    assert along(run(law("lqr")), "torque headroom").margin > headroom.margin + 0.05
+    shares = (np.abs(data.qfrc_inverse) + switching) / [25.0, 9.0]
+    assert headroom.margin == pytest.approx((1 - shares).min(), rel=1e-9)
+
+
+def test_there_is_more_headroom_without_switching() -> None:
+    switching = along(run(law(epsilon=2.0)), "torque headroom").margin
+    assert along(run(law("lqr")), "torque headroom").margin > switching + 0.05
 
 
 def test_a_touched_joint_limit_is_noticed() -> None:
     result = run(law("lqr"), q0=(2.05, -0.35))
-    touched, largest = premise(result, "joint limits"), result.trajectory.state[:, 0].max()
+    touched = premise(result, "joint limits")
+    largest = result.trajectory.state[:, 0].max()
     assert not touched.holds
     assert along(result, "joint limits").margin == pytest.approx((2 - largest) / 4)
     assert "shoulder" in touched.note
+
+
+def test_an_untouched_joint_limit_is_kept() -> None:
     assert premise(run(law("lqr")), "joint limits").holds
-    # A robot without limits keeps them.
+
+
+def test_a_robot_without_limits_keeps_them() -> None:
     robot = Robot.from_mjcf(re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM))
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
-    assert all(own.holds for own in audited(result).premises)
+    assert audited(result).failed() == []
     assert premise(result, "joint limits").note == "no joint has a limit"

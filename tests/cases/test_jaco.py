@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
@@ -41,43 +42,68 @@ def plant(mass: float) -> MujocoPlant:
 
 def test_the_nominal_dynamics_are_the_whole_models() -> None:
     """Its hand and its base are fused with what they are fixed to, its meshes left out."""
-    robot, model = arm(), mujoco.MjModel.__copy__(arm().plant.model)
+    nominal = arm().nominal
+    model = mujoco.MjModel.__copy__(arm().plant.model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
-    for x in np.random.default_rng(0).uniform(-2, 2, (5, 18)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = np.split(x, 3)
+    random = np.random.default_rng(0)
+    for x in random.uniform(-2, 2, (5, 18)):
+        q, rate, acceleration = np.split(x, 3)
+        data.qpos[:] = q
+        data.qvel[:] = rate
+        data.qacc[:] = acceleration
         mujoco.mj_inverse(model, data)
-        wanted = inertia(robot.nominal, x[:6]) @ x[12:] + bias(robot.nominal, x[:6], x[6:12])
-        np.testing.assert_allclose(wanted, data.qfrc_inverse, rtol=0, atol=1e-12)
+        torque = inertia(nominal, q) @ acceleration + bias(nominal, q, rate)
+        np.testing.assert_allclose(torque, data.qfrc_inverse, rtol=0, atol=1e-12)
+
+
+@cache
+def eight() -> tuple[Array, Array]:
+    """Angles along the figure of eight, (1000,), and the joint angles there, (1000, 6)."""
+    reference, series = arms.figure_of_eight(arm())
+    angles = np.linspace(0, 2 * np.pi, 1000)
+    q = [reference(angle / series.frequency, series)[::3] for angle in angles]
+    return angles, np.array(q)
 
 
 def test_the_figure_of_eight_is_followed_by_the_tip_of_its_joint_angles() -> None:
-    (reference, series), angles = arms.figure_of_eight(arm()), np.linspace(0, 2 * np.pi, 1000)
-    q = np.array([reference(angle / series.frequency, series)[::3] for angle in angles])
-    off = arms.tip_path(arm(), q) - arms.eight_of_tip(arm(), angles)
+    angles, q = eight()
+    tip = arms.tip_path(arm(), q)
+    off = tip - arms.eight_of_tip(arm(), angles)
     assert np.linalg.norm(off, axis=1).max() < 5e-6
+    np.testing.assert_allclose(np.ptp(tip, axis=0), [0, 0.24, 0.12], atol=1e-3)
+
+
+def test_the_figure_of_eight_is_within_the_joint_limits() -> None:
+    _, q = eight()
     model = arm().plant.model
     limited = model.jnt_limited.astype(bool)
-    assert np.all(q[:, limited] > model.jnt_range[limited, 0])
-    assert np.all(q[:, limited] < model.jnt_range[limited, 1])
-    np.testing.assert_allclose(np.ptp(arms.tip_path(arm(), q), axis=0), [0, 0.24, 0.12], atol=1e-3)
+    low, high = model.jnt_range[limited].T
+    assert np.all(low < q[:, limited])
+    assert np.all(q[:, limited] < high)
+
+
+def test_a_figure_of_eight_out_of_reach_is_refused() -> None:
     with pytest.raises(ArgumentError, match="cannot bring its tip"):
         arms.figure_of_eight(arm(), scale=8.0)
 
 
-def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram() -> None:
-    off = {}
-    for name in ("lqr", "pd", "grosmc"):
-        law = sines().law("physics", name)
-        run = simulate(plant(1.0), law, sines().case.x0, duration=8.0)
-        # Largest distance from the law's own nominal optimum, all joints together [rad].
-        off[name] = compare_with_optimum(run, law).deviation.max()
-        assert np.all(np.abs(run.input) <= arm().plant.input_limits.T[:, 1])
-    # Under the sign law |s| stays within h (epsilon + W), W at most 1.75: 4 mrad/s, which the
-    # surface makes into less than 1 mrad.
-    assert off["grosmc"] < 1e-3
-    assert off["lqr"] > 0.2
-    assert off["pd"] > 0.08
+# Under the sign law |s| stays within h (epsilon + W), W at most 1.75: 4 mrad/s, which the surface
+# makes into less than 1 mrad.
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [("grosmc", -np.inf, 1e-3), ("lqr", 0.2, np.inf), ("pd", 0.08, np.inf)],
+)
+def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(
+    name: str, least: float, most: float
+) -> None:
+    law = sines().law("physics", name)
+    start = sines().case.x0
+    run = simulate(plant(1.0), law, start, duration=8.0)
+    # Largest distance from the law's own nominal optimum, all joints together [rad].
+    assert least < compare_with_optimum(run, law).deviation.max() < most
+    _, high = arm().plant.input_limits
+    assert np.all(np.abs(run.input) <= high)
 
 
 def test_without_dm_control_it_says_what_to_install(monkeypatch) -> None:
@@ -92,6 +118,5 @@ def test_its_machine_divides_each_armature_between_motor_and_joint() -> None:
     kept, motors = np.split(plant.model.dof_armature, 2)
     np.testing.assert_allclose(kept, 0.1)
     np.testing.assert_allclose(kept + motors, arm().plant.model.dof_armature)
-    assert [each.name for each in plant.hidden_states] == [
-        f"{joint} twist" for joint in arms.JOINTS
-    ]
+    twists = [state.name for state in plant.hidden_states]
+    assert twists == [f"{joint} twist" for joint in arms.JOINTS]

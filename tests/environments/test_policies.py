@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from shipped import case_plant, find_case, nominal_controller
 
-from grosmc_mj.chapter.claims.claim import Verdict
+from grosmc_mj.chapter.claims.claim import Finding, Verdict
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
 from grosmc_mj.control.controller import Controller
@@ -39,13 +39,22 @@ def law(system: str, design: str | None = None) -> Controller:
 
 
 def run(
-    case: Case, controller: Controller, plant: Any = "physics", duration: float = 0.1,
-    T: float = 1e-3, starts: Any = None,
-) -> Trajectory:  # fmt: skip
+    case: Case,
+    controller: Controller,
+    plant: Any = "physics",
+    duration: float = 0.1,
+    T: float = 1e-3,
+    starts: Any = None,
+) -> Trajectory:
     return simulate(
-        case_plant(case, plant, Settings()), controller, starts or case.x0, duration=duration,
-        control_period=T, disturbances=case.disturbances, engine="python",
-    )  # fmt: skip
+        case_plant(case, plant, Settings()),
+        controller,
+        starts or case.x0,
+        duration=duration,
+        control_period=T,
+        disturbances=case.disturbances,
+        engine="python",
+    )
 
 
 def asking(policy: Any) -> Controller:
@@ -60,22 +69,28 @@ def as_policy(controller: Controller) -> Controller:
 
 @pytest.mark.parametrize(
     ("system", "name", "plant"),
-    [("servo", "case2", "physics"), ("arm", "case1", "corrected"),
-     ("two_link_arm", "regulation1", "physics")],
-)  # fmt: skip
+    [
+        ("servo", "case2", "physics"),
+        ("arm", "case1", "corrected"),
+        ("two_link_arm", "regulation1", "physics"),
+    ],
+)
 def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     system: str, name: str, plant: str
 ) -> None:
     case = find_case(system, name)
     controller = law(system, design=case.controllers)
     policy = as_policy(controller)
-    direct, other = (run(case, one, plant) for one in (controller, policy))
-    assert np.array_equal(direct.state, other.state)
-    assert np.array_equal(direct.command, other.command)
+    direct = run(case, controller, plant)
+    by_policy = run(case, policy, plant)
+    assert np.array_equal(direct.state, by_policy.state)
+    assert np.array_equal(direct.command, by_policy.command)
     # v is computed back from u = E^-1 (v - alpha).
-    assert other.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
+    assert by_policy.weighed == pytest.approx(direct.weighed, rel=1e-11, abs=1e-11)
+
     expected = measure(direct, controller, compare_with_optimum(direct, controller))
-    for metric, number in measure(other, policy, compare_with_optimum(other, policy)).items():
+    metrics = measure(by_policy, policy, compare_with_optimum(by_policy, policy))
+    for metric, number in metrics.items():
         if number.value is None:
             assert number.note == "no surface" or number == expected[metric]
         elif metric == "cost_whole":
@@ -84,34 +99,49 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
             assert number == expected[metric]
 
 
-def test_every_run_of_a_batch_begins_anew_and_a_model_that_predicts_is_a_policy_too() -> None:
-    controller, case = law("arm"), find_case("arm", "nominal")
+def test_every_run_of_a_batch_begins_anew() -> None:
+    controller = law("arm")
+    case = find_case("arm", "nominal")
     starts = [case.x0, (0.3, 3.0)]
-    direct, other = (run(case, one, starts=starts) for one in (controller, as_policy(controller)))
-    assert np.array_equal(other.state, direct.state)
+    direct = run(case, controller, starts=starts)
+    by_policy = run(case, as_policy(controller), starts=starts)
+    assert np.array_equal(by_policy.state, direct.state)
 
-    class Counting:
-        def reset(self) -> None:
-            self.count = 0
 
-        def predict(self, observation: Any) -> tuple[Any, None]:
-            self.count += 1
-            return observation["error"][:1] * 0 + self.count, None
+class Counting:
+    """A model that predicts the number of its prediction."""
 
+    def reset(self) -> None:
+        self.count = 0
+
+    def predict(self, observation: Any) -> tuple[Any, None]:
+        self.count += 1
+        return observation["error"][:1] * 0 + self.count, None
+
+
+def test_a_model_that_predicts_is_a_policy() -> None:
+    """It is reset where a run begins."""
     counting = asking(Counting())
     for _ in range(2):
         assert run(PENDULUM, counting, duration=0.004).command.tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_a_policy_is_undefined_where_its_index_or_its_law_is() -> None:
+def test_a_policy_is_undefined_where_its_index_is() -> None:
     with pytest.raises(UndefinedLawError, match=r"the law is undefined outside \|theta\| < pi/2"):
         run(PENDULUM, asking(lambda _: -20.0), duration=3.0, T=1e-2)
+
+
+@pytest.mark.parametrize("controller_of", [lambda law: law, as_policy], ids=["law", "policy"])
+def test_a_policy_is_undefined_where_its_law_is(
+    controller_of: Callable[[Controller], Controller],
+) -> None:
     case = replace(find_case("two_link_arm", "nominal"), x0=(0.6, 0.0, 0.0, 0.0))
-    controller = law("two_link_arm")
-    for one in (controller, as_policy(controller)):
-        with pytest.raises(UndefinedLawError, match="matrix E") as error:
-            run(case, one)
-        assert error.value.time == 0.0
+    with pytest.raises(UndefinedLawError, match="matrix E") as error:
+        run(case, controller_of(law("two_link_arm")))
+    assert error.value.time == 0.0
+
+
+def test_a_policy_s_nan_is_an_undefined_input() -> None:
     batch = run(PENDULUM, asking(lambda _: math.nan), duration=0.01, starts=[PENDULUM.x0])
     assert batch.status[0] is Status.UNDEFINED_INPUT
 
@@ -128,37 +158,61 @@ def test_an_error_in_a_policy_points_to_its_line() -> None:
     assert str(error.value) == expected
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        (lambda: asking(1.0), "a float is no policy: give a function of an obs"),
-        (lambda: run(PENDULUM, asking(lambda _: [1.0, 2.0])),
-         r"returned \[1.0, 2.0\], must return 1 number\(s\): force \[N\]"),
-        (lambda: judge_policy("servo", missing, ["arm-index"]),
-         "claim arm-index is about arm, not about servo"),
-    ],
-)  # fmt: skip
-def test_wrong_use_is_refused_in_one_line(wrong: Callable[[], Any], words: str) -> None:
+def test_a_number_is_no_policy() -> None:
+    with pytest.raises(ArgumentError, match="a float is no policy: give a function of an obs"):
+        asking(1.0)
+
+
+def test_a_policy_returns_as_many_numbers_as_inputs() -> None:
+    words = r"returned \[1.0, 2.0\], must return 1 number\(s\): force \[N\]"
     with pytest.raises(ArgumentError, match=words):
-        wrong()
+        run(PENDULUM, asking(lambda _: [1.0, 2.0]))
 
 
-def test_a_policy_that_does_nothing_gets_other_verdicts() -> None:
-    """Only claims that need more than inputs are inconclusive; it fails where the law succeeds."""
-    settings = replace(COARSE, engine="native")
-    results = judge_policy("servo", lambda _: 0.0, settings=settings, refine=False)
-    assert [result.claim.id for result in results] == [c.id for c in select_claims("servo")]
-    judged = {result.claim.id: result for result in results}
-    for name, verdict, note in (
+def test_a_policy_is_judged_by_claims_about_its_system() -> None:
+    words = "claim arm-index is about arm, not about servo"
+    with pytest.raises(ArgumentError, match=words):
+        judge_policy("servo", missing, ["arm-index"])
+
+
+NATIVE = replace(COARSE, engine="native")
+
+
+@pytest.fixture(scope="module")
+def idle() -> dict[str, Finding]:
+    """The findings about a policy that does nothing, by the ids of all claims about the servo."""
+    findings = judge_policy("servo", lambda _: 0.0, settings=NATIVE, refine=False)
+    return {finding.claim.id: finding for finding in findings}
+
+
+def test_every_claim_about_a_system_is_judged(idle: dict[str, Finding]) -> None:
+    assert list(idle) == [claim.id for claim in select_claims("servo")]
+
+
+@pytest.mark.parametrize(
+    ("claim", "verdict", "note"),
+    [
         ("servo-load-grosmc", Verdict.REFUTED, ""),
         ("theorem-1", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
         ("servo-sliding", Verdict.INCONCLUSIVE, "not judged: it asks for the law's sliding varia"),
-    ):
-        assert judged[name].verdict is verdict
-        assert judged[name].plants["corrected"].measured.note.startswith(note)
-    # A claim about another law does not become one about the policy.
-    assert judged["servo-load-lqr"].verdict is Verdict.SUPPORTED
-    # These run it in a batch and by hand.
-    usual = judge(Laboratory(settings), find_claim("servo-unmatched"), refine=False)
-    for plant, one in usual.plants.items():
-        assert judged["servo-unmatched"].plants[plant].measured.value != one.measured.value
+    ],
+)
+def test_a_policy_that_does_nothing_fails_where_the_law_succeeds(
+    idle: dict[str, Finding], claim: str, verdict: Verdict, note: str
+) -> None:
+    """Only claims that need more than inputs are inconclusive."""
+    assert idle[claim].verdict is verdict
+    assert idle[claim].plants["corrected"].measured.note.startswith(note)
+
+
+def test_a_claim_about_another_law_does_not_become_one_about_the_policy(
+    idle: dict[str, Finding],
+) -> None:
+    assert idle["servo-load-lqr"].verdict is Verdict.SUPPORTED
+
+
+def test_claims_that_run_the_law_by_hand_run_the_policy(idle: dict[str, Finding]) -> None:
+    usual = judge(Laboratory(NATIVE), find_claim("servo-unmatched"), refine=False)
+    judged = idle["servo-unmatched"].plants
+    for plant, finding in usual.plants.items():
+        assert judged[plant].measured.value != finding.measured.value

@@ -17,7 +17,7 @@ def plant():
 
 
 def approximation():
-    """The same without the centrifugal term: of relative degree four."""
+    """Plant without the centrifugal term: of relative degree four."""
     return _ball_and_beam("ball_beam_approximated", centrifugal=0)
 
 
@@ -25,11 +25,12 @@ def _ball_and_beam(name, centrifugal):
     """x = [position, speed, angle, turn rate]; B = 5/7 of a solid ball that rolls."""
     r, speed, angle, turn = sp.symbols("position speed angle turn")
     B, g = sp.symbols("B g")
+    acceleration = B * (centrifugal * r * turn**2 - g * sp.sin(angle))
     return affine_plant(
         name,
         states={"position": "m", "speed": "m/s", "angle": "rad", "turn": "rad/s"},
         inputs={"acceleration": "rad/s^2"},
-        f=[speed, B * (centrifugal * r * turn**2 - g * sp.sin(angle)), turn, 0],
+        f=[speed, acceleration, turn, 0],
         g=[0, 0, 0, 1],
         h=[r],
         parameters={"B": 5 / 7, "g": 9.81},

@@ -1,12 +1,13 @@
-"""Laws that hold the pole and the cart: what the chapter's law leaves out.
+"""Laws that hold the pole and the cart, which the chapter's law leaves out.
 
 One is section 2's method on all four states; the other keeps section 3's feedback linearization
-of the angle and lets an outer loop on the cart shape what is asked of it.
+of the angle and lets an outer loop on the cart shape the acceleration that is asked of it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -28,6 +29,7 @@ from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, OperatingPoint
+from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
 
 _ANGLE = ErrorCoordinates(CART_PENDULUM, setpoint)
 
@@ -37,7 +39,7 @@ _ANGLE = ErrorCoordinates(CART_PENDULUM, setpoint)
 WEIGHTS = (np.diag([1.0, 1.0, 1.0, 100.0]), 1.0)
 # Largest angle that the outer loop asks for [rad].
 LEAN = 0.35
-# What the holding laws are asked to withstand: the chapter's case 1, and 0.05 N on the cart.
+# Uncertainty that the holding laws withstand: the chapter's case 1, and 0.05 N on the cart.
 UNCERTAINTY = StateUncertainty(mass=4.0, length=4.0, force=0.05)
 
 
@@ -67,9 +69,9 @@ def holding_ism(
     Args:
         plant: The nominal plant: a pole on a cart.
         model: (A, B) of it, for instance from MuJoCo; in symbols by default.
-        uncertainty: What the law shall withstand.
-        G: Projection of the surface, (1, 4); B+ by default, which does not amplify what is
-            unmatched.
+        uncertainty: The family of plants that the law shall withstand.
+        G: Projection of the surface, (1, 4); B+ by default, which does not amplify
+            unmatched uncertainty.
 
     Raises:
         GainError: If a member of the family turns the input round or makes the sliding dynamics
@@ -121,39 +123,28 @@ def holding_pfl(
 
     Args:
         plant: The nominal plant.
-        uncertainty: What the law shall withstand.
+        uncertainty: The family of plants that the law shall withstand.
 
     Raises:
         GainError: If the gains would let the angle overshoot, or a member of the family makes the
             cart's loop unstable, when no switching gain helps.
     """
     p = plant.parameters
-    A, B = np.zeros((4, 4)), np.array([[0.0], [0.0], [4 * p.L / 3], [1.0]])
-    A[0, 2] = A[1, 3] = 1.0
-    A[2, 1] = -p.g
-    optimum = lqr(A, B, *WEIGHTS)
-    K = optimum.K[0]
-    if K[3] ** 2 < 4 * K[1]:
-        raise GainError(f"k_rate = {K[3]:g} and k_theta = {K[1]:g} let the angle overshoot")
     family = [member.parameters for _, member in uncertainty.members(plant)]
-    for member in family:
-        B_t = np.array([[0.0], [0.0], [4 * member.L / 3], [1.0]])
-        pole = np.linalg.eigvals(A - B_t @ optimum.K).real.max()
-        if pole >= 0:
-            raise GainError(
-                f"cart_pendulum with L = {member.L:g} m: the cart's loop has a pole at {pole:g} "
-                "1/s, and no switching gain helps: weigh the cart less"
-            )
-    most = max(family, key=lambda member: member.m * member.L)
+    optimum = lqr(*_cart_behind_angle(p), *WEIGHTS)
+    _require_no_overshoot(optimum.K)
+    _require_stable_cart(optimum.K, family)
+
+    heaviest = max(family, key=lambda member: member.m * member.L)
     switching = AS_PRINTED.switching
     parameters = ShapedParameters(
         plant=p,
         reference=OperatingPoint.origin(plant),
         K=optimum.K,
-        limit=float(K[1] * LEAN),
-        longer=most.L * (most.M + most.m) - p.L * (p.M + p.m),
-        first_moment=most.m * most.L - p.m * p.L,
-        weight=p.g * (most.m - p.m),
+        limit=float(optimum.K[0, 1] * LEAN),
+        longer=heaviest.L * (heaviest.M + heaviest.m) - p.L * (p.M + p.m),
+        first_moment=heaviest.m * heaviest.L - p.m * p.L,
+        weight=p.g * (heaviest.m - p.m),
         force=uncertainty.force,
         eta=uncertainty.reaching_rate,
         switching=switching.numbers,
@@ -179,29 +170,65 @@ def holding_pfl(
     )
 
 
+def _cart_behind_angle(p: CartPendulumParameters) -> tuple[Array, Array]:
+    """A (4, 4) and B (4, 1) of cart and pole next to upright, whose input is theta''."""
+    A = np.zeros((4, 4))
+    A[0, 2] = A[1, 3] = 1.0
+    A[2, 1] = -p.g
+    B = np.array([[0.0], [0.0], [4 * p.L / 3], [1.0]])
+    return A, B
+
+
+def _require_no_overshoot(K: Array) -> None:
+    """Refuse gains (1, 4) under which the angle oscillates."""
+    k_theta = K[0, 1]
+    k_rate = K[0, 3]
+    if k_rate**2 < 4 * k_theta:
+        raise GainError(f"k_rate = {k_rate:g} and k_theta = {k_theta:g} let the angle overshoot")
+
+
+def _require_stable_cart(K: Array, family: Sequence[CartPendulumParameters]) -> None:
+    """Refuse gains (1, 4) under which the cart runs away for a pole of the family."""
+    for member in family:
+        A, B = _cart_behind_angle(member)
+        pole = np.linalg.eigvals(A - B @ K).real.max()
+        if pole >= 0:
+            raise GainError(
+                f"cart_pendulum with L = {member.L:g} m: the cart's loop has a pole at {pole:g} "
+                "1/s, and no switching gain helps: weigh the cart less"
+            )
+
+
 @cache
 def shaped_regulator(reach: SwitchingTerm) -> Law:
-    """The law of ``holding_pfl``; its memory's z0 is theta'(0).
+    """The law of ``holding_pfl``, compiled once for a switching term; its z0 is theta'(0).
 
     The input that a member of the family needs follows in closed form from its equation, with no
     circle: (4/3 L (M + m)/cos theta - m L cos theta) w - (M + m) g tan theta + m L theta'^2
     sin theta. What it differs by from the nominal one, times E, is the switching rate rho.
     """
-    # Of the angle itself: nothing is followed.
-    nonlinearity, matrix = _ANGLE.linearization.nonlinearity, _ANGLE.linearization.decoupling_matrix
-    linearizable, reach = CART_PENDULUM.linearizable, jitable(reach)
+    # A compiled function takes other functions from the names around it. Those are of the angle
+    # itself: no reference is followed.
+    nonlinearity = _ANGLE.linearization.nonlinearity
+    matrix = _ANGLE.linearization.decoupling_matrix
+    linearizable = CART_PENDULUM.linearizable
+    reach = jitable(reach)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         if not linearizable(x):
-            memory.undefined, u[0] = 1.0, 0.0
+            memory.undefined = 1.0
+            u[0] = 0.0
             return
         if t == memory.first:
             memory.z0[0] = x[3]
-        brought = p.limit * math.tanh((p.K[0, 0] * x[0] + p.K[0, 2] * x[2]) / p.limit)
-        w = -p.K[0, 1] * x[1] - p.K[0, 3] * x[3] - brought
+
+        to_cart = p.limit * math.tanh((p.K[0, 0] * x[0] + p.K[0, 2] * x[2]) / p.limit)
+        w = -p.K[0, 1] * x[1] - p.K[0, 3] * x[3] - to_cart
+
         integrate(t, memory)
         memory.rate[0] = w
         memory.s[0] = x[3] - memory.z0[0] - memory.integral[0]
+
         E = matrix(x, p.plant)[0]
         rho = E * force_needed(abs(w), x, E, p)
         reach(memory.s, 0.0, rho, memory, p.switching, memory.phi)
@@ -214,7 +241,8 @@ def shaped_regulator(reach: SwitchingTerm) -> Law:
 @jitable
 def force_needed(w: float, x: Any, E: float, p: Any) -> float:
     """Largest difference of the input [N] between a member of the family and the nominal plant."""
-    c, s = math.cos(x[1]), abs(math.sin(x[1]))
-    heavier = 4.0 / 3.0 * p.longer - p.first_moment * c * c
-    share = (w * heavier + p.weight * s) / c + p.first_moment * x[3] * x[3] * s
-    return share + p.force + p.eta * (1.0 / E + heavier / c)
+    c = math.cos(x[1])
+    s = abs(math.sin(x[1]))
+    inertia = 4.0 / 3.0 * p.longer - p.first_moment * c * c
+    share = (w * inertia + p.weight * s) / c + p.first_moment * x[3] * x[3] * s
+    return share + p.force + p.eta * (1.0 / E + inertia / c)

@@ -1,4 +1,4 @@
-"""The Kinova Jaco arm that dm_control ships, and what it is to track."""
+"""The Kinova Jaco arm that dm_control ships, and the references that it tracks."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.robots.robot import Robot
 
 JOINTS = tuple(f"joint_{i}" for i in range(1, 7))
-# Where the fingers meet: the tip, and where a payload is held.
-TIP, HAND = "jaco_hand/pinchsite", "jaco_hand/hand"
+# The site where the fingers meet, and the body that holds a payload.
+TIP = "jaco_hand/pinchsite"
+HAND = "jaco_hand/hand"
 # An elbow-up pose in the middle of the workspace, away from joint limits and singularities [rad].
 HOME = (0.0, 3.6, 1.6, 1.2, 1.9, 0.0)
 
@@ -28,8 +29,11 @@ _MULTIPLES = (1, 2, 1, 2, 1, 2)
 _SINE_PERIOD = 8.0
 
 # The figure of eight, in the plane across the arm: half width and half height [m].
-_EIGHT, _EIGHT_PERIOD = (0.12, 0.06), 8.0
-_SAMPLES, _HARMONICS = 48, 8
+_EIGHT = (0.12, 0.06)
+_EIGHT_PERIOD = 8.0
+# Points of it for inverse kinematics, and harmonics of the Fourier series through them.
+_SAMPLES = 48
+_HARMONICS = 8
 
 
 def jaco(timestep: float = 1e-3) -> Robot:
@@ -63,15 +67,34 @@ def _stage(model: Any) -> None:
 
     The site ``tip`` is where the fingers meet, whose path films draw.
     """
-    site, hand = model.find("site", TIP), model.find("body", HAND)
+    site = model.find("site", TIP)
+    hand = model.find("body", HAND)
     hand.add("site", name="tip", pos=site.pos, group=4)
-    sky = {"rgb1": (0.93, 0.95, 0.98), "rgb2": (0.8, 0.85, 0.92), "width": 256, "height": 256}
-    model.asset.add("texture", name="sky", type="skybox", builtin="gradient", **sky)
+
+    model.asset.add(
+        "texture",
+        name="sky",
+        type="skybox",
+        builtin="gradient",
+        rgb1=(0.93, 0.95, 0.98),
+        rgb2=(0.8, 0.85, 0.92),
+        width=256,
+        height=256,
+    )
     model.visual.headlight.set_attributes(ambient=(0.35,) * 3, diffuse=(0.5,) * 3)
-    floor = {"type": "plane", "size": (1, 1, 0.1), "rgba": (0.85, 0.87, 0.9, 1)}
-    model.worldbody.add("geom", name="floor", contype=0, conaffinity=0, **floor)
-    model.worldbody.add("light", name="lamp", pos=(-0.9, -0.7, 2.2), dir=(0.35, 0.3, -1))
-    model.worldbody.add(
+
+    world = model.worldbody
+    world.add(
+        "geom",
+        name="floor",
+        type="plane",
+        size=(1, 1, 0.1),
+        rgba=(0.85, 0.87, 0.9, 1),
+        contype=0,
+        conaffinity=0,
+    )
+    world.add("light", name="lamp", pos=(-0.9, -0.7, 2.2), dir=(0.35, 0.3, -1))
+    world.add(
         "camera",
         name="fixed",
         pos=(-1.3, -0.3, 0.68),
@@ -89,7 +112,7 @@ def joint_sines(robot: Robot) -> tuple[ReferenceFunction, FourierSeries]:
 
 
 def figure_of_eight(robot: Robot, scale: float = 1.0) -> tuple[ReferenceFunction, FourierSeries]:
-    """The tip along a figure of eight about its home, the hand's orientation kept.
+    """Tip along a figure of eight about its home, the hand's orientation kept.
 
     Inverse kinematics at samples of the curve gives joint angles, of which a cut Fourier series
     is made: smooth, and with exact derivatives.
@@ -109,19 +132,20 @@ def figure_of_eight(robot: Robot, scale: float = 1.0) -> tuple[ReferenceFunction
 
 def eight_of_tip(robot: Robot, angle: Array, scale: float = 1.0) -> Array:
     """The figure of eight at its angles (N,); returns (N, 3) [m]."""
-    width, height = (scale * half for half in _EIGHT)
-    across, up = width * np.sin(angle), height * np.sin(2 * angle)
+    width, height = _EIGHT
+    across = scale * width * np.sin(angle)
+    up = scale * height * np.sin(2 * angle)
     home = _tip(robot, np.array(HOME))
     return home + np.stack([np.zeros_like(angle), across, up], axis=1)
 
 
 def tip_path(robot: Robot, q: Array) -> Array:
-    """Where the nominal arm's tip is at joint angles (N, 6); returns (N, 3) [m]."""
+    """Position of the nominal arm's tip at joint angles (N, 6); returns (N, 3) [m]."""
     return np.array([_tip(robot, row) for row in q])
 
 
 def _tip(robot: Robot, q: Array) -> Array:
-    """Where the tip is [m], (3,)."""
+    """Position of the tip [m], (3,), at joint angles (6,)."""
     model = robot.plant.model
     data = mujoco.MjData(model)
     data.qpos[:] = q
@@ -138,16 +162,18 @@ def _inverse_kinematics(robot: Robot, points: Array) -> Array:
     physics: Any = dm_mujoco.Physics.from_model(MjModel(robot.plant.model))
     physics.data.qpos[:] = HOME
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
-    upright = np.zeros(4)
-    mujoco.mju_mat2Quat(upright, physics.named.data.site_xmat[TIP])
-    rows = []
+    orientation = np.zeros(4)
+    mujoco.mju_mat2Quat(orientation, physics.named.data.site_xmat[TIP])
+
+    angles = []
     for point in points:
-        result = qpos_from_site_pose(physics, TIP, target_pos=point, target_quat=upright)
+        result = qpos_from_site_pose(physics, TIP, target_pos=point, target_quat=orientation)
         if not result.success:
             raise ArgumentError(
                 f"the arm cannot bring its tip to {np.round(point, 3).tolist()} m as at home: "
                 f"{result.err_norm:.2g} m off"
             )
+        # The next search begins where this one ended.
         physics.data.qpos[:] = result.qpos
-        rows.append(result.qpos)
-    return np.array(rows)
+        angles.append(result.qpos)
+    return np.array(angles)

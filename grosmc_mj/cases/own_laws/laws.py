@@ -18,9 +18,9 @@ def pid(t, x, memory, p, u):
     share = p.period / (p.filter + p.period)
     memory.rate += share * ((e - memory.last) / p.period - memory.rate)
     memory.last = e
-    wanted = p.proportional * e + memory.integral + p.derivative * memory.rate
-    u[0] = min(max(wanted, -p.most), p.most)
-    if u[0] == wanted:
+    unlimited = p.proportional * e + memory.integral + p.derivative * memory.rate
+    u[0] = min(max(unlimited, -p.most), p.most)
+    if u[0] == unlimited:
         memory.integral += p.integral * p.period * e
 
 
