@@ -122,7 +122,7 @@ def _write_equations(E: Any, b: Any, rows: Any) -> bool:
 
 @jitable
 def _eliminate(rows: Any) -> bool:
-    """Make the first m columns diagonal, with pivots sought in each column; False if one is zero."""
+    """Make the first m columns diagonal, with the largest pivot of each; False if it is zero."""
     m = len(rows)
     columns = 2 * m + 1
     for k in range(m):
