@@ -131,7 +131,8 @@ class Controller:
         """
         # v has an entry for each input.
         u = np.zeros(np.size(memory.v))
-        self.law(t, np.asarray(x, float), memory, self.parameters, u)
+        state = np.asarray(x, float)
+        self.law(t, state, memory, self.parameters, u)
         return u
 
     @property

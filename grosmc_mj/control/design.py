@@ -176,7 +176,8 @@ def _room_of_actuators(task: Task) -> float:
     """
     low, high = task.plant.input_limits
     u_e = task.reference.u
-    room = SHARE * float(np.min([high - u_e, u_e - low]))
+    least = float(np.min([high - u_e, u_e - low]))
+    room = SHARE * least
     if not room > 0:
         raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
     return room
@@ -240,14 +241,16 @@ def _feedback(
     )
     law = laws.optimal_feedback(task.error, linearizing=linearizing)
     m, n = optimum.K.shape
-    return Controller(name, law, task.feedback(optimum.K), memory_of(m, z=np.zeros(n)), design)
+    memory = memory_of(m, z=np.zeros(n))
+    return Controller(name, law, task.feedback(optimum.K), memory, design)
 
 
 def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
     """Entries of K by their names, with 0 for those that are only rounding."""
     K = optimum.K
-    rounding = 1e-12 * np.abs(K).max()
-    return named_gains(K=np.where(np.abs(K) > rounding, K, 0.0))
+    sizes = np.abs(K)
+    rounding = 1e-12 * sizes.max()
+    return named_gains(K=np.where(sizes > rounding, K, 0.0))
 
 
 def _sliding(
@@ -335,7 +338,8 @@ def _sliding_unit(error: Coordinates, G: Array, GB: Array) -> str:
         # With G in the last rows only and G B = 1 both are the rate's.
         if np.allclose(GB, G[:, rows]):
             return error.units[rows[0]]
-    if not np.allclose(GB, np.eye(len(GB)), rtol=1e-9, atol=1e-9):
+    identity = np.eye(len(GB))
+    if not np.allclose(GB, identity, rtol=1e-9, atol=1e-9):
         return "1"
 
     unit = error.system.input.unit

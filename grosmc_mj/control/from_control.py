@@ -52,7 +52,8 @@ def from_control(
     _require_sizes(name, D, error)
 
     # The outputs' errors are e = E z, with their sign.
-    E = -float(error.sign) * np.eye(error.size)[list(error.output_rows)]
+    output_rows = list(error.output_rows)
+    E = -float(error.sign) * np.eye(error.size)[output_rows]
     order = len(A)
     inputs = error.inputs
     dynamics = Dynamics(
@@ -112,7 +113,9 @@ def _sampled(sys: Any, period: float, name: str) -> tuple[Array, Array, Array, A
     import control
 
     continuous = sys.dt in (0, None)
-    if not continuous and sys.dt is not True and not math.isclose(sys.dt, period, rel_tol=1e-9):
+    # python-control's True stands for a discrete system with any sampling time.
+    fits = continuous or sys.dt is True or math.isclose(sys.dt, period, rel_tol=1e-9)
+    if not fits:
         raise ArgumentError(
             f"{name} has a sampling time of {sys.dt:g} s, the control period is {period:g} s"
         )
@@ -127,11 +130,16 @@ def _sampled(sys: Any, period: float, name: str) -> tuple[Array, Array, Array, A
             "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
 
+    A = _contiguous(system.A)
+    B = _contiguous(system.B)
+    C = _contiguous(system.C)
     D = _contiguous(system.D)
-    if system.nstates == 0:
+    if len(A) == 0:
         outputs, inputs = D.shape
-        return np.zeros((1, 1)), np.zeros((1, inputs)), np.zeros((outputs, 1)), D
-    return _contiguous(system.A), _contiguous(system.B), _contiguous(system.C), D
+        A = np.zeros((1, 1))
+        B = np.zeros((1, inputs))
+        C = np.zeros((outputs, 1))
+    return A, B, C, D
 
 
 def _contiguous(matrix: Any) -> Array:

@@ -85,7 +85,8 @@ def grosmc(error: Coordinates, linearizing: bool, regulating: bool, reach: Switc
                 memory.rate[i] += row_times(i, p.GB_held, u)
 
         # The switching term.
-        rho = p.eta + p.epsilon + (p.gamma0 + p.gamma1 * norm(z)) * input_gain(x, p)
+        bound = p.gamma0 + p.gamma1 * norm(z)
+        rho = p.eta + p.epsilon + bound * input_gain(x, p)
         reach(memory.s, p.k, rho, memory, p.switching, phi)
         for i in range(m):
             v[i] += row_times(i, p.GB_inverse, phi)

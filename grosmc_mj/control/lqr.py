@@ -68,7 +68,8 @@ class LqrDesign(NamedTuple):
         h = 0.0
         if len(time) > 1:
             h = time[1] - time[0]
-        if not np.allclose(time, np.arange(len(time)) * h, rtol=1e-9, atol=0):
+        multiples = np.arange(len(time)) * h
+        if not np.allclose(time, multiples, rtol=1e-9, atol=0):
             raise ArgumentError("the optimal trajectory needs equally spaced instants from t = 0")
 
         rows = np.asarray(x0, float)[None]
@@ -82,7 +83,8 @@ class LqrDesign(NamedTuple):
 @lru_cache(maxsize=1024)
 def _exponential(matrix: bytes, shape: tuple[int, ...], t: float) -> Array:
     """exp(A t), cached: all runs of one design at one timestep ask for the same matrices."""
-    return scipy.linalg.expm(np.frombuffer(matrix).reshape(shape) * t)
+    A = np.frombuffer(matrix).reshape(shape)
+    return scipy.linalg.expm(A * t)
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
@@ -107,12 +109,19 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     K = np.linalg.solve(R, B.T @ P)
     design = LqrDesign(A, B, Q, R, K, P)
     # Q does not weigh the mode of a pole on the axis; rounding puts the pole within this of zero.
-    if design.poles.real.max() > -1e-9 * max(1.0, float(np.abs(A).max())):
+    rounding = 1e-9 * max(1.0, float(np.abs(A).max()))
+    if design.poles.real.max() > -rounding:
         raise GainError(_unsolvable(A, B, Q, f"closed-loop poles {design.poles.tolist()}"))
     return design
 
 
-def priced(A: Array, B: Array, Q: ArrayLike, R: ArrayLike, K: Array) -> LqrDesign:
+def priced(
+    A: Array,
+    B: Array,
+    Q: ArrayLike,
+    R: ArrayLike,
+    K: Array,
+) -> LqrDesign:
     """Design of a stable feedback u = -K x whose gain is given, with its cost by the index (4).
 
     P solves Lyapunov's equation instead of the Riccati equation: x0' P x0 / 2 is the cost of this
@@ -133,7 +142,8 @@ def priced(A: Array, B: Array, Q: ArrayLike, R: ArrayLike, K: Array) -> LqrDesig
     if np.linalg.eigvals(closed).real.max() >= 0:
         raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
 
-    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(Q + K.T @ R @ K))
+    weight = Q + K.T @ R @ K
+    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -weight)
     return LqrDesign(A, B, Q, R, K, P)
 
 
@@ -162,7 +172,8 @@ def _checked(
     _require_matrix("R", R, input_weight, (m, m))
 
     # Rounding of a product C'C may leave an eigenvalue this far below zero.
-    rounding = 1e-12 * max(1.0, float(np.abs(state_weight).max()))
+    size = max(1.0, float(np.abs(state_weight).max()))
+    rounding = 1e-12 * size
     if np.linalg.eigvalsh(state_weight).min() < -rounding:
         raise GainError(f"LQR: Q must be positive semidefinite, is {state_weight.tolist()}")
     if np.linalg.eigvalsh(input_weight).min() <= 0:
@@ -170,7 +181,12 @@ def _checked(
     return state, input_matrix, state_weight, input_weight
 
 
-def _require_matrix(name: str, argument: ArrayLike, matrix: Array, shape: tuple[int, int]) -> None:
+def _require_matrix(
+    name: str,
+    argument: ArrayLike,
+    matrix: Array,
+    shape: tuple[int, int],
+) -> None:
     """Refuse a matrix with entries that are not finite, or of another shape."""
     if not np.all(np.isfinite(matrix)):
         raise GainError(f"LQR: {name} = {shown(argument)} must be a matrix of finite numbers")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
@@ -79,8 +79,7 @@ def memory_of(m: int, n: int = 0, **initial: float | Array) -> Callable[[], Any]
     return partial(_new_memory, SurfaceMemory, arrays, initial)
 
 
-def _new_memory(kind: type[Memory], arrays: Mapping[str, Array], initial: Mapping[str, Any]) -> Any:
+def _new_memory(kind: Any, arrays: dict[str, Any], initial: dict[str, Any]) -> Any:
     """Memory with arrays and further fields of its own: no run may share them with another."""
-    fields: dict[str, Any] = {name: array.copy() for name, array in arrays.items()}
-    memory = kind(**fields)
-    return extended(memory, **deepcopy(dict(initial)))
+    memory = kind(**deepcopy(arrays))
+    return extended(memory, **deepcopy(initial))

@@ -70,7 +70,13 @@ class Nominal(NamedTuple):
         return Reaching(dz, push, R)
 
 
-def nominal(design: Design, p: Any, t: Sequence[float], x: Array, z: Array) -> Nominal:
+def nominal(
+    design: Design,
+    p: Any,
+    t: Sequence[float],
+    x: Array,
+    z: Array,
+) -> Nominal:
     """Law at many states by its own model: u_c = E^-1 (v_0 - alpha), or v_0 of a linear law.
 
     Args:
@@ -90,8 +96,9 @@ def nominal(design: Design, p: Any, t: Sequence[float], x: Array, z: Array) -> N
     drift = times(G @ optimum.closed_loop, z) + times(GB, v_0 - unlimited)
 
     u_c, E, GE = _inputs(design, p, t, x, v_0, G)
-    E = np.broadcast_to(E, (len(z), *E.shape[-2:]))
-    GE = np.broadcast_to(GE, (len(z), *GE.shape[-2:]))
+    m = len(G)
+    E = np.broadcast_to(E, (len(z), m, m))
+    GE = np.broadcast_to(GE, (len(z), m, m))
     return Nominal(G, z, v_0, u_c, E, GE, drift)
 
 
@@ -110,8 +117,8 @@ def _inputs(
         return v_0, B[rows], GB
 
     alpha, E = error.dynamics_along(t, x, p)
-    u_c = np.linalg.solve(E, (v_0 - alpha)[..., None])[..., 0]
-    return u_c, E, G[:, rows] @ E
+    columns = np.linalg.solve(E, (v_0 - alpha)[..., None])
+    return columns[..., 0], E, G[:, rows] @ E
 
 
 def times(matrix: Array, vector: Array) -> Array:
@@ -135,7 +142,8 @@ def gain_margin(R: Array, *, together: bool = False) -> Any:
         return np.linalg.eigvalsh(symmetric).min(axis=-1)
 
     diagonal = np.diagonal(R, axis1=-2, axis2=-1)
-    off_diagonal = np.abs(R).sum(axis=-1) - np.abs(diagonal)
+    row_sums = np.abs(R).sum(axis=-1)
+    off_diagonal = row_sums - np.abs(diagonal)
     return (diagonal - off_diagonal).min(axis=-1)
 
 
@@ -165,4 +173,5 @@ def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Ar
     It is A - B K, eq. (11), where A_t - A and B_t - B are matched.
     """
     X = B_t @ np.linalg.solve(G @ B_t, G)
-    return (np.eye(len(A_t)) - X) @ A_t + X @ optimum.closed_loop
+    identity = np.eye(len(A_t))
+    return (identity - X) @ A_t + X @ optimum.closed_loop

@@ -61,14 +61,17 @@ def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunctio
     except (ArithmeticError, TypeError, RecursionError) as error:
         raise ArgumentError(f"outputs = {shown(outputs)} cannot be differentiated") from error
 
-    places: dict[Any, str] = {TIME: "t"}
-    for symbol in set().union(*(row.free_symbols for row in rows)) - {TIME}:
-        places[symbol] = f"p.{symbol}"
+    places: dict[Any, str] = {}
+    for row in rows:
+        for symbol in row.free_symbols:
+            places[symbol] = f"p.{symbol}"
+    places[TIME] = "t"
     function: Any = generate("reference", rows, "t, p", places)
-    return _described(function, degrees, moves=any(row.has(TIME) for row in rows))
+    moves = any(row.has(TIME) for row in rows)
+    return _described(function, degrees, moves=moves)
 
 
-def _described(function: Any, degrees: tuple[int, ...], *, moves: bool) -> ReferenceFunction:
+def _described(function: Any, degrees: Sequence[int], *, moves: bool) -> ReferenceFunction:
     """Give a reference the attributes that a design reads, and return it.
 
     Args:
@@ -122,7 +125,8 @@ def setpoints(*degrees: Annotated[int, Range(1, _HIGHEST, whole=True)]) -> Refer
 def _setpoints(degrees: tuple[int, ...]) -> ReferenceFunction:
     if len(degrees) < 2:
         return reference([sp.Symbol("value")], degrees)
-    return reference([sp.Symbol(f"value{i}") for i in range(1, len(degrees) + 1)], degrees)
+    numbers = range(1, len(degrees) + 1)
+    return reference([sp.Symbol(f"value{number}") for number in numbers], degrees)
 
 
 setpoint = setpoints(2)
@@ -172,7 +176,8 @@ class FourierSeries:
         rows = np.asarray(samples, float)
         if not 0 < harmonics < len(rows) / 2:
             raise ArgumentError(f"{len(rows)} samples cannot give {harmonics} harmonics")
-        coefficients = np.fft.rfft(rows, axis=0).T[:, : harmonics + 1] / len(rows)
+        spectrum = np.fft.rfft(rows, axis=0).T
+        coefficients = spectrum[:, : harmonics + 1] / len(rows)
         mean = coefficients[:, 0].real
         cosine = 2 * coefficients[:, 1:].real
         sine = -2 * coefficients[:, 1:].imag

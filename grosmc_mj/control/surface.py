@@ -83,7 +83,8 @@ def surface_rates(
     transition = scipy.linalg.expm(held * control_period)
     A_d, B_d = np.split(transition[:n], [n], axis=1)
 
-    S = G @ (A_d - B_d @ optimum.K - np.eye(n)) / control_period
+    closed_loop = A_d - B_d @ optimum.K
+    S = G @ (closed_loop - np.eye(n)) / control_period
     GB = G @ B_d / control_period
     return S, GB
 
@@ -109,6 +110,7 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     GB = projection @ B
     least = np.linalg.svd(GB, compute_uv=False).min()
     # Compared with |G| |B|, the most that G B could be: every 1x1 G B has condition number one.
-    if not least > 1e-12 * np.linalg.norm(projection) * np.linalg.norm(B):
+    rounding = 1e-12 * np.linalg.norm(projection) * np.linalg.norm(B)
+    if not least > rounding:
         raise GainError(f"G B = {GB.tolist()} is singular, so s' cannot be steered: choose G")
     return projection

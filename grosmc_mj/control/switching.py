@@ -103,14 +103,16 @@ def _implicit(s: float, k: float, rho: float, h: float) -> float:
     """phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form."""
     if h == 0.0:
         return 0.0
-    next_s = sgn(s) * max(abs(s) - h * rho, 0.0) / (1.0 + h * k)
+    size = max(abs(s) - h * rho, 0.0)
+    next_s = sgn(s) * size / (1.0 + h * k)
     return (next_s - s) / h
 
 
 def sign(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + rho sgn s), as printed: it chatters, with |s| in a band of the order h."""
     for i in range(len(s)):
-        phi[i] = -(k * s[i] + q.gain * rho * sgn(s[i]))
+        switched = q.gain * rho * sgn(s[i])
+        phi[i] = -(k * s[i] + switched)
 
 
 def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
@@ -120,8 +122,8 @@ def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) 
     if not layer > 0.0:
         layer = 1.0
     for i in range(len(s)):
-        saturated = min(1.0, max(-1.0, s[i] / layer))
-        phi[i] = -(k * s[i] + q.gain * rho * saturated)
+        switched = q.gain * rho * min(1.0, max(-1.0, s[i] / layer))
+        phi[i] = -(k * s[i] + switched)
 
 
 def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
@@ -158,7 +160,8 @@ def super_twisting(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) 
     twist = memory.twist
     for i in range(len(s)):
         side = sgn(s[i])
-        phi[i] = twist[i] - k * s[i] - k1 * math.sqrt(abs(s[i])) * side
+        root = math.sqrt(abs(s[i]))
+        phi[i] = twist[i] - k * s[i] - k1 * root * side
         twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * side
 
 
@@ -176,7 +179,8 @@ def adaptive(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> Non
             direction = sgn(abs(s[i]) - band)
             changed = epsilon[i] + q.share * abs(s[i]) / h * direction
             epsilon[i] = max(changed, q.least)
-        phi[i] = -(k * s[i] + q.gain * epsilon[i] * sgn(s[i]))
+        switched = q.gain * epsilon[i] * sgn(s[i])
+        phi[i] = -(k * s[i] + switched)
 
 
 def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
@@ -195,7 +199,8 @@ def implicit_unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi:
     size = norm(s)
     scale = 0.0
     if h > 0.0 and size > 0.0:
-        remaining = max(1.0 - h * q.gain * rho / size, 0.0) / (1.0 + h * k)
+        share = max(1.0 - h * q.gain * rho / size, 0.0)
+        remaining = share / (1.0 + h * k)
         scale = (remaining - 1.0) / h
     for i in range(len(s)):
         phi[i] = scale * s[i]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, fields, replace
 from typing import Annotated, Any, NamedTuple
 
@@ -116,7 +116,8 @@ class GainSuprema:
         """
         self._name = name
         self._z = law.z[1:]
-        self._size = np.linalg.norm(law.GE, axis=(-2, -1))[1:]
+        sizes = np.linalg.norm(law.GE, axis=(-2, -1))
+        self._size = sizes[1:]
         self._distance = np.linalg.norm(self._z, axis=-1)
         self._gamma0 = 0.0
         self._gamma1 = 0.0
@@ -137,21 +138,26 @@ class GainSuprema:
         r = self._effective_share(plant, reaching.R)
         self._gain_ratio = min(self._gain_ratio, float(r.min()))
 
-        constant = np.hypot.reduce(np.abs(push[0]) + disturbed[1:], axis=-1) / (r * self._size)
+        switched = r * self._size
+        largest = np.abs(push[0]) + disturbed[1:]
+        constant = np.hypot.reduce(largest, axis=-1) / switched
         self._gamma0 = max(self._gamma0, float(constant.max()))
 
-        slope = (push[1:] - push[0]) / (r * self._size * self._distance)[:, None]
+        slope = (push[1:] - push[0]) / (switched * self._distance)[:, None]
         # The largest slope of a linear mismatch is the norm of its matrix.
         n = self._z.shape[1]
         near = float(np.linalg.norm(slope[:n], 2))
-        far = float(np.linalg.norm(slope, axis=-1).max())
-        self._gamma1 = max(self._gamma1, near, far)
+        far = np.linalg.norm(slope, axis=-1)
+        self._gamma1 = max(self._gamma1, near, float(far.max()))
 
     def _effective_share(self, plant: str, R: Array) -> Array:
         """r of a plant at every state but z = 0."""
-        r = np.minimum(gain_margin(R), gain_margin(R, together=True))[1:]
+        in_each_entry = gain_margin(R)
+        along_s = gain_margin(R, together=True)
+        r = np.minimum(in_each_entry, along_s)[1:]
         if not np.all(r > _ROUNDING):
-            worst = int(np.argmin(np.where(np.isnan(r), -np.inf, r)))
+            comparable = np.where(np.isnan(r), -np.inf, r)
+            worst = int(np.argmin(comparable))
             raise GainError(
                 f"{self._name}: the input gain of a declared plant, {plant}, is {r[worst]:g} of "
                 f"the nominal one at z = {self._z[worst]}; no switching gain can make up for that: "
@@ -186,7 +192,12 @@ class Uncertainty:
     region: Region
     reaching_rate: Positive
 
-    def gains(self, design: Design, p: Any, _: Plant | None = None) -> tuple[SwitchingGains, str]:
+    def gains(
+        self,
+        design: Design,
+        p: Any,
+        _: Plant | None = None,
+    ) -> tuple[SwitchingGains, str]:
         """Gains that hold over the operating region and for all declared plants.
 
         The suprema are over a grid of the declared scales and the region with all their corners,
@@ -213,8 +224,7 @@ class Uncertainty:
 
         suprema = GainSuprema(error.system.name, law)
         for scales in self._grid_of_scales():
-            changes = {name: getattr(p.plant, name) * factor for name, factor in scales.items()}
-            plant = AnalyticPlant(error.system, replace(p.plant, **changes))
+            plant = AnalyticPlant(error.system, _scaled_parameters(p.plant, scales))
             disturbed = self._disturbed(error, law, x, p, plant)
             reaching = law.reaching(error.error_dynamics(t, x, p, plant))
             suprema.add(_scaled(scales), reaching, disturbed)
@@ -233,17 +243,26 @@ class Uncertainty:
 
     def _grid_of_scales(self) -> Iterator[dict[str, float]]:
         """Scales of the parameters, by name, for each plant of the family."""
-        axes = [np.linspace(*ends, _SCALES).tolist() for ends in self.scales.values()]
+        axes = [np.linspace(low, high, _SCALES) for low, high in self.scales.values()]
         for factors in itertools.product(*axes):
-            yield dict(zip(self.scales, factors, strict=True))
+            # As Python's floats, which equations are evaluated in.
+            yield dict(zip(self.scales, map(float, factors), strict=True))
 
-    def _disturbed(self, error: Any, law: Nominal, x: Array, p: Any, plant: Plant) -> Array:
+    def _disturbed(
+        self,
+        error: Any,
+        law: Nominal,
+        x: Array,
+        p: Any,
+        plant: Plant,
+    ) -> Array:
         """Largest part |G d| that the declared wrench adds to the push on a plant, (N, m)."""
         disturbed = np.zeros_like(law.v_0)
         for component in np.diag(self.wrench):
             if component.any():
                 w = np.tile(component, (len(x), 1))
-                disturbed += np.abs(times(law.G, error.disturbances(x, p, plant, w)))
+                dz = error.disturbances(x, p, plant, w)
+                disturbed += np.abs(times(law.G, dz))
         return disturbed
 
     def _description(self, gains: SwitchingGains) -> str:
@@ -274,7 +293,15 @@ class Uncertainty:
             )
 
 
-def _require_count(name: str, noun: str, values: tuple[float, ...], count: int) -> None:
+def _scaled_parameters(nominal_parameters: Any, scales: Mapping[str, float]) -> Any:
+    """Parameters of a plant with some of them scaled."""
+    changes: dict[str, Any] = {}
+    for name, factor in scales.items():
+        changes[name] = getattr(nominal_parameters, name) * factor
+    return replace(nominal_parameters, **changes)
+
+
+def _require_count(name: str, noun: str, values: Sequence[float], count: int) -> None:
     """Refuse values of which there must be another number."""
     if len(values) != count:
         raise GainError(f"{name}: the uncertainty has {len(values)} {noun}, must have {count}")
@@ -323,7 +350,12 @@ class StateUncertainty:
                 changes.append(_scaled(scales))
             yield " and ".join(changes) or "nothing changed", member
 
-    def gains(self, design: Design, p: Any, plant: Plant) -> tuple[SwitchingGains, str]:
+    def gains(
+        self,
+        design: Design,
+        p: Any,
+        plant: Plant,
+    ) -> tuple[SwitchingGains, str]:
         """Gains that hold on the linear models of all declared plants.
 
         With A_t, B_t and the rest r_t = x'(x_e, u_e) of a member, push(z) = G r_t + G (A_t - B_t K
@@ -346,7 +378,8 @@ class StateUncertainty:
         # Zero error, and one step along each axis: the models are linear.
         n = len(optimum.A)
         z = np.vstack([np.zeros(n), np.eye(n)])
-        law = nominal(design, p, [0.0] * len(z), z, z)
+        t = [0.0] * len(z)
+        law = nominal(design, p, t, z, z)
 
         suprema = GainSuprema(plant.system.name, law)
         slowest_pole = -math.inf
@@ -355,7 +388,8 @@ class StateUncertainty:
             A_t, B_t = member.jacobian(point.x, point.u)
             drift = member.derivative(point.x, point.u) + z @ A_t.T
             gain = np.broadcast_to(B_t, (n + 1, *B_t.shape))
-            disturbed = np.broadcast_to(self._disturbed(law.G, B_t, member, point), law.v_0.shape)
+            disturbed = self._disturbed(law.G, B_t, member, point)
+            disturbed = np.broadcast_to(disturbed, law.v_0.shape)
             suprema.add(changes, law.reaching((drift, gain)), disturbed)
 
             sliding = sliding_dynamics(optimum, law.G, A_t, B_t)
@@ -378,12 +412,14 @@ class StateUncertainty:
 
     def _disturbed(self, G: Array, B_t: Array, member: Plant, point: OperatingPoint) -> Array:
         """Largest part of the push by disturbances on a member, (m,)."""
-        disturbed = self.force * np.abs(G @ B_t).sum(axis=1)
-        if self.push:
-            body = self.body or member.system.uncertain_body
-            D_t = _pushed(member, point, body)
-            disturbed = disturbed + self.push * np.linalg.norm(G @ D_t, axis=1)
-        return disturbed
+        by_force = self.force * np.abs(G @ B_t).sum(axis=1)
+        if not self.push:
+            return by_force
+
+        body = self.body or member.system.uncertain_body
+        D_t = _pushed(member, point, body)
+        by_push = self.push * np.linalg.norm(G @ D_t, axis=1)
+        return by_force + by_push
 
     def _description(self, plant: Plant) -> str:
         """The declared family, in words."""
@@ -411,7 +447,8 @@ def _unmatched_share(optimum: LqrDesign, A_t: Array, B_t: Array) -> float:
     difference, matched = mismatch(optimum, A_t, B_t)
     if not difference.any():
         return 0.0
-    return float(np.linalg.norm(difference - matched) / np.linalg.norm(difference))
+    unmatched = np.linalg.norm(difference - matched)
+    return float(unmatched / np.linalg.norm(difference))
 
 
 def _ranges(scales: Mapping[str, tuple[float, float]]) -> list[str]:

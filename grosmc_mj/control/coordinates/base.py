@@ -67,7 +67,8 @@ class Chains:
     @property
     def B(self) -> Array:
         """Input matrix, (sum r, m)."""
-        return np.eye(sum(self.relative_degree))[:, list(self.last_rows)]
+        identity = np.eye(sum(self.relative_degree))
+        return identity[:, list(self.last_rows)]
 
 
 class LinearTorques(NamedTuple):
@@ -284,7 +285,12 @@ class OutputCoordinates(Coordinates):
         return _copy, _copy
 
     @abstractmethod
-    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+    def dynamics_along(
+        self,
+        t: Sequence[float],
+        x: Array,
+        p: Any,
+    ) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i, by the law's model.
 
         Args:
@@ -298,7 +304,8 @@ class OutputCoordinates(Coordinates):
 
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
         """alpha (m,) and E (m, m) of ``dynamics_along`` at one instant and state."""
-        alpha, E = self.dynamics_along([t], np.asarray(x, float)[None], p)
+        states = np.asarray(x, float)[None]
+        alpha, E = self.dynamics_along([t], states, p)
         return alpha[0], E[0]
 
     @abstractmethod
@@ -306,7 +313,13 @@ class OutputCoordinates(Coordinates):
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
 
     @abstractmethod
-    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
+    def place(
+        self,
+        t: float,
+        z: ArrayLike,
+        p: Any,
+        near: ArrayLike | None = None,
+    ) -> Array:
         """State with this error, with all other coordinates at rest, (n,).
 
         Args:
@@ -343,7 +356,8 @@ class OutputCoordinates(Coordinates):
             values = reals(self.reference(0.0, p.reference))
         except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
             raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
-        if values.shape != (sum(degrees) + len(degrees),) or not np.all(np.isfinite(values)):
+        count = sum(degrees) + len(degrees)
+        if values.shape != (count,) or not np.all(np.isfinite(values)):
             raise ArgumentError(
                 f"the reference gives {shown(values)} at t = 0, must give finite values of each "
                 f"output with derivatives up to {degrees}"

@@ -25,6 +25,10 @@ _ROUNDING = 1e-9
 _POINTS = 200
 
 
+# Jitable (x, p) -> numbers, of states and the plant's parameters.
+StateFunction = Callable[[Any, Any], tuple[float, ...]]
+
+
 @dataclass(frozen=True, eq=False)
 class ZeroDynamics:
     """Motion of the inner states while the outputs are held at zero.
@@ -48,7 +52,7 @@ class ZeroDynamics:
         """
         rates = sp.Matrix(self.rates)
         symbols = rates.free_symbols - set(self.states)
-        values: dict[Any, Any] = {symbol: getattr(parameters, str(symbol)) for symbol in symbols}
+        values = {symbol: getattr(parameters, str(symbol)) for symbol in symbols}
         rates_at_zero = self._at_zero(rates, values)
         slope = self._at_zero(rates.jacobian(self.states), values)
         if np.abs(rates_at_zero).max() > _ROUNDING:
@@ -60,7 +64,8 @@ class ZeroDynamics:
     def _at_zero(self, matrix: Any, values: dict[Any, Any]) -> Array:
         """Value of a matrix of expressions at xi = 0."""
         zero = dict.fromkeys(self.states, 0)
-        return np.array(matrix.subs(values).subs(zero).evalf(), float)
+        numbers = matrix.subs(values).subs(zero).evalf()
+        return np.array(numbers, float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,33 +101,33 @@ class FeedbackLinearization(Chains):
     # The functions are cached, as a law is compiled for each of them anew.
 
     @cached_property
-    def transformation(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def transformation(self) -> StateFunction:
         """Jitable (x, p) -> T(x)."""
         return self._generate("transformation", self.T)
 
     @cached_property
-    def nonlinearity(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def nonlinearity(self) -> StateFunction:
         """Jitable (x, p) -> K(x)."""
         return self._generate("nonlinearity", self.K)
 
     @cached_property
-    def decoupling_matrix(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def decoupling_matrix(self) -> StateFunction:
         """Jitable (x, p) -> E(x) row by row."""
         return self._generate("decoupling_matrix", self.E.flat())
 
     @cached_property
-    def slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def slope(self) -> StateFunction:
         """Jitable (x, p) -> the Jacobian of T at x, row by row."""
         slopes = sp.Matrix(self.T).jacobian(self.equations.x)
         return self._generate("slope", tuple(slopes))
 
     @cached_property
-    def nonlinearity_slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def nonlinearity_slope(self) -> StateFunction:
         """Jitable (x, p) -> the Jacobian of K at x, row by row."""
         slopes = sp.Matrix(self.K).jacobian(self.equations.x)
         return self._generate("nonlinearity_slope", tuple(slopes))
 
-    def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
+    def _generate(self, name: str, expressions: Sequence[Any]) -> StateFunction:
         return generate(name, expressions, "x, p", self.equations.places())
 
     def require_regular(self, x: Array, p: Any) -> None:
@@ -138,7 +143,8 @@ class FeedbackLinearization(Chains):
         if not self._singular_at(x, p):
             return
 
-        E = self.E[0] if self.equations.inputs == 1 else self.E.tolist()
+        single = self.equations.inputs == 1
+        E = self.E[0] if single else self.E.tolist()
         raise PremiseError(
             f"feedback linearization is not possible about x = {np.round(x, 9).tolist()}: the "
             f"decoupling matrix E = {shown(E, str)} of {', '.join(map(str, self.h))}, of relative "
@@ -166,7 +172,8 @@ class FeedbackLinearization(Chains):
         rows = sizes.max(axis=(0, 2))[:, None] + tiny
         columns = (sizes / rows).max(axis=(0, 1)) + tiny
 
-        least = np.linalg.svd(E / rows / columns, compute_uv=False).min()
+        scaled = E / rows / columns
+        least = np.linalg.svd(scaled, compute_uv=False).min()
         return not least > _ROUNDING
 
     def _decoupling_matrix_at(self, x: Array, p: Any) -> Array:
@@ -196,7 +203,8 @@ class FeedbackLinearization(Chains):
         # Imported where it is needed, because it takes time and little else uses it.
         import scipy.optimize
 
-        outer = [i for i, name in enumerate(self.equations.x) if name not in self.inner]
+        states = self.equations.x
+        outer = [i for i, state in enumerate(states) if state not in self.inner]
 
         # The root finder takes functions of the outer states only.
         def residual(values: Array) -> Array:
@@ -205,14 +213,16 @@ class FeedbackLinearization(Chains):
 
         def slope(values: Array) -> Array:
             x[outer] = values
-            return np.reshape(self.slope(x, p), (len(self.T), -1))[:, outer]
+            slopes = np.reshape(self.slope(x, p), (len(self.T), -1))
+            return slopes[:, outer]
 
         try:
             root = scipy.optimize.root(residual, x[outer], jac=slope, tol=1e-13)
             missed = float(np.abs(residual(root.x)).max())
         except (ArithmeticError, ValueError):  # outside the domain of a function in T
             missed = np.inf
-        if missed > 1e-9 * max(1.0, float(np.abs(z).max())):
+        size = max(1.0, float(np.abs(z).max()))
+        if missed > 1e-9 * size:
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
@@ -229,12 +239,14 @@ class FeedbackLinearization(Chains):
     @cached_property
     def inner(self) -> tuple[sp.Symbol, ...]:
         """States that complete z to a transformation of the whole state."""
-        point = {symbol: values[0] for symbol, values in _points(self.equations).items()}
-        slopes = sp.Matrix(self.T).jacobian(self.equations.x)
+        points = _points(self.equations)
+        point = {symbol: values[0] for symbol, values in points.items()}
+        states = self.equations.x
+        slopes = sp.Matrix(self.T).jacobian(states)
         rows = np.array(slopes.subs(point).evalf(), float)
 
         inner = []
-        for unit_row, state in zip(np.eye(len(self.equations.x)), self.equations.x, strict=True):
+        for state, unit_row in zip(states, np.eye(len(states)), strict=True):
             wider = np.vstack([rows, unit_row])
             if np.linalg.matrix_rank(wider) > len(rows):
                 rows = wider
@@ -256,10 +268,11 @@ class FeedbackLinearization(Chains):
 
         # The input that holds the outputs at zero makes v = 0.
         u = -self.E.inv() * sp.Matrix(self.K)
-        rates = sp.Matrix(self.equations.f) + sp.Matrix(self.equations.g) * u
+        f = sp.Matrix(self.equations.f)
+        g = sp.Matrix(self.equations.g)
+        rates = (f + g * u).subs(solutions[0])
         rows = [self.equations.x.index(x) for x in self.inner]
-        inner_rates = tuple(sp.simplify(rates[row].subs(solutions[0])) for row in rows)
-        return ZeroDynamics(self.inner, inner_rates)
+        return ZeroDynamics(self.inner, tuple(sp.simplify(rates[row]) for row in rows))
 
 
 @checked_call
@@ -304,7 +317,14 @@ def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackL
             f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
         )
-    return FeedbackLinearization(tuple(degrees), equations, outputs, tuple(T), tuple(K), matrix)
+    return FeedbackLinearization(
+        tuple(degrees),
+        equations,
+        outputs,
+        T=tuple(T),
+        K=tuple(K),
+        E=matrix,
+    )
 
 
 class _Chain(NamedTuple):
@@ -366,16 +386,19 @@ def is_zero(expression: sp.Expr, equations: Equations) -> bool:
         return True
 
     points = _points(equations)
-    evaluate = sp.lambdify(list(points), list(sp.Add.make_args(expression)), "numpy")
+    terms_of_sum = list(sp.Add.make_args(expression))
+    evaluate = sp.lambdify(list(points), terms_of_sum, "numpy")
     with np.errstate(all="ignore"):
         values = evaluate(*points.values())
         terms = np.array([np.broadcast_to(term, _POINTS) for term in values])
-    terms = terms[:, np.all(np.isfinite(terms), axis=0)]
+    defined = np.all(np.isfinite(terms), axis=0)
+    terms = terms[:, defined]
     if not terms.size:
         raise PremiseError(f"{expression} has no real value at {_POINTS} random points")
 
+    sums = np.abs(terms.sum(axis=0))
     rounding = _ROUNDING * np.abs(terms).sum(axis=0)
-    return bool(np.all(np.abs(terms.sum(axis=0)) <= rounding))
+    return bool(np.all(sums <= rounding))
 
 
 def _points(equations: Equations) -> dict[sp.Symbol, Array]:
@@ -387,7 +410,8 @@ def _points(equations: Equations) -> dict[sp.Symbol, Array]:
     random = np.random.default_rng(0)
     symbols = (*equations.x, *equations.parameters)
     small = np.arange(_POINTS) % 2 == 0
-    sizes = np.where(small, 1.0, 4.0) * random.uniform(0.2, 1, (len(symbols), _POINTS))
-    signs = random.choice([-1, 1], sizes.shape)
+    shape = (len(symbols), _POINTS)
+    sizes = np.where(small, 1.0, 4.0) * random.uniform(0.2, 1, shape)
+    signs = random.choice([-1, 1], shape)
     signs[len(equations.x) :, small] = 1
     return dict(zip(symbols, signs * sizes, strict=True))

@@ -111,4 +111,5 @@ class StateCoordinates(Coordinates):
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """State of the operating point at the instants (N,), (N, n)."""
-        return np.tile(parameters.x, (len(np.asarray(time)), 1))
+        count = len(np.asarray(time))
+        return np.tile(parameters.x, (count, 1))

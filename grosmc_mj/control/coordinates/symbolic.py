@@ -140,7 +140,12 @@ class ErrorCoordinates(OutputCoordinates):
 
         return jitable(virtual_input)
 
-    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+    def dynamics_along(
+        self,
+        t: Sequence[float],
+        x: Array,
+        p: Any,
+    ) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i, by the law's model.
 
         Args:
@@ -154,7 +159,7 @@ class ErrorCoordinates(OutputCoordinates):
         chains = self.linearization
         m = self.inputs
         K = _along(chains.nonlinearity, x, p.plant)
-        E = np.reshape(_along(chains.decoupling_matrix, x, p.plant), (-1, m, m))
+        E = _along(chains.decoupling_matrix, x, p.plant).reshape(-1, m, m)
         y_r = np.array([self.reference(instant, p.reference) for instant in t])
         alpha = K - y_r[:, self._highest]
         return self.sign * alpha, self.sign * E
@@ -183,10 +188,12 @@ class ErrorCoordinates(OutputCoordinates):
         """
         equations = plant.system.equations
         f = _along(equations.drift, x, plant.parameters)
-        g = np.reshape(_along(equations.input_matrix, x, plant.parameters), (*f.shape, -1))
+        g = _along(equations.input_matrix, x, plant.parameters)
+        g = g.reshape(*f.shape, -1)
 
         slopes = self._slopes(x, p)
-        drift = self.sign * (np.einsum("nij,nj->ni", slopes, f) - self.raised_along(t, p))
+        output_rates = np.einsum("nij,nj->ni", slopes, f)
+        drift = self.sign * (output_rates - self.raised_along(t, p))
         if w is not None:
             drift = drift + self.disturbances(x, p, plant, w)
         return drift, self.sign * (slopes @ g)
@@ -204,12 +211,13 @@ class ErrorCoordinates(OutputCoordinates):
             (N, size).
         """
         d = _along(plant.system.equations.disturbance, x, plant.parameters, w)
-        return self.sign * np.einsum("nij,nj->ni", self._slopes(x, p), d)
+        output_rates = np.einsum("nij,nj->ni", self._slopes(x, p), d)
+        return self.sign * output_rates
 
     def _slopes(self, x: Array, p: Any) -> Array:
         """Jacobians of T by the law's model, at states (N, n); returns (N, size, n)."""
         slopes = _along(self.linearization.slope, x, p.plant)
-        return np.reshape(slopes, (len(x), self.size, -1))
+        return slopes.reshape(len(x), self.size, -1)
 
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
@@ -219,13 +227,20 @@ class ErrorCoordinates(OutputCoordinates):
             return x[:, chains.plain]
         return _along(chains.transformation, x, plant)
 
-    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
+    def place(
+        self,
+        t: float,
+        z: ArrayLike,
+        p: Any,
+        near: ArrayLike | None = None,
+    ) -> Array:
         """State with this error, with the inner states of ``near``, (n,)."""
         if near is None:
             near = self.guess
         if near is None:
             near = np.zeros(len(self.system.states))
-        return self.linearization.place(self.placed(t, z, p), p.plant, np.array(near, float))
+        T = self.placed(t, z, p)
+        return self.linearization.place(T, p.plant, np.array(near, float))
 
     @cached_property
     def _torques(self) -> LinearTorques:
@@ -306,10 +321,12 @@ class ErrorCoordinates(OutputCoordinates):
         if self.inputs > 1 and not chains.complete:
             raise PremiseError(f"{name}: z leaves out a part of the state")
 
-        outer = [i for i, state in enumerate(chains.equations.x) if state not in chains.inner]
-        slope_of_T = np.reshape(chains.slope(x, p.plant), (self.size, len(x)))[:, outer]
-        slope_of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, len(x)))
-        if not np.all(np.isfinite(slope_of_T)) or np.linalg.matrix_rank(slope_of_T) < self.size:
+        states = chains.equations.x
+        outer = [i for i, state in enumerate(states) if state not in chains.inner]
+        slope_of_T = np.reshape(chains.slope(x, p.plant), (self.size, -1))[:, outer]
+        slope_of_K = np.reshape(chains.nonlinearity_slope(x, p.plant), (self.inputs, -1))
+        finite = np.all(np.isfinite(slope_of_T))
+        if not finite or np.linalg.matrix_rank(slope_of_T) < self.size:
             raise PremiseError(
                 f"{name}: the outputs' errors do not determine the state at x = {x.tolist()}: "
                 "name an operating point with [plant] at, or linearize by feedback"
@@ -317,14 +334,21 @@ class ErrorCoordinates(OutputCoordinates):
         return slope_of_T, slope_of_K[:, outer]
 
 
-def _along(values: Callable[..., tuple[float, ...]], x: Array, p: Any, *w: Array) -> Array:
+def _along(
+    values: Callable[..., tuple[float, ...]],
+    x: Array,
+    p: Any,
+    *w: Array,
+) -> Array:
     """Values of a generated function (x, w, p) at states (N, n) and wrenches (N, 6 * bodies).
 
     Python's floats are several times as fast as NumPy's, which are taken where Python raises an
     error, as for 1/0.
     """
     wrenches = [part.tolist() for part in w]
+    rows = zip(x.tolist(), *wrenches, strict=True)
     try:
-        return np.array([values(*row, p) for row in zip(x.tolist(), *wrenches, strict=True)])
+        return np.array([values(*row, p) for row in rows])
     except ArithmeticError:
-        return np.array([values(*row, p) for row in zip(x, *wrenches, strict=True)])
+        rows = zip(x, *wrenches, strict=True)
+        return np.array([values(*row, p) for row in rows])

@@ -92,7 +92,8 @@ def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> L
                 q[i] = row_times(i, d.start, z)
 
         for i in range(len(v)):
-            v[i] = 0.0 - (row_times(i, d.K, z) + row_times(i, d.H, q))
+            feedback = row_times(i, d.K, z) + row_times(i, d.H, q)
+            v[i] = 0.0 - feedback
             memory.applied[i] = v[i]
         apply(t, x, v, memory, p, u)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import scipy.linalg
@@ -54,8 +54,11 @@ def lqi(
     A = np.zeros((n + m, n + m))
     A[:n, :n] = optimum.A
     A[n:, :n] = _output_matrix(task)
-    B = np.vstack([optimum.B, np.zeros((m, m))])
-    Q: Any = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
+    B = np.zeros((n + m, m))
+    B[:n] = optimum.B
+    Q = np.zeros((n + m, n + m))
+    Q[:n, :n] = optimum.Q
+    Q[n:, n:] = integral_weight * np.eye(m)
     gain = lqr(A, B, Q, optimum.R).K
 
     return _integrating(
@@ -107,7 +110,8 @@ def pid(
     a = optimum.A[last_rows]
     E = optimum.B[last_rows]
     identity = np.eye(task.error.inputs)
-    gain_of_error = np.kron(identity, [[3 * frequency**2, 3 * frequency]])
+    gains_of_output = [[3 * frequency**2, 3 * frequency]]
+    gain_of_error = np.kron(identity, gains_of_output)
     return _integrating(
         "pid",
         task,
@@ -145,7 +149,13 @@ def _integrating(
     )
 
 
-def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -> Dynamics:
+def integrals(
+    optimum: LqrDesign,
+    C: Array,
+    K: Array,
+    H: Array,
+    period: float,
+) -> Dynamics:
     """Integrals of C z over each period, exact for z' = A z.
 
     They do not count the input's part: where the input makes up for a load they would take it for
@@ -165,7 +175,9 @@ def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -
     system[m:, m:] = optimum.A
     transition = scipy.linalg.expm(system * period)
     F, G = np.split(transition[:m], [m], axis=1)
-    return Dynamics(K, H, F, G, L=np.zeros((m, m)), start=np.zeros((m, n)))
+    L = np.zeros((m, m))
+    start = np.zeros((m, n))
+    return Dynamics(K, H, F, G, L, start)
 
 
 def _output_matrix(task: Task) -> Array:

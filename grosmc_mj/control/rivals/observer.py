@@ -139,7 +139,8 @@ def _gain_for_pole(Phi: Array, pole: float) -> Array:
     """
     size = len(Phi)
     identity = np.eye(size)
-    observability = np.array([np.linalg.matrix_power(Phi, power)[0] for power in range(size)])
+    powers = [np.linalg.matrix_power(Phi, power) for power in range(size)]
+    observability = np.array([power[0] for power in powers])
     characteristic = np.linalg.matrix_power(Phi - pole * identity, size)
     gain = characteristic @ np.linalg.solve(observability, identity[:, -1])
     return np.linalg.solve(Phi, gain)
