@@ -200,7 +200,10 @@ def test_adaptive_law_refuses_outputs_that_are_no_joints() -> None:
 
 TWO_INPUTS = ((1, 0), (0, 1))
 # The determinant is zero for a reason that sympy has to see.
-HIDDEN_ZERO = ((sp.sin(A) ** 2, sp.cos(A) ** 2 - 1), (-1, 1))
+HIDDEN_ZERO = (
+    (sp.sin(A) ** 2, sp.cos(A) ** 2 - 1),
+    (-1, 1),
+)
 
 
 @pytest.mark.parametrize(

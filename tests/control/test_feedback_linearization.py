@@ -55,7 +55,9 @@ def test_feedback_linearization_is_the_row_of_the_acceleration(name: str) -> Non
 
     random = np.random.default_rng(0)
     for _ in range(20):  # E is regular: |angle| < 1.4
-        x = np.concatenate([random.uniform(-1.4, 1.4, n), random.normal(0, 3, n)])
+        position = random.uniform(-1.4, 1.4, n)
+        rates = random.normal(0, 3, n)
+        x = np.concatenate([position, rates])
         (K,) = chains.nonlinearity(x, p)
         (E,) = chains.decoupling_matrix(x, p)
         rounding = 1e-14 * hand.size(x, p)
@@ -107,10 +109,15 @@ def test_matrices_of_the_motor_are_those_by_hand() -> None:
         z = [angle, rate, acceleration]
         np.testing.assert_allclose(chains.transformation(x, p), z, rtol=1e-13)
 
-        jerk = (p.Kt * -(p.R * i + p.Kt * rate) / p.L - p.B * acceleration) / p.J
-        terms = abs(p.Kt * p.R * i / p.L / p.J) + abs(p.B * acceleration / p.J)
-        assert chains.nonlinearity(x, p)[0] == pytest.approx(jerk, rel=0, abs=1e-13 * terms)
-        assert chains.decoupling_matrix(x, p)[0] == pytest.approx(p.Kt / p.J / p.L, rel=1e-15)
+        (K,) = chains.nonlinearity(x, p)
+        current_rate = -(p.R * i + p.Kt * rate) / p.L
+        jerk = (p.Kt * current_rate - p.B * acceleration) / p.J
+        largest = p.Kt * p.R * i / p.L / p.J
+        terms = abs(largest) + abs(p.B * acceleration / p.J)
+        assert pytest.approx(jerk, rel=0, abs=1e-13 * terms) == K
+
+        (E,) = chains.decoupling_matrix(x, p)
+        assert pytest.approx(p.Kt / p.J / p.L, rel=1e-15) == E
 
 
 def test_a_state_of_the_motor_is_found_from_its_outputs() -> None:
@@ -218,8 +225,10 @@ def test_chains_of_coupled_outputs_are_in_their_order(hand: Coupled) -> None:
 def test_matrices_of_coupled_outputs_are_those_by_hand(hand: Coupled) -> None:
     chains = hand.chains
     assert hand.T == chains.T
-    assert sp.simplify(sp.Matrix(chains.K) - sp.Matrix(hand.K)) == sp.zeros(2, 1)
-    assert sp.simplify(chains.E - sp.Matrix.vstack(*hand.E)) == sp.zeros(2)
+    K = sp.Matrix(hand.K)
+    E = sp.Matrix.vstack(*hand.E)
+    assert sp.simplify(sp.Matrix(chains.K) - K) == sp.zeros(2, 1)
+    assert sp.simplify(chains.E - E) == sp.zeros(2)
 
 
 def test_singularity_is_the_determinant() -> None:
@@ -239,10 +248,21 @@ def test_a_state_is_found_from_coupled_outputs(hand: Coupled) -> None:
 # Zero dynamics
 
 GROWTH = sp.Symbol("a")
+GROWING = SimpleNamespace(a=3.0)
 # y = x1 + x2 has (s - a + 1) / (s (s - a)), y = x1 has 1/s.
-LINEAR = Equations(x=(X1, X2), f=(0, GROWTH * X2 + X1), g=(1, 0), h=(X1,))
+LINEAR = Equations(
+    x=(X1, X2),
+    f=(0, GROWTH * X2 + X1),
+    g=(1, 0),
+    h=(X1,),
+)
 # Holding y = x1 takes u = -x2^2, so x2' = -x2^3 - x2^2.
-CUBIC = Equations(x=(X1, X2), f=(X2**2, -(X2**3)), g=(1, 1), h=(X1,))
+CUBIC = Equations(
+    x=(X1, X2),
+    f=(X2**2, -(X2**3)),
+    g=(1, 1),
+    h=(X1,),
+)
 CART, _, CART_SPEED, _ = CART_PENDULUM.equations.x
 
 
@@ -263,16 +283,20 @@ def test_zero_dynamics_are_those_by_hand(
     assert zero_dynamics.states == states
     difference = sp.Matrix(zero_dynamics.rates) - sp.Matrix(rates)
     assert difference.expand().is_zero_matrix
-    np.testing.assert_allclose(zero_dynamics.poles(SimpleNamespace(a=3.0)), poles, rtol=1e-14)
+    actual = zero_dynamics.poles(GROWING)
+    np.testing.assert_allclose(actual, poles, rtol=1e-14)
 
 
 def test_poles_of_the_zero_dynamics_are_the_zeros() -> None:
     zero_dynamics: Any = feedback_linearization(LINEAR, [X1 + X2]).zero_dynamics()
-    np.testing.assert_allclose(zero_dynamics.poles(SimpleNamespace(a=3.0)), [2.0], rtol=1e-14)
+    poles = zero_dynamics.poles(GROWING)
+    np.testing.assert_allclose(poles, [2.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize(
-    "equations", [ARM.equations, motor(load=True), COUPLED], ids=["arm", "motor", "coupled"]
+    "equations",
+    [ARM.equations, motor(load=True), COUPLED],
+    ids=["arm", "motor", "coupled"],
 )
 def test_a_plant_whose_z_is_the_whole_state_has_no_zero_dynamics(equations: Equations) -> None:
     assert feedback_linearization(equations).zero_dynamics() is None
@@ -295,7 +319,13 @@ def test_states_that_the_outputs_leave_free_are_those_of_the_guess() -> None:
     assert guess.tolist() == [1, 2, 3, 4]
 
 
-@pytest.mark.parametrize(("near", "angle"), [(0.0, math.pi / 6), (3.0, 5 * math.pi / 6)])
+@pytest.mark.parametrize(
+    ("near", "angle"),
+    [
+        (0.0, math.pi / 6),
+        (3.0, 5 * math.pi / 6),
+    ],
+)
 def test_guess_chooses_among_states_with_the_same_outputs(near: float, angle: float) -> None:
     """sin(theta) = 1/2 at 30 and at 150 degrees; the cart stays where the guess has it."""
     height = feedback_linearization(CART_PENDULUM.equations, [sp.sin(THETA)])
@@ -312,7 +342,12 @@ def test_states_that_z_leaves_out_are_at_rest_without_a_guess() -> None:
 
 
 # sqrt(x1) is no number for x1 < 0, where the root finder steps.
-ROOT = Equations(x=(X1,), f=(0,), g=((1,),), h=(sp.sqrt(X1),))
+ROOT = Equations(
+    x=(X1,),
+    f=(0,),
+    g=((1,),),
+    h=(sp.sqrt(X1),),
+)
 
 
 @pytest.mark.parametrize(
@@ -335,7 +370,12 @@ def test_outputs_that_no_state_has_are_refused(
 
 def test_a_matrix_is_singular_at_a_state_in_any_units() -> None:
     a, b = sp.symbols("a b")
-    equations = Equations(x=(a, b), f=(0, 0), g=((1e6, 0), (0, 1e-8 * sp.cos(b))), h=(a, b))
+    equations = Equations(
+        x=(a, b),
+        f=(0, 0),
+        g=((1e6, 0), (0, 1e-8 * sp.cos(b))),
+        h=(a, b),
+    )
     chains = feedback_linearization(equations)
     chains.require_regular(np.zeros(2), None)
     with pytest.raises(PremiseError, match=r"is singular there \(eq\. \(21\)\)"):
@@ -368,7 +408,12 @@ def square_error(sign: Any) -> ErrorCoordinates:
 def square_dynamics(sign: int, x: Array) -> tuple[Array, Array]:
     """alpha and E of the coupled plant by hand."""
     alpha = np.array([x[0] * x[2], x[1] - x[2]])
-    E = np.array([[2 + math.sin(x[2]), x[0]], [1, 3 + x[1] * x[1]]])
+    E = np.array(
+        [
+            [2 + math.sin(x[2]), x[0]],
+            [1, 3 + x[1] * x[1]],
+        ]
+    )
     return sign * alpha, sign * E
 
 
@@ -423,7 +468,8 @@ def test_linear_model_of_two_outputs_is_the_jacobian_by_hand(sign: int) -> None:
     p = numbers(NoNumbers(), Setpoints(0.2, 0.0))
     plant = AnalyticPlant(SQUARE, NoNumbers())
     A, B = square_error(sign).linear_model(plant, p)
-    np.testing.assert_allclose(A, [[0, 1, 0], [0, 0, 0.2], [0, 1, -1]], rtol=0, atol=1e-8)
+    expected_A = [[0, 1, 0], [0, 0, 0.2], [0, 1, -1]]
+    np.testing.assert_allclose(A, expected_A, rtol=0, atol=1e-8)
     expected_B = sign * np.array([[0, 0], [2, 0.2], [1, 3]])
     np.testing.assert_allclose(B, expected_B, rtol=0, atol=1e-8)
 
@@ -448,7 +494,8 @@ def test_uncertain_kinematics_are_not_matched(J: float) -> None:
 
     (drift,), (gain,) = error.error_dynamics([0.0], x[None], p, true)
     np.testing.assert_allclose(drift[:2], [1.5, torque / J], rtol=1e-13)
-    np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
+    voltage_gain = 0.7 / 0.02 / 0.05
+    np.testing.assert_allclose(gain, [[0], [0], [voltage_gain]], rtol=1e-13)
 
     unmatched = error.unmatched(error.error_state(0.0, x, p), drift)
     np.testing.assert_allclose(unmatched, [0, torque / J - torque / 0.02], atol=1e-12)

@@ -54,19 +54,23 @@ def worst_rate_of_s(ctl: Controller) -> float:
     p = ctl.parameters
 
     worst = -math.inf
+    off_surface = np.linalg.pinv(p.G)[:, 0]
     for z, side, sign in itertools.product(pendulum_errors(), (-1.0, 1.0), (-1, 1)):
-        scales = np.where(random.uniform(size=len(low)) < 0.5, low, high).tolist()
+        lowest = random.uniform(size=len(low)) < 0.5
+        scales = np.where(lowest, low, high).tolist()
         plant = nominal("cart_pendulum").changed(
             scales=dict(zip(declared.scales, scales, strict=True))
         )
         x = np.zeros(4)
         x[[1, 3]] = z
-        memory = SurfaceMemory(z0=z - side * np.linalg.pinv(p.G)[:, 0], t=1.0)
+        memory = SurfaceMemory(z0=z - side * off_surface, t=1.0)
         u = ctl.input_at(1.0, x, memory)
         assert np.sign(memory.s).tolist() == [side]
 
-        dz = plant.derivative(x, u, sign * np.array(declared.wrench))[[1, 3]]
-        worst = max(worst, (p.G @ dz - p.S @ z).item() * side)
+        w = sign * np.array(declared.wrench)
+        dz = plant.derivative(x, u, w)[[1, 3]]
+        rate = (p.G @ dz - p.S @ z).item()
+        worst = max(worst, rate * side)
     return worst
 
 
@@ -106,7 +110,8 @@ def test_gains_of_the_servo_are_the_closed_forms() -> None:
     """
     p: Any = nominal("servo").parameters
     gains = robust("servo").parameters
-    gamma1 = 2 * math.hypot(gains.K[0, 0], gains.K[0, 1] - p.B / p.Kt)
+    K1, K2 = gains.K[0]
+    gamma1 = 2 * math.hypot(K1, K2 - p.B / p.Kt)
     assert gains.gamma0 == pytest.approx(1.0 / p.Kt, rel=1e-12)
     assert (1 - GRID) * gamma1 <= gains.gamma1 <= gamma1 * (1 + 1e-12)
     assert gains.eta == pytest.approx(3 * DECLARED.reaching_rate, rel=1e-12)
@@ -132,11 +137,13 @@ def test_gains_of_the_pendulum_are_those_of_the_lagrangian() -> None:
 
     def E(m: float, L: float, theta: float) -> float:
         c = math.cos(theta)
-        return c / (p.M + m) / (L * (4 / 3 - m / (p.M + m) * c * c))
+        reduced = 4 / 3 - m / (p.M + m) * c * c
+        return c / (p.M + m) / (L * reduced)
 
     ratio = E(4 * p.m, 4 * p.L, edge) / E(p.m, p.L, edge)
     assert gains.eta == pytest.approx(PENDULUM_UNCERTAINTY.reaching_rate / ratio, rel=1e-12)
-    torque = 0.01 * p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
+    inertia = p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
+    torque = 0.01 * inertia
     expected = torque * (p.M + p.m) / (p.m * p.L * math.cos(edge))
     assert gains.gamma0 == pytest.approx(expected, rel=1e-9)
 
@@ -176,7 +183,8 @@ def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
 def test_family_that_reverses_or_loses_the_input_is_refused(scale: float) -> None:
     """The input of this servo acts backwards beyond half of its torque constant more."""
     J, Kt = sp.symbols("J Kt")
-    reversing = replace(SERVO, equations=replace(SERVO.equations, g=(0, (1 - Kt) / J)))
+    equations = replace(SERVO.equations, g=(0, (1 - Kt) / J))
+    reversing = replace(SERVO, equations=equations)
     error = ErrorCoordinates(reversing, SERVO_ERROR.reference, -1)
     declared = replace(CERTAIN["servo"], scales={"Kt": (1.0, scale)})
     message = r"servo: the input gain of a declared plant, Kt x[0-9.]+, is .* at z ="
@@ -195,7 +203,10 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
         states={"a": "m", "b": "m"},
         inputs={"u": "m/s", "v": "m/s"},
         f=[0, 0],
-        g=[[9 * k - 8, 9 * (k - 1)], [(k - 1) / 2, 1]],
+        g=[
+            [9 * k - 8, 9 * (k - 1)],
+            [(k - 1) / 2, 1],
+        ],
         h=sp.symbols("a b"),
         parameters={"k": 1.0},
     )
@@ -267,7 +278,8 @@ def test_gains_on_all_states_are_those_of_the_worst_member() -> None:
 
     A, B = linear(task.plant, m=1.0)
     A_t, B_t = linear(task.plant, m=1.5)
-    expected = np.linalg.norm(p.G @ (A_t - B_t @ p.K - A + B @ p.K)) * 1.5
+    difference = A_t - B_t @ p.K - A + B @ p.K
+    expected = np.linalg.norm(p.G @ difference) * 1.5
     assert p.gamma1 == pytest.approx(expected)
 
 
@@ -278,7 +290,8 @@ def test_a_heavier_plant_that_the_nominal_input_does_not_hold_needs_a_constant()
     """
     declared = StateUncertainty(scales={"m": (1.0, 1.5)})
     p = state_grosmc(hung_at(0.8), declared).parameters
-    assert p.gamma0 == pytest.approx(2.0 * 9.81 * np.sin(0.8) * (1 - 1 / 1.5) * 1.5)
+    torque = 2.0 * 9.81 * np.sin(0.8)
+    assert p.gamma0 == pytest.approx(torque * (1 - 1 / 1.5) * 1.5)
 
 
 @pytest.mark.parametrize(
@@ -289,7 +302,13 @@ def test_a_force_on_the_cart_counts_as_the_input_s_own(declared: StateUncertaint
     assert state_grosmc(task, declared).parameters.gamma0 == pytest.approx(0.7)
 
 
-@pytest.mark.parametrize(("G", "unit"), [(None, "N m s"), ([[0.0, 3.0]], "1")])
+@pytest.mark.parametrize(
+    ("G", "unit"),
+    [
+        (None, "N m s"),
+        ([[0.0, 3.0]], "1"),
+    ],
+)
 def test_s_has_a_unit_where_G_B_is_one(G: Any, unit: str) -> None:
     """That of the input times time; of another G it has none of its own."""
     assert state_grosmc(hung_at(0.0), G=G).designed.sliding_unit == unit
@@ -303,7 +322,12 @@ def two_carts() -> AnalyticPlant:
         states={"p1": "m", "p2": "m", "v1": "m/s", "v2": "m/s"},
         inputs={"u1": "N", "u2": "N"},
         f=[v1, v2, k * (p2 - p1), k * (p1 - p2)],
-        g=[[0, 0], [0, 0], [1, 0.2], [0.1, 1]],
+        g=[
+            [0, 0],
+            [0, 0],
+            [1, 0.2],
+            [0.1, 1],
+        ],
         h=[p1, p2],
         parameters={"k": 3.0},
     )

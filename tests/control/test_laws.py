@@ -92,7 +92,8 @@ def surface_rate(ctl: Controller, design: str, t: float, x: Array, u: Array) -> 
     z = ctl.coordinates.error_state(t, x, p)
     rate = p.G @ error_rate(ctl, design, t, x, u) - p.S @ z
 
-    terms = np.abs(nominal(design).derivative(x, u)).max() * np.abs(p.G).max()
+    derivative = np.abs(nominal(design).derivative(x, u))
+    terms = derivative.max() * np.abs(p.G).max()
     return rate, ROUNDING * max(1.0, terms)
 
 
@@ -181,7 +182,8 @@ def test_law_drives_s_to_zero_at_the_rate_of_its_proof(design: str) -> None:
         z = error.error_state(t, x, p)
         _, E = error.dynamics(t, x, p)
         input_gain = np.linalg.norm(p.GB if design == "servo" else p.GB @ E)
-        rho = p.eta + p.epsilon + (p.gamma0 + p.gamma1 * np.linalg.norm(z)) * input_gain
+        bound = p.gamma0 + p.gamma1 * np.linalg.norm(z)
+        rho = p.eta + p.epsilon + bound * input_gain
         rate, rounding = surface_rate(ctl, design, t, x, u)
         expected = -(p.k * memory.s + rho * sides)
         np.testing.assert_allclose(rate, expected, rtol=0, atol=rounding)
@@ -297,7 +299,8 @@ each_instant = pytest.mark.parametrize("t", [0.0, 0.37, 2.2, 50.0])
 def test_reference_is_its_formula(name: str, t: float) -> None:
     y_r, p, value = REFERENCES[name]
     # Rounding of sines at some 150 rad.
-    np.testing.assert_allclose(np.array(y_r(t, p))[::3], value(t), rtol=0, atol=1e-13)
+    outputs = np.array(y_r(t, p))[::3]
+    np.testing.assert_allclose(outputs, value(t), rtol=0, atol=1e-13)
 
 
 @each_instant
@@ -306,7 +309,9 @@ def test_reference_is_its_formula(name: str, t: float) -> None:
 def test_derivatives_of_a_reference_are_its_own(name: str, t: float, order: int) -> None:
     y_r, p, _ = REFERENCES[name]
     h = 1e-5
-    difference = np.array(y_r(t + h, p)) - np.array(y_r(t - h, p))
+    after = np.array(y_r(t + h, p))
+    before = np.array(y_r(t - h, p))
+    difference = after - before
     slope = difference[order::3] / (2 * h)
     # Central differences: h^2/6 times a third derivative of some 40, and rounding 1e-16/h.
     derivative = np.array(y_r(t, p))[order + 1 :: 3]

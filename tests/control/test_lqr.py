@@ -9,7 +9,6 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.surface import surface_matrix
 from grosmc_mj.experiments.catalogue import chapter_controller
@@ -89,7 +88,8 @@ def test_no_other_gain_costs_less(published: Published) -> None:
     """J of u = -K x is x0' P_K x0 / 2 with (A-BK)' P_K + P_K (A-BK) = -(Q + K'RK)."""
     design = published.design
     z0 = np.array(published.z0)
-    for factors in np.random.default_rng(0).uniform(0.7, 1.3, (20, *design.K.shape)):
+    random = np.random.default_rng(0)
+    for factors in random.uniform(0.7, 1.3, (20, *design.K.shape)):
         K = design.K * factors
         closed = design.A - design.B @ K
         weight = design.Q + K.T @ design.R @ K
@@ -141,19 +141,28 @@ def test_solution_satisfies_the_riccati_equation_6(seed: int) -> None:
     D = random.normal(size=(m, m))
     Q = C.T @ C
     R = D.T @ D + np.eye(m)
-    design = lqr(random.normal(size=(n, n)), random.normal(size=(n, m)), Q, R)
+    A = random.normal(size=(n, n))
+    B = random.normal(size=(n, m))
+    design = lqr(A, B, Q, R)
 
-    A = design.A
-    B = design.B
     P = design.P
     quadratic = P @ B @ np.linalg.solve(R, B.T @ P)
     residual = -P @ A - A.T @ P + quadratic - Q
-    assert np.abs(residual).max() < 1e-9 * max(1.0, np.abs(quadratic).max())
-    np.testing.assert_allclose(design.K, np.linalg.solve(R, B.T @ P), rtol=0, atol=1e-10)
+    size = max(1.0, np.abs(quadratic).max())
+    assert np.abs(residual).max() < 1e-9 * size
+    K = np.linalg.solve(R, B.T @ P)
+    np.testing.assert_allclose(design.K, K, rtol=0, atol=1e-10)
     assert design.poles.real.max() < 0
 
 
-@pytest.mark.parametrize(("q1", "q2", "r"), [(1.0, 0.0, 1.0), (1e3, 7.0, 1e-2), (1e-3, 1e3, 1e2)])
+@pytest.mark.parametrize(
+    ("q1", "q2", "r"),
+    [
+        (1.0, 0.0, 1.0),
+        (1e3, 7.0, 1e-2),
+        (1e-3, 1e3, 1e2),
+    ],
+)
 def test_gain_of_the_integrator_chain_is_the_closed_form(q1: float, q2: float, r: float) -> None:
     """Eq. (6) for z'' = v: K1 = sqrt(q1/r), K2 = sqrt(q2/r + 2 K1)."""
     K1 = np.sqrt(q1 / r)
@@ -164,11 +173,14 @@ def test_gain_of_the_integrator_chain_is_the_closed_form(q1: float, q2: float, r
 
 
 def test_a_stable_mode_that_the_input_does_not_reach_is_accepted() -> None:
-    design = lqr(np.diag([-1.0, 0.0]), [[0.0], [1.0]], np.eye(2), 1.0)
+    A = np.diag([-1.0, 0.0])
+    design = lqr(A, CHAIN_B, np.eye(2), 1.0)
     np.testing.assert_allclose(sorted(design.poles.real), [-1, -1], atol=1e-12)
 
 
-@pytest.mark.parametrize("B", [CHAIN_B, np.array([[0.0], [-11.56]]), np.array([[1.0], [2.0]])])
-def test_default_surface_matrix_is_the_pseudoinverse(B: Array) -> None:
+@pytest.mark.parametrize("column", [[0.0, 1.0], [0.0, -11.56], [1.0, 2.0]])
+def test_default_surface_matrix_is_the_pseudoinverse(column: list[float]) -> None:
+    B = np.array(column)[:, None]
+    pseudoinverse = np.linalg.solve(B.T @ B, B.T)
     G = surface_matrix(None, B)
-    np.testing.assert_allclose(G, np.linalg.solve(B.T @ B, B.T), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(G, pseudoinverse, rtol=0, atol=1e-12)

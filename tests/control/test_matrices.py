@@ -115,8 +115,8 @@ def test_a_matrix_is_regular_in_any_units_unless_a_row_repeats_others(m: int) ->
 @pytest.mark.parametrize("exponent", [3, 11, 14])
 def test_a_matrix_is_regular_up_to_a_condition_number_of_1e11(exponent: int, m: int) -> None:
     random = np.random.default_rng(m)
-    left = np.linalg.qr(random.normal(size=(m, m)))[0]
-    right = np.linalg.qr(random.normal(size=(m, m)))[0]
+    left, _ = np.linalg.qr(random.normal(size=(m, m)))
+    right, _ = np.linalg.qr(random.normal(size=(m, m)))
     singular_values = np.logspace(0, -exponent, m)
 
     regular = solution(left * singular_values @ right, np.ones(m)) is not None

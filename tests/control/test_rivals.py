@@ -27,7 +27,11 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 PERIOD = 1e-3
-STARTS = {"servo": (0.0, 0.0), "arm": (0.5, math.pi), REGULATION: (0.5, -2.0, 0.0, 0.0)}
+STARTS = {
+    "servo": (0.0, 0.0),
+    "arm": (0.5, math.pi),
+    REGULATION: (0.5, -2.0, 0.0, 0.0),
+}
 # Wrenches about the joints, which are along -y.
 LOADS = {
     "servo": Disturbance("rotor", (0, 0, 0, 0, 0.3, 0), Constant()),
@@ -93,14 +97,16 @@ def loaded_servo(name: str) -> Trajectory:
 def error_at_rest(name: str) -> Array:
     law = controller("servo", name)
     loaded = loaded_servo(name)
-    return law.coordinates.along(loaded.time[-1:], loaded.state[-1:], law.parameters)[0]
+    z = law.coordinates.along(loaded.time, loaded.state, law.parameters)
+    return z[-1]
 
 
 def test_lqr_keeps_the_error_of_a_constant_load() -> None:
     """At rest 0 = Kt u - T_d, so e = -T_d / (Kt K_1), by eq. (15)."""
     Kt = nominal("servo").parameters.Kt
     K = controller("servo", "lqr").parameters.K
-    assert error_at_rest("lqr")[0] == pytest.approx(-LOAD / (Kt * K[0, 0]), rel=1e-8)
+    expected = -LOAD / (Kt * K[0, 0])
+    assert error_at_rest("lqr")[0] == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ["lqi", "pid", "adrc"])
@@ -168,10 +174,18 @@ def test_integrals_are_exact_between_samples() -> None:
         rtol=1e-11,
         atol=1e-12,
     )
-    np.testing.assert_allclose(p.F @ [0.25] + p.G @ z, solved.y[2:, -1], rtol=1e-9)
+    integral = p.F @ [0.25] + p.G @ z
+    np.testing.assert_allclose(integral, solved.y[2:, -1], rtol=1e-9)
 
 
-@pytest.mark.parametrize(("degrees", "bandwidth"), [((1,), 1.0), ((3,), 200.0), ((2, 1), 200.0)])
+@pytest.mark.parametrize(
+    ("degrees", "bandwidth"),
+    [
+        ((1,), 1.0),
+        ((3,), 200.0),
+        ((2, 1), 200.0),
+    ],
+)
 def test_observers_have_their_poles(degrees: tuple[int, ...], bandwidth: float) -> None:
     """r + 1 poles at exp(-w_o T) for a chain of degree r."""
     F = observer(degrees, bandwidth, PERIOD).F
@@ -261,7 +275,8 @@ def test_lyapunov_function_falls_as_s_K_D_s(design: str, wrong: dict[str, float]
     q = adapted.state[: len(s), :m]
     inertias = np.array([linear.inertia(position, plant.parameters) for position in q])
     kinetic = np.einsum("ki,kij,kj->k", s, inertias, s)
-    V = kinetic / 2 + np.sum((estimates - theta) ** 2, axis=1) / (2 * p.adaptation)
+    misfit = np.sum((estimates - theta) ** 2, axis=1)
+    V = kinetic / 2 + misfit / (2 * p.adaptation)
 
     # Friction of the servo takes its share, as another K_D.
     friction = theta[1] if design == "servo" else 0.0

@@ -218,7 +218,8 @@ def adaptive_run(push: float) -> tuple[Array, Array]:
         push=lambda start, end: push * (end - start) * (end < 3),
     )
     # Each sample has the memory of the run, which changes.
-    gains, s = np.array([(row.memory.adapted[0], row.s) for row in samples]).T
+    rows = [(row.memory.adapted[0], row.s) for row in samples]
+    gains, s = np.array(rows).T
     return gains, s
 
 
@@ -245,7 +246,8 @@ def test_adaptive_gain_falls_to_its_least_without_a_disturbance(push: float) -> 
 def test_a_gain_scales_rho_and_a_width_the_layer() -> None:
     """phi = -(k s + g rho sat(s / (width h g rho)))."""
     phi = second_sample("boundary-layer", [H, 100 * H], 3.0, 5.0, gain=0.5, width=4.0)
-    np.testing.assert_allclose(phi, [-3 * H - 1 / 4.0, -300 * H - 2.5], rtol=1e-12)
+    expected = [-3 * H - 1 / 4.0, -300 * H - 2.5]
+    np.testing.assert_allclose(phi, expected, rtol=1e-12)
 
 
 def test_an_estimate_at_first_takes_s_for_the_work_of_the_disturbance() -> None:
@@ -320,7 +322,8 @@ def test_a_boundary_layer_of_half_a_step_chatters() -> None:
 def test_without_authority_sampling_faster_does_not_help(name: str, h: float) -> None:
     """With r rho < W the excursion is the integral of |w| - r rho while positive."""
     start = math.asin(0.3 / PUSH) / (2 * math.pi)
-    excursion = PUSH * math.cos(2 * math.pi * start) / math.pi - 0.3 * (0.5 - 2 * start)
+    pushed = PUSH * math.cos(2 * math.pi * start) / math.pi
+    excursion = pushed - 0.3 * (0.5 - 2 * start)
     assert with_gain(name, 0.3, h).max_sliding == pytest.approx(excursion, abs=2.5 * h)
 
 
