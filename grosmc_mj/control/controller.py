@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
@@ -33,13 +33,15 @@ from grosmc_mj.records import extended
 if TYPE_CHECKING:
     from grosmc_mj.loop.controllers import AppliedLoop
 
+# Fields of p that every law gets.
+_OF_THE_NOMINAL_PLANT = ("plant", "reference", "period")
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
 _OF_THE_RUN = ("v", "undefined", "workspace", "first", "s")
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Numbers of a law that reads its control period, such as one of one's own.
+    """Numbers of a law that reads its control period, such as a user's own law.
 
     Attributes:
         period: Control period of the run [s]; NaN before there is one.
@@ -50,18 +52,19 @@ class Sampled:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What a law was designed for, and what its runs are judged by.
+    """Error coordinates and optimum that a law was designed for and its runs are judged by.
 
     Attributes:
         error: The error coordinates that the law regulates.
         lqr: The optimum that it is to follow.
         source: Equations of the chapter.
         gains: Gains worth showing, by the chapter's symbols.
-        declared: What the gains were computed from, in words; empty if they are given.
+        declared: The uncertainty that the gains were computed from, in words; empty if the gains
+            are given.
         sliding_unit: Unit of s, if the law has a surface.
         linearizing: Whether it goes through feedback linearization, eqs. (23) and (44).
         switching: Name of its switching law; empty if it has none.
-        control_period: The one sampling time that it is designed for [s]; None for any.
+        control_period: The only sampling time that it is designed for [s]; None for any.
         switched_law: Makes its law for another switching law, if it has one.
         numbers_at: Its numbers that depend on the control period [s], by their names; None for
             none.
@@ -94,7 +97,7 @@ class Controller:
             Python.
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
-        design: What it was designed for; None for an open loop and the like.
+        design: Its error coordinates and optimum; None for an open loop and the like.
         loop: The sensors, computer, estimators and actuators around the law; None for none.
     """
 
@@ -107,9 +110,10 @@ class Controller:
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
-        for part in ("law", "memory"):
-            if not callable(value := getattr(self, part)):
-                raise ArgumentError(f"{self.name}: {part} = {shown(value)} must be a function")
+        if not callable(self.law):
+            raise ArgumentError(f"{self.name}: law = {shown(self.law)} must be a function")
+        if not callable(self.memory):
+            raise ArgumentError(f"{self.name}: memory = {shown(self.memory)} must be a function")
         require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
         if self.loop is not None and not hasattr(self.loop, "timestep"):
             raise ArgumentError(
@@ -118,15 +122,17 @@ class Controller:
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:
-        """The law's inputs at one sample, (m,).
+        """Return the law's inputs at one sample, (m,).
 
         Args:
             t: Time [s].
             x: State, (n,).
-            memory: Of the run, which the law changes; it has the v of a law of m inputs.
+            memory: Memory of the run, which the law changes.
         """
+        # v has an entry for each input.
         u = np.zeros(np.size(memory.v))
-        self.law(t, np.asarray(x, float), memory, self.parameters, u)
+        state = np.asarray(x, float)
+        self.law(t, state, memory, self.parameters, u)
         return u
 
     @property
@@ -153,23 +159,31 @@ class Controller:
         return regulated_outputs(self.designed.error, self.name)
 
     def sampled(self, control_period: float) -> Controller:
-        """The same, told its control period [s] where it reads ``p.period``."""
+        """Copy with the control period [s] set in its parameters.
+
+        The numbers that depend on it are set too. A law that does not read ``p.period`` is
+        returned as it is.
+        """
         p = self.parameters
         if not isinstance(p, Sampled) or p.period == control_period:
             return self
-        numbers_of = self.design.numbers_at if self.design else None
-        numbers = {} if numbers_of is None else numbers_of(control_period)
+
+        numbers: Mapping[str, Any] = {}
+        if self.design is not None and self.design.numbers_at is not None:
+            numbers = self.design.numbers_at(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
 
     def begin(self) -> tuple[Memory, Workspace | None]:
-        """The memory of a new run, and what must be kept alive for as long as it."""
-        memory, workspace = self.memory(), None
+        """Return the memory of a new run, and a workspace that must live as long as the run."""
+        memory = self.memory()
+        if self.loop is not None:
+            memory.first = self.loop.ahead
+
+        workspace = None
         if self.design is not None:
             workspace = self.design.error.workspace(self.parameters)
         if workspace is not None:
             memory.workspace = workspace.address
-        if self.loop is not None:
-            memory.first = self.loop.ahead
         return memory, workspace
 
 
@@ -181,16 +195,16 @@ def custom_controller(
     numbers: Mapping[str, Any] | None = None,
     memory: Mapping[str, Any] | None = None,
 ) -> Controller:
-    """A controller of any law, judged against the optimum of another one.
+    """Make a controller of any law, judged against the optimum of another controller.
 
     Args:
-        name: What it is called.
+        name: Name of the controller.
         law: (t, x, memory, p, u), which writes the inputs into u (m,); or (t, x, memory, p), which
             returns a number or, for several inputs, a tuple.
         like: A controller with error coordinates and an optimum, whose index weighs this one.
         numbers: Fields of p besides ``plant``, ``reference`` and ``period``, the control period:
             numbers and arrays.
-        memory: Fields of memory with what they hold when a run begins, such as
+        memory: Fields of memory with their values when a run begins, such as
             ``{"integral": 0.0, "past": np.zeros(8)}``: numbers and arrays, which the law changes
             in place (``memory.past[0] = e``). Each is recorded in ``Trajectory.memory``.
 
@@ -199,24 +213,35 @@ def custom_controller(
     """
     if not callable(law):
         raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p, u)")
-    design, numbers, remembered = like.designed, numbers or {}, {}
-    taken = [(key, ("plant", "reference", "period")) for key in numbers]
-    for key, own in [*taken, *((key, _OF_THE_RUN) for key in memory or {})]:
-        if not key.isidentifier() or keyword.iskeyword(key) or key in own:
-            raise ArgumentError(f"{key!r} cannot be the name of a number or memory")
-    for key, value in (memory or {}).items():
-        entries = reals(value)
-        if not np.all(np.isfinite(entries)):
-            raise ArgumentError(f"memory: {key} = {shown(value)} must be finite")
-        remembered[key] = entries if entries.ndim else float(entries)
-    nominal = {"plant": like.parameters.plant, "reference": like.parameters.reference}
+    design = like.designed
+    numbers = numbers or {}
+    memory = memory or {}
+    _require_names(numbers, taken=_OF_THE_NOMINAL_PLANT)
+    _require_names(memory, taken=_OF_THE_RUN)
+
+    # A number's gain is worth showing; an array or an infinite limit is not.
+    gains: dict[str, float] = {}
+    for key, value in numbers.items():
+        number = real(value)
+        if math.isfinite(number):
+            gains[key] = number
+
+    initial: dict[str, Any] = {}
+    for key, value in memory.items():
+        initial[key] = _initial_value(key, value)
+
+    parameters = extended(
+        Sampled(),
+        plant=like.parameters.plant,
+        reference=like.parameters.reference,
+        **numbers,
+    )
     _, virtual_input = design.error.input_maps(linearizing=design.linearizing)
-    gains = {key: number for key, value in numbers.items() if math.isfinite(number := real(value))}
     return Controller(
         name=name,
         law=_noting(law, virtual_input),
-        parameters=extended(Sampled(), **nominal, **numbers),
-        memory=memory_of(design.error.inputs, **remembered),
+        parameters=parameters,
+        memory=memory_of(design.error.inputs, **initial),
         design=Design(
             design.error,
             design.lqr,
@@ -228,18 +253,39 @@ def custom_controller(
     )
 
 
+def _require_names(fields: Mapping[str, Any], taken: Sequence[str]) -> None:
+    """Refuse names that cannot be fields of a dataclass, or that are taken."""
+    for name in fields:
+        if not name.isidentifier() or keyword.iskeyword(name) or name in taken:
+            raise ArgumentError(f"{name!r} cannot be the name of a number or memory")
+
+
+def _initial_value(name: str, value: Any) -> float | Array:
+    """Value of a field of memory as a run begins: a float, or an array of floats."""
+    entries = reals(value)
+    if not np.all(np.isfinite(entries)):
+        raise ArgumentError(f"memory: {name} = {shown(value)} must be finite")
+    if entries.ndim == 0:
+        return float(entries)
+    return entries
+
+
 def named_gains(**matrices: Array) -> dict[str, float]:
     """Gains by their symbols: K1, K2 ... or, of several inputs, K11, K12 ... row by row."""
-    return {
-        f"{symbol}{i + 1 if len(matrix) > 1 else ''}{j + 1}": float(matrix[i, j])
-        for symbol, matrix in matrices.items()
-        for i, j in np.ndindex(*matrix.shape)
-    }
+    gains: dict[str, float] = {}
+    for symbol, matrix in matrices.items():
+        for i, j in np.ndindex(*matrix.shape):
+            row = ""
+            if len(matrix) > 1:
+                row = str(i + 1)
+            gains[f"{symbol}{row}{j + 1}"] = float(matrix[i, j])
+    return gains
 
 
+# Cached, so that controllers of one law have one wrapper, which is compiled once.
 @cache
 def _noting(law: Callable[..., Any], virtual_input: InputMap) -> Law:
-    """The law, which notes the v that the index weighs: u, or that of eqs. (24) and (45)."""
+    """Wrap a law so that it notes v, which the index weighs: u, or v of eqs. (24) and (45)."""
     inner = jitable(writing(law))
 
     def noting(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:

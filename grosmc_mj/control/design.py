@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design, named_gains
-from grosmc_mj.control.coordinates.base import OutputCoordinates
+from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, priced
 from grosmc_mj.control.memory import memory_of
@@ -23,9 +23,10 @@ from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.fields import Is, Name, Positive, Range, checked_call
 
-# Of the room that an actuator's limits leave, for the nominal input; the rest is the switching
-# term's. With 0.8 dm_control's cart-pole falls from 30 degrees.
+# Share of the room that an actuator's limits leave which the nominal input may take; the switching
+# term has the remainder. With 0.8 dm_control's cart-pole falls from 30 degrees.
 SHARE = 0.9
+# No uncertainty beside the default reaching rate.
 CERTAIN = StateUncertainty()
 
 
@@ -39,8 +40,8 @@ def linear_lqr(task: Task) -> Controller:
 @checked_call
 def linearized_lqr(task: Task, name: Name = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
-    optimum, source = task.optimum(linearizing=True), "eqs. (23)+(28), (44)+(49)"
-    return _feedback(name, task, optimum, source, linearizing=True)
+    optimum = task.optimum(linearizing=True)
+    return _feedback(name, task, optimum, "eqs. (23)+(28), (44)+(49)", linearizing=True)
 
 
 @checked_call
@@ -51,10 +52,11 @@ def computed_torque_pd(
 ) -> Controller:
     """Feedback linearization with the same two poles for every output: v = -w^2 e - 2 D w e'.
 
-    What it is compared with is its own nominal trajectory, not an optimum; J* is what that costs.
+    Its runs are compared with its own nominal trajectory, not with an optimum; J* is the cost of
+    that trajectory.
 
     Args:
-        task: What is designed for; every output must have relative degree two.
+        task: The task; every output must have relative degree two.
         frequency: w [rad/s].
         damping: D; critical by default.
 
@@ -62,18 +64,23 @@ def computed_torque_pd(
         ArgumentError: If a number is not positive.
         GainError: If an output has another relative degree.
     """
-    chains, inputs = task.outputs.linearization, task.error.inputs
+    chains = task.outputs.linearization
     if set(chains.relative_degree) != {2}:
         raise GainError(
             f"computed-torque PD: the relative degrees {chains.relative_degree} must all be 2"
         )
-    K = np.kron(np.eye(inputs), [[frequency**2, 2 * damping * frequency]])
-    optimum = priced(chains.A, chains.B, task.Q, task.R, K)
-    source = "eqs. (23), (44) with v = -Kp e - Kd e'"
+
+    gains_of_output = [[frequency**2, 2 * damping * frequency]]
+    K = np.kron(np.eye(task.error.inputs), gains_of_output)
+    nominal = priced(chains.A, chains.B, task.Q, task.R, K)
     return _feedback(
-        "pd", task, optimum, source,
-        linearizing=True, follows_optimum=False,
-    )  # fmt: skip
+        "pd",
+        task,
+        nominal,
+        "eqs. (23), (44) with v = -Kp e - Kd e'",
+        linearizing=True,
+        follows_optimum=False,
+    )
 
 
 @checked_call
@@ -81,8 +88,8 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
     """GROSMC of section 2, eqs. (8)+(12), with gains from the declared uncertainty.
 
     Args:
-        task: What is designed for.
-        uncertainty: What the law shall withstand.
+        task: The task.
+        uncertainty: Uncertainty that the law shall withstand.
         G: Projection of the surface, (m, n); B+ by default.
 
     Raises:
@@ -98,11 +105,12 @@ def regulating_grosmc(
     """GROSMC of section 3, eqs. (31)+(37), with gains from the declared uncertainty.
 
     Args:
-        task: What is designed for, with equations in symbols.
-        uncertainty: What the law shall withstand.
+        task: The task, with equations in symbols.
+        uncertainty: Uncertainty that the law shall withstand.
         G: Projection of the surface, (m, n); B+ by default.
 
     Raises:
+        ArgumentError: If the plant has no equations in symbols.
         GainError: If G B is singular or no gain can hold the declared family.
     """
     if not isinstance(task.error, ErrorCoordinates):
@@ -117,10 +125,10 @@ def regulating_grosmc(
 def tracking_grosmc(
     task: Task, k: Positive, epsilon: Positive, G: ArrayLike | None = None
 ) -> Controller:
-    """GROSMC of section 4, eqs. (51)+(55), with its gains given.
+    """GROSMC of section 4, eqs. (51)+(55), with given gains.
 
     Args:
-        task: What is designed for.
+        task: The task.
         k: Proportional reaching gain [1/s].
         epsilon: Switching gain, in the unit of s per second.
         G: Projection of the surface, (m, n); B+ by default.
@@ -143,10 +151,10 @@ def state_grosmc(
     """GROSMC of section 2 on all states: the surface (8) and the law (12).
 
     Args:
-        task: What is designed for.
-        uncertainty: What the law shall withstand.
-        G: Projection of the surface, (m, n); B+ by default, which does not amplify what is
-            unmatched.
+        task: The task.
+        uncertainty: Uncertainty that the law shall withstand.
+        G: Projection of the surface, (m, n); B+ by default, which does not amplify unmatched
+            disturbances.
         limit: Largest nominal input about the operating point; by default 0.9 of the room that
             the actuator's limits leave there.
 
@@ -154,12 +162,25 @@ def state_grosmc(
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps, or the limits leave no room.
     """
-    (low, high), u_e = task.plant.input_limits, task.reference.u
-    room = SHARE * float(np.min([high - u_e, u_e - low]))
-    if limit is None and not room > 0:
-        raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
+    if limit is None:
+        limit = _room_of_actuators(task)
     source = f"eqs. (8)+(12) with all {task.error.size} states"
-    return _sliding(task, uncertainty, G, source, limit=room if limit is None else limit)
+    return _sliding(task, uncertainty, G, source, limit=limit)
+
+
+def _room_of_actuators(task: Task) -> float:
+    """Largest nominal input about the operating point that the actuator's limits leave.
+
+    Raises:
+        GainError: If they leave none.
+    """
+    low, high = task.plant.input_limits
+    u_e = task.reference.u
+    least = float(np.min([high - u_e, u_e - low]))
+    room = SHARE * least
+    if not room > 0:
+        raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
+    return room
 
 
 @checked_call
@@ -167,19 +188,30 @@ def realized(
     controller: Annotated[Controller, Is(Controller, "a controller, such as tracking_grosmc's")],
     realization: Realization,
 ) -> Controller:
-    """A sliding mode controller with this switching law, and with its surface at a period.
+    """Sliding mode controller with the switching law and the surface of a realization.
 
     A controller that does not switch is returned as it is.
+
+    Args:
+        controller: The controller, with the law as printed.
+        realization: Switching law, and control period of the surface.
     """
-    design, p, switching = controller.design, controller.parameters, realization.switching
+    design = controller.design
     if realization == AS_PRINTED or design is None or design.switched_law is None:
         return controller
-    period, n = None, 1
-    # A shaped law has no matrix S that a period would enter.
+
+    p = controller.parameters
     if isinstance(p, GrosmcParameters):
-        period, n = realization.control_period, p.G.shape[1]
+        period = realization.control_period
+        n = p.G.shape[1]
         S, GB_held = surface_rates(p.G, design.lqr, period)
         p = replace(p, S=S, GB_held=GB_held)
+    else:
+        # A shaped law has one sliding variable and no matrix S that a period would enter.
+        period = None
+        n = 1
+
+    switching = realization.switching
     return Controller(
         controller.name,
         design.switched_law(switching.reach),
@@ -198,19 +230,27 @@ def _feedback(
     linearizing: bool = False,
     follows_optimum: bool = True,
 ) -> Controller:
-    """A controller without switching, judged against this optimum."""
+    """Controller without switching, judged against this optimum."""
     design = Design(
-        task.error, optimum, source, _feedback_gains(optimum),
-        linearizing=linearizing, follows_optimum=follows_optimum,
-    )  # fmt: skip
-    law, (m, n) = laws.optimal_feedback(task.error, linearizing=linearizing), optimum.K.shape
-    return Controller(name, law, task.feedback(optimum.K), memory_of(m, z=np.zeros(n)), design)
+        task.error,
+        optimum,
+        source,
+        _feedback_gains(optimum),
+        linearizing=linearizing,
+        follows_optimum=follows_optimum,
+    )
+    law = laws.optimal_feedback(task.error, linearizing=linearizing)
+    m, n = optimum.K.shape
+    memory = memory_of(m, z=np.zeros(n))
+    return Controller(name, law, task.feedback(optimum.K), memory, design)
 
 
 def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
-    """K as it is shown, without the rounding of what is zero."""
+    """Entries of K by their names, with 0 for those that are only rounding."""
     K = optimum.K
-    return named_gains(K=np.where(np.abs(K) > 1e-12 * np.abs(K).max(), K, 0.0))
+    sizes = np.abs(K)
+    rounding = 1e-12 * sizes.max()
+    return named_gains(K=np.where(sizes > rounding, K, 0.0))
 
 
 def _sliding(
@@ -226,52 +266,81 @@ def _sliding(
     """GROSMC with the switching law and the surface as printed.
 
     Args:
-        task: What it is designed for.
-        gains: Its switching gains, or what they are to be computed from.
+        task: The task.
+        gains: Its switching gains, or the uncertainty that they are computed from.
         G: Projection of the surface, (m, n); B+ by default.
         source: Equations of the chapter.
         linearizing: Whether it goes through feedback linearization.
         regulating: Whether its switching gain follows E(x).
         limit: Largest nominal input.
     """
-    optimum, printed = task.optimum(linearizing=linearizing), AS_PRINTED.switching
-    G = surface_matrix(G, optimum.B)
-    GB, (m, n) = G @ optimum.B, G.shape
-    p = GrosmcParameters(
-        **vars(task.feedback(optimum.K)),
-        G=G, S=G @ optimum.closed_loop,
-        GB=GB, GB_inverse=np.linalg.inv(GB), GB_held=GB, size_of_GB=float(np.linalg.norm(GB)),
-        switching=printed.numbers,
-    )  # fmt: skip
+    optimum = task.optimum(linearizing=linearizing)
+    printed = AS_PRINTED.switching
+    p = _surface_numbers(task, optimum, surface_matrix(G, optimum.B))
     law = partial(laws.grosmc, task.error, linearizing, regulating)
     design = Design(
         task.error,
         optimum,
         source=source,
-        sliding_unit=_sliding_unit(task.error, G, GB),
+        sliding_unit=_sliding_unit(task.error, p.G, p.GB),
         linearizing=linearizing,
         switching=printed.name,
         switched_law=law,
     )
+
+    numbers: dict[str, float] = {}
     declared = ""
-    if not isinstance(gains, Mapping):
-        (eta, gamma0, gamma1, _), declared = gains.gains(design, p, task.plant)
-        gains = {"eta": eta, "gamma0": gamma0, "gamma1": gamma1}
+    if isinstance(gains, Mapping):
+        numbers.update(gains)
+    else:
+        switching_gains, declared = gains.gains(design, p, task.plant)
+        numbers["eta"] = switching_gains.eta
+        numbers["gamma0"] = switching_gains.gamma0
+        numbers["gamma1"] = switching_gains.gamma1
     if np.isfinite(limit):
-        gains = {**gains, "limit": limit}
-    design = replace(design, gains=_feedback_gains(optimum) | dict(gains), declared=declared)
-    memory = printed.new_memory(m, n)
-    return Controller("grosmc", law(printed.reach), replace(p, **gains), memory, design)
+        numbers["limit"] = limit
+
+    m, n = p.G.shape
+    return Controller(
+        "grosmc",
+        law(printed.reach),
+        replace(p, **numbers),
+        printed.new_memory(m, n),
+        replace(design, gains=_feedback_gains(optimum) | numbers, declared=declared),
+    )
 
 
-def _sliding_unit(error: Any, G: Array, GB: Array) -> str:
-    """Unit of s: with G B = 1 that of the input times time, else that of the error's rate."""
+def _surface_numbers(task: Task, optimum: LqrDesign, G: Array) -> GrosmcParameters:
+    """Numbers of GROSMC with the surface as printed, before there are switching gains."""
+    feedback = task.feedback(optimum.K)
+    GB = G @ optimum.B
+    return GrosmcParameters(
+        plant=feedback.plant,
+        reference=feedback.reference,
+        K=feedback.K,
+        G=G,
+        S=G @ optimum.closed_loop,
+        GB=GB,
+        GB_inverse=np.linalg.inv(GB),
+        GB_held=GB,
+        size_of_GB=float(np.linalg.norm(GB)),
+        switching=AS_PRINTED.switching.numbers,
+    )
+
+
+def _sliding_unit(error: Coordinates, G: Array, GB: Array) -> str:
+    """Unit of s: that of the last entries of z, or with G B = 1 that of the input times time.
+
+    It is "1" if s has no unit that could be named.
+    """
     if isinstance(error, OutputCoordinates):
         rows = list(error.linearization.last_rows)
         # With G in the last rows only and G B = 1 both are the rate's.
         if np.allclose(GB, G[:, rows]):
             return error.units[rows[0]]
-    if not np.allclose(GB, np.eye(len(GB)), rtol=1e-9, atol=1e-9):
+    identity = np.eye(len(GB))
+    if not np.allclose(GB, identity, rtol=1e-9, atol=1e-9):
         return "1"
+
     unit = error.system.input.unit
     return "s" if unit == "1" else f"{unit} s"

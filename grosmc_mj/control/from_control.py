@@ -1,4 +1,4 @@
-"""A controller designed with python-control, run as it is."""
+"""Controllers designed with python-control, run unchanged."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_feedback
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Is, Name, Range, checked_call
@@ -32,9 +33,9 @@ def from_control(
     Args:
         sys: A ``control.StateSpace`` or ``control.TransferFunction``: discrete with this sampling
             time, or continuous, which Tustin's rule then samples.
-        period: Control period [s]; a run with another one is refused.
+        period: Control period [s]; a run with another period is refused.
         like: A controller whose outputs it regulates and whose index weighs it.
-        name: What it is called.
+        name: Name of the controller.
 
     Raises:
         ArgumentError: If it is no such system, has another sampling time, or its inputs and
@@ -45,47 +46,80 @@ def from_control(
             f"{name} is a {type(sys).__name__}, must be a StateSpace or TransferFunction of "
             "python-control"
         )
-    error, system = like.designed.error, _sampled(sys, period, name)
-    outputs, inputs = len(error.output_rows), error.inputs
-    if (shape := system["D"].shape) != (inputs, outputs):
-        raise ArgumentError(
-            f"{name} has {shape[1]} inputs and {shape[0]} outputs, must see "
-            f"{outputs} errors and give {inputs} inputs of {error.system.name}"
-        )
-    order = len(system["A"])
-    # e = C z of the outputs' errors, with their sign.
-    C = -float(error.sign) * np.eye(error.size)[list(error.output_rows)]
+
+    error = like.designed.error
+    A, B, C, D = _sampled(sys, period, name)
+    _require_sizes(name, D, error)
+
+    # The outputs' errors are e = E z, with their sign.
+    output_rows = list(error.output_rows)
+    E = -float(error.sign) * np.eye(error.size)[output_rows]
+    order = len(A)
+    inputs = error.inputs
     dynamics = Dynamics(
-        K=-system["D"] @ C,
-        H=-system["C"],
-        F=system["A"],
-        G=system["B"] @ C,
+        K=-D @ E,
+        H=-C,
+        F=A,
+        G=B @ E,
         L=np.zeros((order, inputs)),
         start=np.zeros((order, error.size)),
     )
-    sizes = {"z": error.size, "q": order, "after": order, "within": inputs, "applied": inputs}
-    memory = {field: np.zeros(size) for field, size in sizes.items()}
-    own = dynamic_feedback(error, linearizing=False, holds=False)
-    law = custom_controller(name, own, like, {"dynamics": dynamics, "limit": math.inf}, memory)
-    source = {"source": "python-control", "gains": {}, "control_period": period}
-    return replace(law, design=replace(law.designed, **source))
+    controller = custom_controller(
+        name,
+        dynamic_feedback(error, linearizing=False, holds=False),
+        like,
+        numbers={"dynamics": dynamics, "limit": math.inf},
+        memory={
+            "z": np.zeros(error.size),
+            "q": np.zeros(order),
+            "after": np.zeros(order),
+            "within": np.zeros(inputs),
+            "applied": np.zeros(inputs),
+        },
+    )
+    design = replace(controller.designed, source="python-control", gains={}, control_period=period)
+    return replace(controller, design=design)
 
 
 def is_linear_system(value: Any) -> bool:
-    """Whether something is a state space or a transfer function of python-control."""
-    kinds = {f"{kind.__module__.split('.')[0]}.{kind.__name__}" for kind in type(value).__mro__}
-    return bool(kinds & {"control.StateSpace", "control.TransferFunction"})
+    """Whether a value is a state space or a transfer function of python-control."""
+    # By name: python-control takes long to import.
+    for kind in type(value).__mro__:
+        package = kind.__module__.split(".")[0]
+        if package == "control" and kind.__name__ in ("StateSpace", "TransferFunction"):
+            return True
+    return False
 
 
-def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
-    """The matrices at a sampling time; a static gain gets one state, of zeros."""
+def _require_sizes(name: str, D: Array, error: Coordinates) -> None:
+    """Refuse a system whose inputs and outputs are not as many as the plant's outputs and inputs.
+
+    Args:
+        name: Name of the controller.
+        D: Its direct gain, (its outputs, its inputs).
+        error: Error coordinates of the plant.
+    """
+    outputs = len(error.output_rows)
+    inputs = error.inputs
+    if D.shape != (inputs, outputs):
+        raise ArgumentError(
+            f"{name} has {D.shape[1]} inputs and {D.shape[0]} outputs, must see "
+            f"{outputs} errors and give {inputs} inputs of {error.system.name}"
+        )
+
+
+def _sampled(sys: Any, period: float, name: str) -> tuple[Array, Array, Array, Array]:
+    """A, B, C and D at a sampling time; a static gain gets one state, of zeros."""
     import control
 
     continuous = sys.dt in (0, None)
-    if not continuous and sys.dt is not True and not math.isclose(sys.dt, period, rel_tol=1e-9):
+    # python-control's True stands for a discrete system with any sampling time.
+    fits = continuous or sys.dt is True or math.isclose(sys.dt, period, rel_tol=1e-9)
+    if not fits:
         raise ArgumentError(
             f"{name} has a sampling time of {sys.dt:g} s, the control period is {period:g} s"
         )
+
     # A transfer function of several inputs needs slycot for this; an improper one has none.
     try:
         sampled = control.sample_system(sys, period, method="tustin") if continuous else sys
@@ -95,7 +129,19 @@ def _sampled(sys: Any, period: float, name: str) -> dict[str, Array]:
             f"{name}: its state space cannot be made ({' '.join(str(error).split())}): of an "
             "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
-    A, B, C, D = (np.asarray(part, float) for part in (system.A, system.B, system.C, system.D))
-    if not len(A):
-        A, B, C = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
-    return {key: np.ascontiguousarray(M) for key, M in zip("ABCD", (A, B, C, D), strict=True)}
+
+    A = _contiguous(system.A)
+    B = _contiguous(system.B)
+    C = _contiguous(system.C)
+    D = _contiguous(system.D)
+    if len(A) == 0:
+        outputs, inputs = D.shape
+        A = np.zeros((1, 1))
+        B = np.zeros((1, inputs))
+        C = np.zeros((outputs, 1))
+    return A, B, C, D
+
+
+def _contiguous(matrix: Any) -> Array:
+    """Matrix as floats, row by row."""
+    return np.ascontiguousarray(np.asarray(matrix, float))

@@ -1,4 +1,4 @@
-"""The form of every law, and how a function of the user's own gets it.
+"""Form of every law, and wrappers that give this form to a user's function.
 
 A law is plain Python, ``law(t, x, memory, p, u)``: it reads the time t [s], the state x (n,) and
 the numbers p, changes the memory of its run and writes the inputs u (m,). A function without ``u``
@@ -30,16 +30,17 @@ class NoInputsError(TypeError):
 
     def __init__(self, returned: Any, wanted: str) -> None:
         super().__init__(f"{returned!r} is no input, must be {wanted}")
-        self.returned, self.wanted = returned, wanted
+        self.returned = returned
+        self.wanted = wanted
 
 
 def around(wrapper: Any, law: Any) -> Law:
-    """A law that calls another one: it runs in Python only where that one does.
+    """Mark a law as one that calls another law, and return it.
 
     Args:
-        wrapper: The outer law; it gets the attributes ``python_only`` and ``own``, the innermost
-            law.
-        law: The inner one.
+        wrapper: The outer law. It gets the attributes ``python_only``, which says that it runs in
+            Python only, as the inner law, and ``own``, the innermost law.
+        law: The inner law.
     """
     wrapper.python_only = getattr(law, "python_only", False)
     wrapper.own = innermost(law)
@@ -47,13 +48,14 @@ def around(wrapper: Any, law: Any) -> Law:
 
 
 def innermost(law: Any) -> Any:
-    """The law inside all wrappers."""
+    """Return the law inside all wrappers."""
     return getattr(law, "own", law)
 
 
+# Cached, so that a law has one wrapper, which is compiled once.
 @cache
 def writing(law: Callable[..., Any]) -> Law:
-    """The law in the form that writes its inputs.
+    """Return a law in the form that writes its inputs.
 
     Python checks what a law of the user's own returns; compiled code does not, because numba
     refuses other types.
@@ -65,29 +67,45 @@ def writing(law: Callable[..., Any]) -> Law:
         NoInputsError: When the law is called and returns something else than m numbers.
     """
     law = source_of(law)
-    inner, writes = jitable(law), _takes_inputs(law)
-    if writes and not is_own(law):
-        return law
-    if writes:
+    inner = jitable(law)
+    if not _takes_inputs(law):
+        return around(_returning(inner), law)
+    if is_own(law):
+        return around(_checked(inner), law)
+    return law
 
-        def checked(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-            returned = inner(t, x, memory, p, u)
-            if returned is not None:
-                raise NoInputsError(returned, "nothing: a law with the argument u writes into it")
 
-        return around(compiled_as(checked, inner), law)
+# The wrappers below are closures, because numba compiles a law together with the one it calls.
+
+
+def _returning(inner: Callable[..., Any]) -> Law:
+    """Wrap a law that returns its inputs."""
 
     def written(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         write_inputs(u, inner(t, x, memory, p))
 
-    return around(jitable(written), law)
+    return jitable(written)
+
+
+def _checked(inner: Callable[..., Any]) -> Law:
+    """Wrap a law that writes its inputs, and so must not return any."""
+
+    def checked(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        returned = inner(t, x, memory, p, u)
+        if returned is not None:
+            raise NoInputsError(returned, "nothing: a law with the argument u writes into it")
+
+    return compiled_as(checked, inner)
 
 
 def _takes_inputs(law: Callable[..., Any]) -> bool:
-    """Whether a law has a fifth argument, for the inputs, that it must be given."""
-    fifth = list(inspect.signature(law).parameters.values())[4:5]
-    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return any(x.kind in kinds and x.default is x.empty for x in fifth)
+    """Whether a law has a fifth positional argument without a default, for the inputs."""
+    parameters = list(inspect.signature(law).parameters.values())
+    if len(parameters) < 5:
+        return False
+    fifth = parameters[4]
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return fifth.kind in positional and fifth.default is fifth.empty
 
 
 def write_inputs(u: Any, returned: Any) -> None:
@@ -98,15 +116,13 @@ def write_inputs(u: Any, returned: Any) -> None:
     """
     m = len(u)
     if m == 1:
+        wanted = "a number"
         fits = _is_number(returned)
     else:
-        fits = (
-            isinstance(returned, (tuple, list, np.ndarray))
-            and len(returned) == m
-            and all(map(_is_number, returned))
-        )
+        wanted = f"a tuple of {m} numbers"
+        fits = _are_numbers(returned, m)
     if not fits:
-        raise NoInputsError(returned, "a number" if m == 1 else f"a tuple of {m} numbers")
+        raise NoInputsError(returned, wanted)
     u[:] = returned
 
 
@@ -119,6 +135,14 @@ compiled_as(write_inputs, _write)
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, float) or (
-        isinstance(value, (int, np.integer, np.floating)) and not isinstance(value, bool)
-    )
+    """Whether a value is a real number; truth values are none."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, (float, int, np.integer, np.floating))
+
+
+def _are_numbers(values: Any, count: int) -> bool:
+    """Whether a value is a sequence of this many real numbers."""
+    if not isinstance(values, (tuple, list, np.ndarray)) or len(values) != count:
+        return False
+    return all(map(_is_number, values))

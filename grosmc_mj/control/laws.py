@@ -1,7 +1,8 @@
 """The laws of the chapter: optimal feedback and GROSMC, of a linear plant or through eq. (44).
 
-Every function here makes a law (t, x, memory, p, u) for some error coordinates, once: the
-compiled engine compiles it once. Its memory has the error state z (n,) and v (m,).
+Every function here makes a law (t, x, memory, p, u) for some error coordinates. It is cached, so
+that all controllers on these coordinates have one law, which is compiled once. The law's memory
+has the error state z (n,) and v (m,).
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ from grosmc_mj.jitable import jitable
 @cache
 def optimal_feedback(error: Coordinates, *, linearizing: bool) -> Law:
     """v = -K z: eq. (5) with v as the input, eqs. (23)+(28) and (44)+(49) through linearization."""
-    error_state, (apply, _) = error.state, error.input_maps(linearizing=linearizing)
+    error_state = error.state
+    apply, _ = error.input_maps(linearizing=linearizing)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        z, v = memory.z, memory.v
+        z = memory.z
+        v = memory.v
         error_state(t, x, p, z)
         for i in range(len(v)):
             v[i] = 0.0 - row_times(i, p.K, z)
@@ -56,26 +59,38 @@ def grosmc(error: Coordinates, linearizing: bool, regulating: bool, reach: Switc
         regulating: Whether rho follows E(x), eq. (37).
         reach: The switching law.
     """
-    error_state, (apply, _) = error.state, error.input_maps(linearizing=linearizing)
-    input_gain, reach = _size_of_GBE(error) if regulating else _size_of_GB, jitable(reach)
+    error_state = error.state
+    apply, _ = error.input_maps(linearizing=linearizing)
+    reach = jitable(reach)
+    input_gain = _size_of_GBE(error) if regulating else _size_of_GB
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        z, v, phi = memory.z, memory.v, memory.phi
+        z = memory.z
+        v = memory.v
+        phi = memory.phi
         m = len(v)
+
         error_state(t, x, p, z)
         integral_surface(t, z, memory, p)
+
+        # The nominal input, within the limit; u holds how much the limit changes it.
         for i in range(m):
             v[i] = 0.0 - row_times(i, p.K, z)
         if not linearizing:
             for i in range(m):
                 nominal = min(p.limit, max(-p.limit, v[i]))
-                u[i], v[i] = nominal - v[i], nominal
+                u[i] = nominal - v[i]
+                v[i] = nominal
             for i in range(m):
                 memory.rate[i] += row_times(i, p.GB_held, u)
-        rho = p.eta + p.epsilon + (p.gamma0 + p.gamma1 * norm(z)) * input_gain(x, p)
+
+        # The switching term.
+        bound = p.gamma0 + p.gamma1 * norm(z)
+        rho = p.eta + p.epsilon + bound * input_gain(x, p)
         reach(memory.s, p.k, rho, memory, p.switching, phi)
         for i in range(m):
             v[i] += row_times(i, p.GB_inverse, phi)
+
         apply(t, x, v, memory, p, u)
 
     return law
@@ -83,10 +98,10 @@ def grosmc(error: Coordinates, linearizing: bool, regulating: bool, reach: Switc
 
 @jitable
 def _size_of_GB(x: Any, p: Any) -> float:
+    """|G B|, for a law whose switching gain does not follow E(x)."""
     return p.size_of_GB
 
 
-@cache
 def _size_of_GBE(error: Any) -> Any:
     """Jitable (x, p) -> |G B E(x)| by the nominal plant's decoupling matrix."""
     matrix = error.linearization.decoupling_matrix

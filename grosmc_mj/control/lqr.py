@@ -65,21 +65,26 @@ class LqrDesign(NamedTuple):
             ArgumentError: If the instants are not equally spaced from 0.
         """
         time = np.asarray(time, float)
-        h = time[1] - time[0] if len(time) > 1 else 0.0
-        if not np.allclose(time, np.arange(len(time)) * h, rtol=1e-9, atol=0):
+        h = 0.0
+        if len(time) > 1:
+            h = time[1] - time[0]
+        multiples = np.arange(len(time)) * h
+        if not np.allclose(time, multiples, rtol=1e-9, atol=0):
             raise ArgumentError("the optimal trajectory needs equally spaced instants from t = 0")
+
         rows = np.asarray(x0, float)[None]
-        generator = self.closed_loop.tobytes()
+        closed_loop = self.closed_loop.tobytes()
         while len(rows) < len(time):
-            transition = _exponential(generator, self.A.shape, h * len(rows))
+            transition = _exponential(closed_loop, self.A.shape, h * len(rows))
             rows = np.concatenate([rows, rows @ transition.T])
         return rows[: len(time)]
 
 
 @lru_cache(maxsize=1024)
 def _exponential(matrix: bytes, shape: tuple[int, ...], t: float) -> Array:
-    """exp(A t); the runs of one design at one timestep ask for the same ones."""
-    return scipy.linalg.expm(np.frombuffer(matrix).reshape(shape) * t)
+    """exp(A t), cached: all runs of one design at one timestep ask for the same matrices."""
+    A = np.frombuffer(matrix).reshape(shape)
+    return scipy.linalg.expm(A * t)
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
@@ -100,17 +105,27 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
         P = scipy.linalg.solve_continuous_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise GainError(_unsolvable(A, B, Q, error)) from error
-    design = LqrDesign(A, B, Q, R, np.linalg.solve(R, B.T @ P), P)
-    # A pole on the axis is one that Q does not see; rounding puts it within this of zero.
-    if design.poles.real.max() > -1e-9 * max(1.0, float(np.abs(A).max())):
+
+    K = np.linalg.solve(R, B.T @ P)
+    design = LqrDesign(A, B, Q, R, K, P)
+    # Q does not weigh the mode of a pole on the axis; rounding puts the pole within this of zero.
+    rounding = 1e-9 * max(1.0, float(np.abs(A).max()))
+    if design.poles.real.max() > -rounding:
         raise GainError(_unsolvable(A, B, Q, f"closed-loop poles {design.poles.tolist()}"))
     return design
 
 
-def priced(A: Array, B: Array, Q: ArrayLike, R: ArrayLike, K: Array) -> LqrDesign:
-    """A given stable feedback u = -K x with what the index (4) says of it.
+def priced(
+    A: Array,
+    B: Array,
+    Q: ArrayLike,
+    R: ArrayLike,
+    K: Array,
+) -> LqrDesign:
+    """Design of a stable feedback u = -K x whose gain is given, with its cost by the index (4).
 
-    P is not the Riccati equation's but the cost of this feedback, from Lyapunov's equation.
+    P solves Lyapunov's equation instead of the Riccati equation: x0' P x0 / 2 is the cost of this
+    feedback, not the least one.
 
     Args:
         A: State matrix, (n, n).
@@ -126,37 +141,63 @@ def priced(A: Array, B: Array, Q: ArrayLike, R: ArrayLike, K: Array) -> LqrDesig
     closed = A - B @ K
     if np.linalg.eigvals(closed).real.max() >= 0:
         raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
-    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -(Q + K.T @ R @ K))
+
+    weight = Q + K.T @ R @ K
+    P = scipy.linalg.solve_continuous_lyapunov(closed.T, -weight)
     return LqrDesign(A, B, Q, R, K, P)
 
 
-def _checked(*matrices: ArrayLike) -> tuple[Array, Array, Array, Array]:
+def _checked(
+    A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike
+) -> tuple[Array, Array, Array, Array]:
     """A, B, Q, R of a design; a number for R weighs every input alike.
 
     Raises:
         GainError: If shapes do not fit or Q or R is not definite as needed.
     """
-    *system, R = map(reals, matrices)
-    A, B, Q = map(np.atleast_2d, system)
-    n, m = len(A), B.shape[-1]
-    R = R * np.eye(m) if R.ndim == 0 else np.atleast_2d(R)
-    shapes = {"A": (A, (n, n)), "B": (B, (n, m)), "Q": (Q, (n, n)), "R": (R, (m, m))}
-    for (name, (matrix, shape)), value in zip(shapes.items(), matrices, strict=True):
-        if not np.all(np.isfinite(matrix)):
-            raise GainError(f"LQR: {name} = {shown(value)} must be a matrix of finite numbers")
-        if matrix.shape != shape:
-            raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
-    if np.linalg.eigvalsh(Q).min() < -1e-12 * max(1.0, float(np.abs(Q).max())):
-        raise GainError(f"LQR: Q must be positive semidefinite, is {Q.tolist()}")
-    if np.linalg.eigvalsh(R).min() <= 0:
-        raise GainError(f"LQR: R must be positive definite, is {R.tolist()}")
-    return A, B, Q, R
+    state = np.atleast_2d(reals(A))
+    input_matrix = np.atleast_2d(reals(B))
+    state_weight = np.atleast_2d(reals(Q))
+    input_weight = reals(R)
+    n = len(state)
+    m = input_matrix.shape[-1]
+    if input_weight.ndim == 0:
+        input_weight = input_weight * np.eye(m)
+    else:
+        input_weight = np.atleast_2d(input_weight)
+
+    _require_matrix("A", A, state, (n, n))
+    _require_matrix("B", B, input_matrix, (n, m))
+    _require_matrix("Q", Q, state_weight, (n, n))
+    _require_matrix("R", R, input_weight, (m, m))
+
+    # Rounding of a product C'C may leave an eigenvalue this far below zero.
+    size = max(1.0, float(np.abs(state_weight).max()))
+    rounding = 1e-12 * size
+    if np.linalg.eigvalsh(state_weight).min() < -rounding:
+        raise GainError(f"LQR: Q must be positive semidefinite, is {state_weight.tolist()}")
+    if np.linalg.eigvalsh(input_weight).min() <= 0:
+        raise GainError(f"LQR: R must be positive definite, is {input_weight.tolist()}")
+    return state, input_matrix, state_weight, input_weight
 
 
-def _unsolvable(A: Array, B: Array, Q: Array, why: object) -> str:
-    """One line about a pair without a stabilizing optimum."""
+def _require_matrix(
+    name: str,
+    argument: ArrayLike,
+    matrix: Array,
+    shape: tuple[int, int],
+) -> None:
+    """Refuse a matrix with entries that are not finite, or of another shape."""
+    if not np.all(np.isfinite(matrix)):
+        raise GainError(f"LQR: {name} = {shown(argument)} must be a matrix of finite numbers")
+    if matrix.shape != shape:
+        raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
+
+
+def _unsolvable(A: Array, B: Array, Q: Array, reason: object) -> str:
+    """Message about a plant and weights without a stabilizing optimum, in one line."""
     return (
         f"LQR: no stabilizing solution of the Riccati equation for A = {A.tolist()}, "
         f"B = {B.tolist()}, Q = {Q.tolist()}: (A, B) must be stabilizable and (A, Q) detectable "
-        f"({why})"
+        f"({reason})"
     )

@@ -54,7 +54,8 @@ def quadratic(z: Any, W: Any) -> float:
 @jitable
 def norm_of_product(G: Any, E: Any) -> float:
     """The Frobenius norm of G E, both (m, m)."""
-    m, total = len(G), 0.0
+    m = len(G)
+    total = 0.0
     for i in range(m):
         for j in range(m):
             entry = 0.0
@@ -66,7 +67,7 @@ def norm_of_product(G: Any, E: Any) -> float:
 
 @jitable
 def divide(E: Any, b: Any) -> bool:
-    """``solve`` of one equation, which compiles in a tenth of its time."""
+    """``solve`` for a single equation, which compiles in a tenth of the time."""
     if not 0.0 < abs(E[0]) < math.inf:
         return False
     b[0] = b[0] / E[0]
@@ -83,35 +84,62 @@ def solve(E: Any, b: Any) -> bool:
     and V. Manousiouthakis, the same journal 32, 1987.
     """
     m = len(b)
-    rows = np.zeros((m, 2 * m + 1))  # E, the identity and b, in units in which E has entries of one
+    rows = np.zeros((m, 2 * m + 1))
+    if not _write_equations(E, b, rows):
+        return False
+    if not _eliminate(rows):
+        return False
+
+    relative_gains = 0.0
+    for i in range(m):
+        for j in range(m):
+            relative_gains += abs(E[i * m + j] * rows[j, m + i] / rows[j, j])
+    for i in range(m):
+        b[i] = rows[i, 2 * m] / rows[i, i]
+    return _SINGULAR * relative_gains < m
+
+
+@jitable
+def _write_equations(E: Any, b: Any, rows: Any) -> bool:
+    """Write E, the identity and b into the rows (m, 2m + 1), each divided by its largest E_ij.
+
+    False if a row of E is zero or not finite.
+    """
+    m = len(b)
     for i in range(m):
         size = 0.0
         for j in range(m):
             size = max(size, abs(E[i * m + j]))
         if not 0.0 < size < math.inf:
             return False
+
         for j in range(m):
             rows[i, j] = E[i * m + j] / size
         rows[i, m + i] = 1.0 / size
         rows[i, 2 * m] = b[i] / size
+    return True
+
+
+@jitable
+def _eliminate(rows: Any) -> bool:
+    """Make the first m columns diagonal, with the largest pivot of each; False if it is zero."""
+    m = len(rows)
+    columns = 2 * m + 1
     for k in range(m):
         pivot = k
         for i in range(k + 1, m):
             if abs(rows[i, k]) > abs(rows[pivot, k]):
                 pivot = i
-        for j in range(2 * m + 1):
-            rows[k, j], rows[pivot, j] = rows[pivot, j], rows[k, j]
+        for j in range(columns):
+            moved = rows[k, j]
+            rows[k, j] = rows[pivot, j]
+            rows[pivot, j] = moved
         if rows[k, k] == 0.0:
             return False
+
         for i in range(m):
             if i != k:
                 share = rows[i, k] / rows[k, k]
-                for j in range(k, 2 * m + 1):
+                for j in range(k, columns):
                     rows[i, j] -= share * rows[k, j]
-    gains = 0.0
-    for i in range(m):
-        for j in range(m):
-            gains += abs(E[i * m + j] * rows[j, m + i] / rows[j, j])
-    for i in range(m):
-        b[i] = rows[i, 2 * m] / rows[i, i]
-    return _SINGULAR * gains < m
+    return True

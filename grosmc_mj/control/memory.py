@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,9 +22,9 @@ class Memory:
         v: The input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44);
             a number or, for m inputs, (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
-        workspace: Address of what the feedback of this run computes in; 0 for nothing.
-        first: Time of the law's first sample [s]: 0, or later for a law that is told the state at
-            the instant when its output arrives.
+        workspace: Address of the arrays that the feedback of this run computes in; 0 for none.
+        first: Time of the law's first sample [s]: 0, or later for a law that gets the state
+            predicted for the instant when its output arrives.
     """
 
     v: Any = 0.0
@@ -60,21 +60,26 @@ class SurfaceMemory(Memory):
     elapsed: float = 0.0
 
 
-def memory_of(m: int, n: int = 0, **own: float | Array) -> Callable[[], Any]:
-    """Makes the memory of each run of a law.
+def memory_of(m: int, n: int = 0, **initial: float | Array) -> Callable[[], Any]:
+    """Return the function that makes the memory of each run of a law.
 
     Args:
         m: Number of inputs.
         n: Number of entries of z, of a law with a surface; 0 without one.
-        own: Further fields by name, with the values that they begin with.
+        initial: Further fields by name, with the values that they begin with.
     """
-    sized: dict[str, Any] = {"v": np.zeros(m)}
-    if n:
-        sized |= dict.fromkeys(("s", "integral", "rate", "phi"), np.zeros(m))
-        sized |= dict.fromkeys(("z", "z0"), np.zeros(n))
-    return partial(_new, SurfaceMemory if n else Memory, sized, own)
+    arrays = {"v": np.zeros(m)}
+    if not n:
+        return partial(_new_memory, Memory, arrays, initial)
+
+    for name in ("s", "integral", "rate", "phi"):
+        arrays[name] = np.zeros(m)
+    for name in ("z", "z0"):
+        arrays[name] = np.zeros(n)
+    return partial(_new_memory, SurfaceMemory, arrays, initial)
 
 
-def _new(kind: type[Memory], sized: Mapping[str, Any], own: Mapping[str, Any]) -> Any:
-    fields: dict[str, Any] = {name: value.copy() for name, value in sized.items()}
-    return extended(kind(**fields), **deepcopy(dict(own)))
+def _new_memory(kind: Any, arrays: dict[str, Any], initial: dict[str, Any]) -> Any:
+    """Memory with arrays and further fields of its own: no run may share them with another."""
+    memory = kind(**deepcopy(arrays))
+    return extended(memory, **deepcopy(initial))

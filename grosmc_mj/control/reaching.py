@@ -1,8 +1,8 @@
 """The reaching condition, eqs. (9), (14) and (39): what the switching term must dominate.
 
 On a true plant a law's sliding variable moves by s' = push - rho R sgn(s). ``Nominal.reaching``
-computes push and R at many states at once. The switching gains are its supremum over a declared
-family of plants (``uncertainty``); the audit of the premises looks at it along a run.
+computes push and R at many states at once. The switching gains are suprema of it over a declared
+family of plants (``uncertainty``); the audit of the premises evaluates it along a run.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class Reaching(NamedTuple):
 
     Attributes:
         dz: z' under the continuous part of the law, (N, n).
-        push: What moves s then, (N, m), in the unit of s per second.
-        R: (G_r E*) (G_r E)^-1, (N, m, m): what becomes of the switching term.
+        push: Rate of s under it, (N, m), in the unit of s per second.
+        R: (G_r E*) (G_r E)^-1, (N, m, m), by which the true input gain changes the switching term.
     """
 
     dz: Array
@@ -34,16 +34,16 @@ class Reaching(NamedTuple):
 
 
 class Nominal(NamedTuple):
-    """A law at N states, as its own model of the plant has it.
+    """A law at N states, by its own model of the plant.
 
     Attributes:
         G: Projection of the surface, (m, n).
         z: Error states, (N, n).
-        v_0: What the law's continuous part asks for, within its limit, (N, m).
-        u_c: The input that this comes to, (N, m).
-        E: Decoupling matrix, (N, m, m); of a linear model the rows of B that it stands in.
-        GE: G_r E, what an input does to s', (N, m, m).
-        drift: What the surface takes from G z per second, S z as printed, (N, m).
+        v_0: v of the law's continuous part, within its limit, (N, m).
+        u_c: Input that makes this v, (N, m).
+        E: Decoupling matrix, (N, m, m); of a linear model the rows of B with the inputs.
+        GE: G_r E, the change of s' by the input, (N, m, m).
+        drift: Integrand of the surface, S z as printed, (N, m).
     """
 
     G: Array
@@ -57,46 +57,72 @@ class Nominal(NamedTuple):
     def reaching(self, motion: tuple[Array, Array]) -> Reaching:
         """The reaching condition on a true plant.
 
-        Where the true plant makes z' = drift + gain u, s' = G z' - S z: what of the uncertainty
-        reaches s through the rows without an input counts too, if G looks at them.
+        The true plant makes z' = drift + gain u, so s' = G z' - S z. Uncertainty in the rows of z'
+        without an input counts too, if G has entries for them.
 
         Args:
             motion: drift (N, n) and gain (N, n, m), as ``error.error_dynamics`` gives them.
         """
-        dz = motion[0] + times(motion[1], self.u_c)
-        return Reaching(
-            dz, times(self.G, dz) - self.drift, self.G @ motion[1] @ np.linalg.inv(self.GE)
-        )
+        drift, gain = motion
+        dz = drift + times(gain, self.u_c)
+        push = times(self.G, dz) - self.drift
+        R = self.G @ gain @ np.linalg.inv(self.GE)
+        return Reaching(dz, push, R)
 
 
-def nominal(design: Design, p: Any, t: Sequence[float], x: Array, z: Array) -> Nominal:
-    """A law at many states by its own model: u_c = E^-1 (v_0 - alpha), or v_0 of a linear law.
+def nominal(
+    design: Design,
+    p: Any,
+    t: Sequence[float],
+    x: Array,
+    z: Array,
+) -> Nominal:
+    """Law at many states by its own model: u_c = E^-1 (v_0 - alpha), or v_0 of a linear law.
 
     Args:
-        design: What it was designed for.
+        design: Its design.
         p: Its parameters: those of GROSMC, or of a law without a surface, for which G is B+.
         t: Times [s], (N,).
         x: States, (N, n).
         z: Error states there, (N, size).
     """
-    error, optimum = design.error, design.lqr
+    optimum = design.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
-    unlimited, limit = -times(p.K, z), getattr(p, "limit", math.inf)
+    limit = getattr(p, "limit", math.inf)
+    unlimited = -times(p.K, z)
     v_0 = np.clip(unlimited, -limit, limit)
-    u_c, E, GE = v_0, G @ optimum.B, G @ optimum.B
-    if isinstance(error, OutputCoordinates):
-        rows = list(error.linearization.last_rows)
-        E = optimum.B[rows]
-        if design.linearizing:
-            alpha, E = error.dynamics_along(t, x, p)
-            u_c, GE = np.linalg.solve(E, (v_0 - alpha)[..., None])[..., 0], G[:, rows] @ E
-    drift = times(G @ optimum.closed_loop, z) + times(G @ optimum.B, v_0 - unlimited)
-    E, GE = (np.broadcast_to(matrix, (len(z), *matrix.shape[-2:])) for matrix in (E, GE))
+
+    GB = G @ optimum.B
+    drift = times(G @ optimum.closed_loop, z) + times(GB, v_0 - unlimited)
+
+    u_c, E, GE = _inputs(design, p, t, x, v_0, G)
+    m = len(G)
+    E = np.broadcast_to(E, (len(z), m, m))
+    GE = np.broadcast_to(GE, (len(z), m, m))
     return Nominal(G, z, v_0, u_c, E, GE, drift)
 
 
+def _inputs(
+    design: Design, p: Any, t: Sequence[float], x: Array, v_0: Array, G: Array
+) -> tuple[Array, Array, Array]:
+    """u_c (N, m), E and G_r E, (m, m) each or (N, m, m), at N states."""
+    error = design.error
+    B = design.lqr.B
+    GB = G @ B
+    if not isinstance(error, OutputCoordinates):
+        return v_0, GB, GB
+
+    rows = list(error.linearization.last_rows)
+    if not design.linearizing:
+        return v_0, B[rows], GB
+
+    alpha, E = error.dynamics_along(t, x, p)
+    columns = np.linalg.solve(E, (v_0 - alpha)[..., None])
+    return columns[..., 0], E, G[:, rows] @ E
+
+
 def times(matrix: Array, vector: Array) -> Array:
-    """The product of a matrix (..., i, j) and a vector (..., j), of one or of many."""
+    """Product of a matrix (..., i, j) and a vector (..., j), or of many of them."""
     return np.einsum("...ij,...j->...i", matrix, vector)
 
 
@@ -112,22 +138,33 @@ def gain_margin(R: Array, *, together: bool = False) -> Any:
         One number for each matrix, (...).
     """
     if together:
-        return np.linalg.eigvalsh((R + np.swapaxes(R, -2, -1)) / 2).min(axis=-1)
+        symmetric = (R + np.swapaxes(R, -2, -1)) / 2
+        return np.linalg.eigvalsh(symmetric).min(axis=-1)
+
     diagonal = np.diagonal(R, axis1=-2, axis2=-1)
-    return (diagonal - (np.abs(R).sum(axis=-1) - np.abs(diagonal))).min(axis=-1)
+    row_sums = np.abs(R).sum(axis=-1)
+    off_diagonal = row_sums - np.abs(diagonal)
+    return (diagonal - off_diagonal).min(axis=-1)
 
 
 def mismatch(optimum: LqrDesign, A_t: Array, B_t: Array) -> tuple[Array, Array]:
     """Difference of a true linear plant from A - B K, and its matched part, (n, n) each.
 
-    On x' = A_t x + B_t u with u = -K x it is dA - dB K; B B+ projects on what the input reaches.
+    On x' = A_t x + B_t u with u = -K x the difference is dA - dB K; B B+ projects on the range of
+    the input matrix.
+
+    Args:
+        optimum: The design, with the nominal A, B and K.
+        A_t: State matrix of the true plant, (n, n).
+        B_t: Its input matrix, (n, m).
     """
-    added = A_t - B_t @ optimum.K - optimum.closed_loop
-    return added, optimum.B @ np.linalg.pinv(optimum.B) @ added
+    difference = A_t - B_t @ optimum.K - optimum.closed_loop
+    matched = optimum.B @ np.linalg.pinv(optimum.B) @ difference
+    return difference, matched
 
 
 def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Array:
-    """The matrix of x' on s = 0 of a linear plant (A_t, B_t), (n, n).
+    """Matrix of x' on s = 0 of a linear plant (A_t, B_t), (n, n).
 
     s' = G (x' - (A - B K) x) = 0 gives the equivalent input, and with X = B_t (G B_t)^-1 G
 
@@ -136,4 +173,5 @@ def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Ar
     It is A - B K, eq. (11), where A_t - A and B_t - B are matched.
     """
     X = B_t @ np.linalg.solve(G @ B_t, G)
-    return (np.eye(len(A_t)) - X) @ A_t + X @ optimum.closed_loop
+    identity = np.eye(len(A_t))
+    return (identity - X) @ A_t + X @ optimum.closed_loop

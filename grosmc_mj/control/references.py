@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any
@@ -24,8 +24,10 @@ ReferenceFunction = Callable[[float, Any], tuple[float, ...]]
 
 TIME = sp.Symbol("t")
 """Time of a reference in expressions [s]."""
-# Operations of what is differentiated, and the highest relative degree.
-_LONGEST, _HIGHEST = 500, 20
+# Most operations of an expression that is differentiated.
+_LONGEST = 500
+# Highest relative degree.
+_HIGHEST = 20
 
 
 Degrees = Annotated[Sequence[int], Items(int, "whole numbers, one relative degree for each output")]
@@ -33,7 +35,7 @@ Degrees = Annotated[Sequence[int], Items(int, "whole numbers, one relative degre
 
 @checked_call
 def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunction:
-    """The reference whose outputs are expressions in ``TIME``, with derivatives up to r_i.
+    """Reference whose outputs are expressions in ``TIME``, with derivatives up to r_i.
 
     Args:
         outputs: y_r, one expression for each output; every other symbol is a field of the
@@ -50,33 +52,51 @@ def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunctio
         raise PremiseError(
             f"{len(outputs)} outputs with relative degrees {degrees}: give one degree each"
         )
+
+    rows: list[sp.Expr] = []
     try:
-        rows = [row for pair in zip(outputs, degrees, strict=True) for row in _derivatives(*pair)]
-    # sympy's own, of numbers beyond all bounds.
+        for output, degree in zip(outputs, degrees, strict=True):
+            rows += _derivatives(output, degree)
+    # sympy raises these for numbers beyond all bounds.
     except (ArithmeticError, TypeError, RecursionError) as error:
         raise ArgumentError(f"outputs = {shown(outputs)} cannot be differentiated") from error
-    fields = {symbol for row in rows for symbol in row.free_symbols} - {TIME}
-    function: Any = generate(
-        "reference", rows, "t, p", {TIME: "t", **{s: f"p.{s}" for s in fields}}
-    )
-    # What a design must know of it.
-    function.degrees, function.moves = degrees, any(row.has(TIME) for row in rows)
+
+    places: dict[Any, str] = {}
+    for row in rows:
+        for symbol in row.free_symbols:
+            places[symbol] = f"p.{symbol}"
+    places[TIME] = "t"
+    function: Any = generate("reference", rows, "t, p", places)
+    moves = any(row.has(TIME) for row in rows)
+    return _described(function, degrees, moves=moves)
+
+
+def _described(function: Any, degrees: Sequence[int], *, moves: bool) -> ReferenceFunction:
+    """Give a reference the attributes that a design reads, and return it.
+
+    Args:
+        function: (t, p) -> y_r and derivatives.
+        degrees: Relative degrees r_i that it has derivatives for.
+        moves: Whether it depends on time.
+    """
+    function.degrees = degrees
+    function.moves = moves
     return function
 
 
-def _derivatives(output: sp.Expr, degree: int) -> Iterator[sp.Expr]:
+def _derivatives(output: sp.Expr, degree: int) -> list[sp.Expr]:
     """An output and its derivatives in time."""
-    yield output
+    derivatives = [output]
     for order in range(1, degree + 1):
-        # Each derivative is as many times longer than the one before as that has factors.
-        length = int(sp.count_ops(output))
+        # A derivative may be longer by a factor of the number of factors in its terms.
+        length = int(sp.count_ops(derivatives[-1]))
         if length > _LONGEST:
             raise ArgumentError(
                 f"derivative {order - 1} of a reference has {length} operations, which is too long "
                 f"for another one: {_LONGEST} are allowed; take a simpler reference"
             )
-        output = sp.diff(output, TIME)
-        yield output
+        derivatives.append(sp.diff(derivatives[-1], TIME))
+    return derivatives
 
 
 @dataclass(frozen=True)
@@ -92,13 +112,20 @@ class Setpoint:
 
 @checked_call
 def setpoints(*degrees: Annotated[int, Range(1, _HIGHEST, whole=True)]) -> ReferenceFunction:
-    """A setpoint for one output of any relative degree, or ``value1``, ``value2`` ... for more."""
+    """Setpoint ``value`` of one output of any relative degree, or ``value1`` ... of several.
+
+    Args:
+        degrees: Relative degree of each output.
+    """
     return _setpoints(degrees)
 
 
+# Cached, so that error coordinates and laws of one kind of setpoint are compiled once.
 @cache
 def _setpoints(degrees: tuple[int, ...]) -> ReferenceFunction:
-    numbers = range(1, len(degrees) + 1) if len(degrees) > 1 else [""]
+    if len(degrees) < 2:
+        return reference([sp.Symbol("value")], degrees)
+    numbers = range(1, len(degrees) + 1)
     return reference([sp.Symbol(f"value{number}") for number in numbers], degrees)
 
 
@@ -136,12 +163,12 @@ class FourierSeries:
 
     @classmethod
     def through(cls, samples: ArrayLike, frequency: float, harmonics: int) -> FourierSeries:
-        """The series of one period of samples at equal distances in time, cut off.
+        """Truncated series of one period of samples at equal distances in time.
 
         Args:
             samples: (N, m), the first at t = 0; the next period begins after the last.
             frequency: w [rad/s].
-            harmonics: How many are kept, fewer than N/2.
+            harmonics: Number of harmonics that are kept, fewer than N/2.
 
         Raises:
             ArgumentError: If there are too few samples.
@@ -149,35 +176,53 @@ class FourierSeries:
         rows = np.asarray(samples, float)
         if not 0 < harmonics < len(rows) / 2:
             raise ArgumentError(f"{len(rows)} samples cannot give {harmonics} harmonics")
-        parts = np.fft.rfft(rows, axis=0).T[:, : harmonics + 1] / len(rows)
-        return cls(frequency, parts[:, 0].real, 2 * parts[:, 1:].real, -2 * parts[:, 1:].imag)
+        spectrum = np.fft.rfft(rows, axis=0).T
+        coefficients = spectrum[:, : harmonics + 1] / len(rows)
+        mean = coefficients[:, 0].real
+        cosine = 2 * coefficients[:, 1:].real
+        sine = -2 * coefficients[:, 1:].imag
+        return cls(frequency, mean, cosine, sine)
 
 
+# Cached, so that error coordinates and laws of one size of series are compiled once.
 @cache
 def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
-    """The reference of a ``FourierSeries`` with two exact derivatives of each output."""
+    """Reference of a ``FourierSeries`` with two exact derivatives of each output.
 
+    Args:
+        outputs: Number of outputs, m.
+        harmonics: Number of harmonics of each.
+    """
+    rows = 3 * outputs
+
+    # The functions are nested because numba compiles sizes that a closure fixes.
     def entry(row: int, c: float, s: float, p: Any) -> float:
-        i, order = row // 3, row % 3
-        # cos(k w t) and sin(k w t) from those before: two sines in all for a sample.
-        cosine, sine, value = c, s, 0.0
+        i = row // 3
+        order = row % 3
+        # cos(k w t) and sin(k w t) follow from those of k - 1, so that a sample needs two calls.
+        cosine = c
+        sine = s
+        value = 0.0
         for k in range(harmonics):
-            a, b, rate = p.cosine[i, k], p.sine[i, k], (k + 1) * p.frequency
+            a = p.cosine[i, k]
+            b = p.sine[i, k]
+            rate = (k + 1) * p.frequency
             for _ in range(order):
                 a, b = rate * b, -rate * a
             value += a * cosine + b * sine
             cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-        return value + p.mean[i] if order == 0 else value
+        if order == 0:
+            value = value + p.mean[i]
+        return value
 
-    entry, rows = jitable(entry), 3 * outputs
+    entry = jitable(entry)
 
-    @jitable
     def series(t: float, p: Any) -> Any:
-        c, s, y_r = math.cos(p.frequency * t), math.sin(p.frequency * t), np.empty(rows)
+        c = math.cos(p.frequency * t)
+        s = math.sin(p.frequency * t)
+        y_r = np.empty(rows)
         for row in range(rows):
             y_r[row] = entry(row, c, s, p)
         return y_r
 
-    function: Any = series
-    function.degrees, function.moves = (2,) * outputs, True
-    return function
+    return _described(jitable(series), (2,) * outputs, moves=True)

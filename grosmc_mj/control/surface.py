@@ -29,11 +29,13 @@ def integral_surface(t: float, z: Any, memory: Any, p: Any) -> None:
         memory: A ``SurfaceMemory``, which is brought up to this sample.
         p: With G (m, n) and S (m, n), see ``surface_rates``.
     """
-    z0, s = memory.z0, memory.s
+    z0 = memory.z0
+    s = memory.s
     if t == memory.first:
         memory.t = t
         for j in range(len(z)):
             z0[j] = z[j]
+
     integrate(t, memory)
     for i in range(len(s)):
         memory.rate[i] = row_times(i, p.S, z)
@@ -55,12 +57,12 @@ def integrate(t: float, memory: Any) -> None:
 def surface_rates(
     G: Array, optimum: LqrDesign, control_period: float | None
 ) -> tuple[Array, Array]:
-    """S and GB: what G z moves by, per second, on the optimal trajectory and by a unit of input.
+    """Rates of G z: S z on the optimal trajectory, eqs. (8), (31), (51), and GB for a unit input.
 
-    As printed they are G (A - B K), summed over the samples, which leaves an error of the order of
-    the control period T, and G B. The discrete-time surface takes G (A_d - B_d K - I) / T and
-    G B_d / T, with the exact transition A_d, B_d under a held input: it is zero at every sample of
-    the nominal plant.
+    As printed, S = G (A - B K) and GB = G B; the sum over the samples leaves an error of the order
+    of the control period T. The discrete-time surface takes S = G (A_d - B_d K - I) / T and
+    GB = G B_d / T, with the exact transition A_d, B_d under a held input: s is then zero at every
+    sample of the nominal plant.
 
     Args:
         G: Projection, (m, n).
@@ -72,25 +74,43 @@ def surface_rates(
     """
     if control_period is None:
         return G @ optimum.closed_loop, G @ optimum.B
+
+    # The held input is a state of its own, with the rate zero.
     n, m = optimum.B.shape
     held = np.zeros((n + m, n + m))
-    held[:n, :n], held[:n, n:] = optimum.A, optimum.B
-    A_d, B_d = np.split(scipy.linalg.expm(held * control_period)[:n], [n], axis=1)
-    return G @ (A_d - B_d @ optimum.K - np.eye(n)) / control_period, G @ B_d / control_period
+    held[:n, :n] = optimum.A
+    held[:n, n:] = optimum.B
+    transition = scipy.linalg.expm(held * control_period)
+    A_d, B_d = np.split(transition[:n], [n], axis=1)
+
+    closed_loop = A_d - B_d @ optimum.K
+    S = G @ (closed_loop - np.eye(n)) / control_period
+    GB = G @ B_d / control_period
+    return S, GB
 
 
 def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
-    """G of the surface, by default B+ = (B'B)^-1 B', which makes G B the identity.
+    """Projection G of the surface, by default B+ = (B'B)^-1 B', which makes G B the identity.
+
+    Args:
+        G: Projection, (m, n); None for the default.
+        B: Input matrix, (n, m).
+
+    Returns:
+        G, (m, n).
 
     Raises:
         GainError: If G does not fit B or G B is singular.
     """
-    argument, G = G, np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
-    if G.shape != B.T.shape or not np.all(np.isfinite(G)):
+    projection = np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
+    if projection.shape != B.T.shape or not np.all(np.isfinite(projection)):
         rows, columns = B.T.shape
-        raise GainError(f"G = {shown(argument)} must be {rows} x {columns} finite numbers")
-    least = np.linalg.svd(G @ B, compute_uv=False).min()
-    # Against what G and B could give: a 1x1 G B has no condition number worth the name.
-    if not least > 1e-12 * np.linalg.norm(G) * np.linalg.norm(B):
-        raise GainError(f"G B = {(G @ B).tolist()} is singular, so s' cannot be steered: choose G")
-    return G
+        raise GainError(f"G = {shown(G)} must be {rows} x {columns} finite numbers")
+
+    GB = projection @ B
+    least = np.linalg.svd(GB, compute_uv=False).min()
+    # Compared with |G| |B|, the most that G B could be: every 1x1 G B has condition number one.
+    rounding = 1e-12 * np.linalg.norm(projection) * np.linalg.norm(B)
+    if not least > rounding:
+        raise GainError(f"G B = {GB.tolist()} is singular, so s' cannot be steered: choose G")
+    return projection

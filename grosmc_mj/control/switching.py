@@ -1,12 +1,16 @@
-"""Switching laws: what drives s to zero and holds it there, sampled every h.
+"""Switching laws, which drive s to zero and hold it there, sampled every h.
 
 Each is a function ``(s, k, rho, memory, q, phi)`` that writes phi (m,), the rate asked of s in
-s' = phi + w. s (m,) is the sliding variable, k the proportional and rho the switching gain of this
-sample, ``memory`` a ``SurfaceMemory`` that the surface has brought up to this sample (h is
-``memory.elapsed``), with the law's own fields, and q its ``SwitchingNumbers``. The chapter's law is
-``sign``; the others do without its chatter.
+s' = phi + w, where w is the disturbance of s:
 
-A new law is a function here and an entry of ``SWITCHINGS``.
+- s (m,): sliding variable;
+- k, rho: proportional and switching gain of this sample;
+- memory: a ``SurfaceMemory`` that the surface has brought up to this sample (h is
+  ``memory.elapsed``), with further fields of the switching law;
+- q: its ``SwitchingNumbers``.
+
+The chapter's law is ``sign``; the others do without its chatter. A new law is a function here and
+an entry of ``SWITCHINGS``.
 """
 
 from __future__ import annotations
@@ -30,17 +34,17 @@ SwitchingTerm = Callable[[Any, float, float, Any, Any, Any], None]
 
 @checked(GainError)
 class SwitchingNumbers:
-    """Numbers of the switching laws, which read those that they have.
+    """Numbers of the switching laws; each law reads its own.
 
     Attributes:
         gain: Factor on the law's switching gain rho.
-        width: Thickness of the boundary layer over h gain rho, what the law moves s by in a
-            sample; above 0.5, or it chatters like sgn.
+        width: Thickness of the boundary layer over h gain rho, the most that the law moves s by
+            in a sample; above 0.5, or it chatters like sgn.
         slope: L of the super-twisting law, the bound of |w'|, in the unit of s per second squared.
-            What a law without reaching phase meets at once, a load or a wrong inertia at t = 0, is
-            made up for the sooner the larger L is; the law's own ripple is 1.1 L h.
-        share: c h^2 of the adaptive law. Within mu the gain then changes by up to four times this
-            part of it in a sample: slower, it lags behind w; faster, it rings.
+            A load or a wrong inertia is there at t = 0, without a reaching phase: the larger L,
+            the sooner it is made up for. The law's own ripple is 1.1 L h.
+        share: c h^2 of the adaptive law. Within mu the gain changes by up to four times this share
+            of itself in a sample: with less it lags behind w, with more it rings.
         least: Smallest gain of the adaptive law, in the unit of s per second.
     """
 
@@ -64,21 +68,26 @@ class Switching(NamedTuple):
 
     @property
     def reach(self) -> SwitchingTerm:
-        """The function that writes phi."""
+        """Function that writes phi."""
         return SWITCHINGS[self.name]
 
     def new_memory(self, m: int, n: int) -> Callable[[], Any]:
-        """Makes the memory of a new run, for m inputs and n entries of z.
+        """Return the function that makes the memory of a new run.
 
         ``before`` is s at the last sample, ``twist`` the integral of the super-twisting law and
-        ``adapted`` the gain of the adaptive one, (m,) each.
+        ``adapted`` the gain of the adaptive law, (m,) each.
+
+        Args:
+            m: Number of inputs.
+            n: Number of entries of z.
         """
-        own = {
-            "implicit-estimate": {"before": np.zeros(m)},
-            "super-twisting": {"twist": np.zeros(m)},
-            "adaptive": {"adapted": np.full(m, self.numbers.least)},
-        }
-        return memory_of(m, n, **own.get(self.name, {}))
+        if self.name == "implicit-estimate":
+            return memory_of(m, n, before=np.zeros(m))
+        if self.name == "super-twisting":
+            return memory_of(m, n, twist=np.zeros(m))
+        if self.name == "adaptive":
+            return memory_of(m, n, adapted=np.full(m, self.numbers.least))
+        return memory_of(m, n)
 
 
 @jitable
@@ -94,27 +103,31 @@ def _implicit(s: float, k: float, rho: float, h: float) -> float:
     """phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form."""
     if h == 0.0:
         return 0.0
-    after = sgn(s) * max(abs(s) - h * rho, 0.0) / (1.0 + h * k)
-    return (after - s) / h
+    size = max(abs(s) - h * rho, 0.0)
+    next_s = sgn(s) * size / (1.0 + h * k)
+    return (next_s - s) / h
 
 
 def sign(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-    """phi = -(k s + rho sgn s), the chapter's; |s| stays in a band of the order h, chattering."""
+    """phi = -(k s + rho sgn s), as printed: it chatters, with |s| in a band of the order h."""
     for i in range(len(s)):
-        phi[i] = -(k * s[i] + q.gain * rho * sgn(s[i]))
+        switched = q.gain * rho * sgn(s[i])
+        phi[i] = -(k * s[i] + switched)
 
 
 def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + rho sat(s/layer)): |s| <= layer W/rho under |w| <= W."""
     layer = q.width * memory.elapsed * q.gain * rho
-    if not layer > 0.0:  # at the first sample s is zero, whatever the layer
+    # At the first sample no time has passed; s is zero, so any layer will do.
+    if not layer > 0.0:
         layer = 1.0
     for i in range(len(s)):
-        phi[i] = -(k * s[i] + q.gain * rho * min(1.0, max(-1.0, s[i] / layer)))
+        switched = q.gain * rho * min(1.0, max(-1.0, s[i] / layer))
+        phi[i] = -(k * s[i] + switched)
 
 
 def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-    """The sign law by implicit Euler (Acary, Brogliato): no chatter but the disturbance's own.
+    """Sign law by implicit Euler (Acary, Brogliato): phi moves only as the disturbance does.
 
     s+ = sgn(s) max(|s| - h rho, 0)/(1 + h k), phi = (s+ - s)/h; |s| <= h W under |w| <= W < rho.
     """
@@ -123,11 +136,11 @@ def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> Non
 
 
 def implicit_estimate(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-    """The implicit law less an estimate of w from the last sample: |s| <= h^2 L, |w'| <= L.
+    """Implicit law less an estimate of w from the last sample: |s| <= h^2 L under |w'| <= L.
 
-    With an input gain r times the believed one its linear zone is z^2 - 2 (1 - r) z + (1 - r),
-    stable for 0 < r < 4/3 only, a third of what the plain implicit law stands beyond 1; from
-    r = 2 on the estimate itself diverges.
+    With an input gain of r times the nominal one, the characteristic polynomial of its linear zone
+    is z^2 - 2 (1 - r) z + (1 - r), stable for 0 < r < 4/3 only; the plain implicit law is stable up
+    to r = 2. From r = 2 on the estimate itself diverges.
     """
     h = memory.elapsed
     for i in range(len(s)):
@@ -143,30 +156,37 @@ def super_twisting(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) 
 
     Continuous, and |s| is of the order h^2 under |w'| <= L. Its gain is L, not rho.
     """
-    k1, twist = 1.5 * math.sqrt(q.gain * q.slope), memory.twist
+    k1 = 1.5 * math.sqrt(q.gain * q.slope)
+    twist = memory.twist
     for i in range(len(s)):
-        phi[i] = twist[i] - k * s[i] - k1 * math.sqrt(abs(s[i])) * sgn(s[i])
-        twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * sgn(s[i])
+        side = sgn(s[i])
+        root = math.sqrt(abs(s[i]))
+        phi[i] = twist[i] - k * s[i] - k1 * root * side
+        twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * side
 
 
 def adaptive(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
     """phi = -(k s + epsilon(t) sgn s), epsilon' = c |s| sgn(|s| - mu), mu = 4 epsilon h.
 
-    After Plestan: the gain grows until it holds s and falls while s is inside mu, so it hunts
-    about what is needed instead of being told. It never falls below ``least``.
+    After Plestan: the gain grows until it holds s and falls while |s| is below mu, so that it
+    hunts about the gain that is needed. It never falls below ``least``.
     """
-    h, epsilon = memory.elapsed, memory.adapted
+    h = memory.elapsed
+    epsilon = memory.adapted
     for i in range(len(s)):
         if h > 0.0:
             band = 4.0 * q.gain * epsilon[i] * h
-            grown = epsilon[i] + q.share * abs(s[i]) / h * sgn(abs(s[i]) - band)
-            epsilon[i] = max(grown, q.least)
-        phi[i] = -(k * s[i] + q.gain * epsilon[i] * sgn(s[i]))
+            direction = sgn(abs(s[i]) - band)
+            changed = epsilon[i] + q.share * abs(s[i]) / h * direction
+            epsilon[i] = max(changed, q.least)
+        switched = q.gain * epsilon[i] * sgn(s[i])
+        phi[i] = -(k * s[i] + switched)
 
 
 def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-    """phi = -(k s + rho s/|s|): one switch for all inputs, the sign law's for one."""
-    size, scale = norm(s), k
+    """phi = -(k s + rho s/|s|): one switch for all inputs; for one input it is the sign law."""
+    size = norm(s)
+    scale = k
     if size > 0.0:
         scale = k + q.gain * rho / size
     for i in range(len(s)):
@@ -174,11 +194,14 @@ def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> 
 
 
 def implicit_unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
-    """The unit-vector law by implicit Euler: s+ = s max(1 - h rho/|s|, 0) / (1 + h k)."""
-    size, h, scale = norm(s), memory.elapsed, 0.0
+    """Unit-vector law by implicit Euler: s+ = s max(1 - h rho/|s|, 0) / (1 + h k)."""
+    h = memory.elapsed
+    size = norm(s)
+    scale = 0.0
     if h > 0.0 and size > 0.0:
-        kept = max(1.0 - h * q.gain * rho / size, 0.0) / (1.0 + h * k)
-        scale = (kept - 1.0) / h
+        share = max(1.0 - h * q.gain * rho / size, 0.0)
+        remaining = share / (1.0 + h * k)
+        scale = (remaining - 1.0) / h
     for i in range(len(s)):
         phi[i] = scale * s[i]
 
@@ -196,11 +219,11 @@ SWITCHINGS: Mapping[str, SwitchingTerm] = {
 
 
 def find_switching(name: str, **numbers: float) -> Switching:
-    """The switching law of that name.
+    """Switching law by its name.
 
     Args:
         name: A key of ``SWITCHINGS``.
-        numbers: Fields of ``SwitchingNumbers``; the others keep their defaults.
+        numbers: Fields of ``SwitchingNumbers``; all other fields keep their defaults.
 
     Raises:
         GainError: If there is none, or a number does not fit.

@@ -1,4 +1,4 @@
-"""What a law is designed for, how it is sampled, and the numbers that come of it."""
+"""Task of a law (plant, outputs, weights), its realization, and the numbers of the laws."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class GrosmcParameters(FeedbackParameters):
 
     Attributes:
         G: Projection, (m, n).
-        S: What G z drifts by on the optimal trajectory [1/s], (m, n): ``surface_rates``.
+        S: Rate of G z on the optimal trajectory over z [1/s], (m, n): ``surface_rates``.
         GB: G B, (m, m).
         GB_inverse: Its inverse, (m, m).
-        GB_held: What a unit of input that is cut off takes from s per second, (m, m): G B as
-            printed, that of a held input on the discrete-time surface.
+        GB_held: Rate of s that a unit of input makes, (m, m): G B as printed, G B_d / T on the
+            discrete-time surface. By this the surface makes up for an input that is cut off.
         size_of_GB: Norm of G B.
         switching: Numbers of the switching law.
         eta: Reaching gain, in the unit of s per second.
@@ -78,10 +78,11 @@ class GrosmcParameters(FeedbackParameters):
 
 @dataclass(frozen=True)
 class NoNumbers:
-    """Of what has no numbers that a law reads: MuJoCo or formulas have them."""
+    """Parameters of a plant or reference without numbers that a law reads."""
 
 
 def _matrix(value: Any) -> Array:
+    """Array of finite numbers."""
     entries = reals(value)
     if not np.all(np.isfinite(entries)):
         raise refused("a matrix of finite numbers")
@@ -99,12 +100,12 @@ Limit = Annotated[float, Range(0, above=True, infinite=True)]
 
 @checked()
 class Realization:
-    """How a sliding mode law is realized by a sampled controller.
+    """Realization of a sliding mode law on a sampled controller.
 
     Attributes:
         switching: Its switching law.
         control_period: Sampling time of the discrete-time surface [s]; None for the printed
-            surface, which any sampling time goes with.
+            surface, which fits every sampling time.
     """
 
     switching: Annotated[
@@ -118,12 +119,12 @@ AS_PRINTED = Realization()
 
 @checked(eq=False)
 class Task:
-    """A nominal plant, what of it is regulated, and the index that weighs it.
+    """A nominal plant, the error coordinates that are regulated, and the weights of the index.
 
     Attributes:
-        plant: The plant that the law believes in; as equations if outputs are regulated.
+        plant: The nominal plant; as equations if outputs are regulated.
         error: The error coordinates z, n of them: of outputs, or of the whole state.
-        reference: Parameters of what ``error`` measures from.
+        reference: Parameters of the reference of ``error``.
         Q: Weight of z, positive semidefinite, (n, n).
         R: Weight of the input, or of v after linearization; positive definite, (m, m) or a
             number.
@@ -140,11 +141,9 @@ class Task:
     model: tuple[Matrix, Matrix] | None = None
 
     def __post_init__(self) -> None:
-        self.error.require_task(self.plant, self.feedback(np.zeros((0, 0))))
-        for name, size in (("Q", self.error.size), ("R", self.error.inputs)):
-            weight = getattr(self, name)
-            if np.shape(weight) not in ((), (size, size)):
-                raise GainError(f"{name} = {shown(weight)} must be a {size} x {size} matrix")
+        self.error.require_task(self.plant, self._numbers_without_gain())
+        _require_weight("Q", self.Q, self.error.size)
+        _require_weight("R", self.R, self.error.inputs)
 
     @property
     def outputs(self) -> OutputCoordinates:
@@ -156,10 +155,14 @@ class Task:
         return regulated_outputs(self.error, self.plant.system.name)
 
     def optimum(self, *, linearizing: bool = False) -> LqrDesign:
-        """The nominal optimum of laws with feedback linearization, or of those without.
+        """Nominal optimum of the laws: an LQR design.
 
-        The former is LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24) and (45); the latter
-        LQR on the linearization about zero error, exact for the linear servo.
+        With feedback linearization it is LQR on z_i^(r_i) = v_i, the Brunovsky form of eqs. (24)
+        and (45). Without, it is LQR on the linearization about zero error, exact for the linear
+        servo.
+
+        Args:
+            linearizing: Whether the laws use feedback linearization.
 
         Raises:
             ArgumentError: If the plant does not rest there.
@@ -169,14 +172,29 @@ class Task:
         if linearizing:
             chains = self.outputs.linearization
             return lqr(chains.A, chains.B, self.Q, self.R)
-        p = self.feedback(np.zeros((0, 0)))
-        return lqr(*(self.model or self.error.linear_model(self.plant, p)), self.Q, self.R)
+
+        model = self.model
+        if not model:
+            model = self.error.linear_model(self.plant, self._numbers_without_gain())
+        A, B = model
+        return lqr(A, B, self.Q, self.R)
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
         return FeedbackParameters(self.plant.parameters or NoNumbers(), self.reference, K)
 
+    def _numbers_without_gain(self) -> FeedbackParameters:
+        """Numbers that the error coordinates read before there is a gain."""
+        return self.feedback(np.zeros((0, 0)))
 
+
+def _require_weight(name: str, weight: ArrayLike, size: int) -> None:
+    """Refuse a weight that is neither a number nor a matrix of this size."""
+    if np.shape(weight) not in ((), (size, size)):
+        raise GainError(f"{name} = {shown(weight)} must be a {size} x {size} matrix")
+
+
+# One object for each system: laws are compiled once for each object of error coordinates.
 _state_coordinates = cache(StateCoordinates)
 
 
@@ -191,10 +209,10 @@ def state_task(
     ] = None,
     model: tuple[Matrix, Matrix] | None = None,
 ) -> Task:
-    """A nominal plant whose whole state is held at an operating point, and the index of that.
+    """Task of holding the whole state of a nominal plant at an operating point.
 
     Args:
-        plant: The plant that the law believes in, as equations or in MuJoCo.
+        plant: The nominal plant, as equations or in MuJoCo.
         Q: Weight of x - x_e, positive semidefinite, (n, n).
         R: Weight of u - u_e, positive definite, (m, m) or a number.
         reference: The operating point; the origin by default.

@@ -1,4 +1,4 @@
-"""Declared uncertainties, and the switching gains that withstand them, where the chapter has none.
+"""Declared uncertainties, and switching gains that withstand them, which the chapter leaves open.
 
 Gains are suprema of the reaching condition, over the states and plants that are declared.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, fields, replace
 from typing import Annotated, Any, NamedTuple
 
@@ -17,6 +17,7 @@ from pydantic import PlainValidator
 from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Design
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.reaching import (
     Nominal,
     Reaching,
@@ -32,37 +33,46 @@ from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.
-_SCALES, _STATES = 5, 441
+_SCALES = 5
+_STATES = 441
 # A step from z = 0 at which the mismatch is linear: its square is below rounding of the gains.
 _NEAR = 1e-4
-# What rounding makes of a mismatch that is not there, over such a step, and of a lost input gain.
+# Rounding of a mismatch of zero over such a step, and of an input gain of zero.
 _ROUNDING = 1e-9
 
 
 def _scales(value: Any) -> dict[str, Any]:
+    """Ranges of scales by the names of parameters."""
     if not isinstance(value, Mapping):
         raise refused("a table with the range [least, largest] of each parameter, by its name")
-    ranges = {str(name): tuple(np.ravel(reals(ends)).tolist()) for name, ends in value.items()}
-    for name, ends in ranges.items():
-        if len(ends) != 2 or not 0 < ends[0] <= ends[1] < math.inf:
-            raise refused(f"ranges [least, largest] above 0, unlike {name} = {shown(value[name])}")
+
+    ranges: dict[str, Any] = {}
+    for name, ends in value.items():
+        numbers = tuple(np.ravel(reals(ends)).tolist())
+        if len(numbers) != 2 or not 0 < numbers[0] <= numbers[1] < math.inf:
+            raise refused(f"ranges [least, largest] above 0, unlike {name} = {shown(ends)}")
+        ranges[str(name)] = numbers
     return ranges
 
 
 def _region(value: Any) -> tuple[float, ...]:
+    """Bounds of the error state."""
     bounds = reals(value)
     if bounds.ndim != 1 or not np.all((bounds > 0) & (bounds < math.inf)):
         raise refused("finite and positive bounds")
     return tuple(bounds.tolist())
 
 
+def _wrench(value: Any) -> tuple[float, ...]:
+    """Magnitudes of disturbance components."""
+    magnitudes = Reals((None,))(value)
+    return tuple(magnitudes.tolist())
+
+
 Scales = Annotated[Mapping[str, tuple[float, float]], PlainValidator(_scales)]
 Region = Annotated[tuple[float, ...], PlainValidator(_region)]
-Wrench = Annotated[tuple[float, ...], PlainValidator(lambda w: tuple(Reals((None,))(w).tolist()))]
+Wrench = Annotated[tuple[float, ...], PlainValidator(_wrench)]
 Scale = Annotated[float, Range(1)]
-
-
-Family = Iterable[tuple[str, Reaching, Array]]
 
 
 class SwitchingGains(NamedTuple):
@@ -72,8 +82,8 @@ class SwitchingGains(NamedTuple):
         eta: Reaching gain, in the unit of s per second.
         gamma0: Constant part of the bound, in the unit of the input.
         gamma1: Its slope over the norm of the error state.
-        gain_ratio: Smallest r = E_true/E_nominal in the family; for several inputs what is left
-            of it, by ``gain_margin`` of either kind.
+        gain_ratio: Smallest r = E_true/E_nominal in the family; for several inputs the smaller of
+            both kinds of ``gain_margin``.
     """
 
     eta: float
@@ -82,50 +92,86 @@ class SwitchingGains(NamedTuple):
     gain_ratio: float
 
 
-def suprema(name: str, law: Nominal, rate: float, family: Family) -> SwitchingGains:
-    """Gains that keep s_i' s_i <= -rate |s_i| for every plant of a family.
+class GainSuprema:
+    """Suprema over a family of plants, from which gains with s_i' s_i <= -rate |s_i| follow.
 
     The switching term meets the true input gain, not the nominal one, so the assumptions' bounds
     are met with the gain's own uncertainty counted, which breaks the circle of Assumption 4. Of
-    rho = eta + (gamma0 + gamma1 |z|) |G E| a part r is left (``gain_margin``):
+    rho = eta + (gamma0 + gamma1 |z|) |G E| a share r is effective (``gain_margin``):
 
         eta    = rate / min r
         gamma0 = sup |push(0) + G d| / (r |G E|)
         gamma1 = sup |push(z) - push(0)| / (r |G E| |z|),
 
     in Euclidean norms, so that they hold for a term along s/|s| as well as for one in each entry.
-
-    Args:
-        name: Of the system.
-        law: The law at z = 0, then at one step along each axis next to it, where the mismatch is
-            linear, then anywhere else.
-        rate: That the true plants shall keep.
-        family: Of each plant its name, the reaching condition there and the largest part |G d|,
-            (N, m), that disturbances add to the push.
-
-    Raises:
-        GainError: If a plant of the family reverses or loses an input, when no gain helps.
     """
-    gamma0, gamma1, least, n = 0.0, 0.0, math.inf, law.z.shape[1]
-    size, distance = np.linalg.norm(law.GE, axis=(-2, -1))[1:], np.linalg.norm(law.z[1:], axis=-1)
-    for plant, (_, push, R), disturbed in family:
-        r = np.minimum(gain_margin(R), gain_margin(R, together=True))[1:]
+
+    def __init__(self, name: str, law: Nominal) -> None:
+        """Begin with no plant.
+
+        Args:
+            name: Name of the system.
+            law: The law at z = 0, then at one step along each axis next to it, where the mismatch
+                is linear, then anywhere else.
+        """
+        self._name = name
+        self._z = law.z[1:]
+        sizes = np.linalg.norm(law.GE, axis=(-2, -1))
+        self._size = sizes[1:]
+        self._distance = np.linalg.norm(self._z, axis=-1)
+        self._gamma0 = 0.0
+        self._gamma1 = 0.0
+        self._gain_ratio = math.inf
+
+    def add(self, plant: str, reaching: Reaching, disturbed: Array) -> None:
+        """Include a plant of the family.
+
+        Args:
+            plant: Its name.
+            reaching: Its reaching condition at the states of the law.
+            disturbed: Largest part |G d| that disturbances add to the push there, (N, m).
+
+        Raises:
+            GainError: If the plant reverses or loses an input, when no gain helps.
+        """
+        push = reaching.push
+        r = self._effective_share(plant, reaching.R)
+        self._gain_ratio = min(self._gain_ratio, float(r.min()))
+
+        switched = r * self._size
+        largest = np.abs(push[0]) + disturbed[1:]
+        constant = np.hypot.reduce(largest, axis=-1) / switched
+        self._gamma0 = max(self._gamma0, float(constant.max()))
+
+        slope = (push[1:] - push[0]) / (switched * self._distance)[:, None]
+        # The largest slope of a linear mismatch is the norm of its matrix.
+        n = self._z.shape[1]
+        near = float(np.linalg.norm(slope[:n], 2))
+        far = np.linalg.norm(slope, axis=-1)
+        self._gamma1 = max(self._gamma1, near, float(far.max()))
+
+    def _effective_share(self, plant: str, R: Array) -> Array:
+        """r of a plant at every state but z = 0."""
+        in_each_entry = gain_margin(R)
+        along_s = gain_margin(R, together=True)
+        r = np.minimum(in_each_entry, along_s)[1:]
         if not np.all(r > _ROUNDING):
-            worst = int(np.argmin(np.where(np.isnan(r), -np.inf, r)))
+            comparable = np.where(np.isnan(r), -np.inf, r)
+            worst = int(np.argmin(comparable))
             raise GainError(
-                f"{name}: the input gain of a declared plant, {plant}, is {r[worst]:g} of the "
-                f"nominal one at z = {law.z[1 + worst]}; no switching gain can make up for that: "
+                f"{self._name}: the input gain of a declared plant, {plant}, is {r[worst]:g} of "
+                f"the nominal one at z = {self._z[worst]}; no switching gain can make up for that: "
                 "choose another G"
             )
-        constant = np.hypot.reduce(np.abs(push[0]) + disturbed[1:], axis=-1) / (r * size)
-        slope = (push[1:] - push[0]) / (r * size * distance)[:, None]
-        # The largest slope of a linear mismatch is the norm of its matrix.
-        near, far = np.linalg.norm(slope[:n], 2), np.linalg.norm(slope, axis=-1).max()
-        gamma0, gamma1 = max(gamma0, float(constant.max())), max(gamma1, float(near), float(far))
-        least = min(least, float(r.min()))
-    # Rounding is no mismatch.
-    gamma0, gamma1 = (value if value > _ROUNDING else 0.0 for value in (gamma0, gamma1))
-    return SwitchingGains(rate / least, gamma0, gamma1, least)
+        return r
+
+    def gains(self, rate: float) -> SwitchingGains:
+        """Gains with which every plant of the family keeps |s| falling at this rate."""
+        eta = rate / self._gain_ratio
+        # Rounding is no mismatch.
+        gamma0 = self._gamma0 if self._gamma0 > _ROUNDING else 0.0
+        gamma1 = self._gamma1 if self._gamma1 > _ROUNDING else 0.0
+        return SwitchingGains(eta, gamma0, gamma1, self._gain_ratio)
 
 
 @checked()
@@ -146,18 +192,23 @@ class Uncertainty:
     region: Region
     reaching_rate: Positive
 
-    def gains(self, design: Design, p: Any, _: Plant | None = None) -> tuple[SwitchingGains, str]:
+    def gains(
+        self,
+        design: Design,
+        p: Any,
+        _: Plant | None = None,
+    ) -> tuple[SwitchingGains, str]:
         """Gains that hold over the operating region and for all declared plants.
 
         The suprema are over a grid of the declared scales and the region with all their corners,
         and over all directions next to z = 0.
 
         Args:
-            design: What the law was designed for, with error coordinates in symbols.
+            design: Design of the law, with error coordinates in symbols.
             p: Its parameters, of which gains are not read.
 
         Returns:
-            The gains, and what they come from in one line.
+            The gains, and the family that they hold for in one line.
 
         Raises:
             GainError: If a plant of the family reverses or loses an input, when no gain helps; or
@@ -165,53 +216,95 @@ class Uncertainty:
         """
         error: Any = design.error
         self._require_fitting(error, p.plant)
-        # At rest, a step along each axis next to it, and the grid.
-        points = round(_STATES ** (1 / error.size)) // 2 * 2 + 1  # odd, so that it has the axes
+
+        z = self._error_states(error.size)
+        x = np.array([error.place(0.0, state, p) for state in z])
+        t = [0.0] * len(z)
+        law = nominal(design, p, t, x, z)
+
+        suprema = GainSuprema(error.system.name, law)
+        for scales in self._grid_of_scales():
+            plant = AnalyticPlant(error.system, _scaled_parameters(p.plant, scales))
+            disturbed = self._disturbed(error, law, x, p, plant)
+            reaching = law.reaching(error.error_dynamics(t, x, p, plant))
+            suprema.add(_scaled(scales), reaching, disturbed)
+
+        gains = suprema.gains(self.reaching_rate)
+        return gains, self._description(gains)
+
+    def _error_states(self, size: int) -> Array:
+        """z = 0, a step along each axis next to it, and the grid of the region, (N, size)."""
+        # An odd number of points, so that the axes are in the grid.
+        points = round(_STATES ** (1 / size)) // 2 * 2 + 1
         axes = [np.linspace(-bound, bound, points) for bound in self.region]
         grid = [state for state in itertools.product(*axes) if any(state)]
-        z = np.array([np.zeros(error.size), *(_NEAR * np.eye(error.size)), *grid])
-        t, x = [0.0] * len(z), np.array([error.place(0.0, state, p) for state in z])
-        law = nominal(design, p, t, x, z)
-        wrenches = [np.tile(w, (len(z), 1)) for w in np.diag(self.wrench) if w.any()]
+        steps = _NEAR * np.eye(size)
+        return np.array([np.zeros(size), *steps, *grid])
 
-        def family() -> Iterator[tuple[str, Reaching, Array]]:
-            axes = [np.linspace(*ends, _SCALES).tolist() for ends in self.scales.values()]
-            for factors in itertools.product(*axes):
-                scales = dict(zip(self.scales, factors, strict=True))
-                changes = {name: getattr(p.plant, name) * k for name, k in scales.items()}
-                plant = AnalyticPlant(error.system, replace(p.plant, **changes))
-                disturbed = np.zeros_like(law.v_0)
-                for w in wrenches:
-                    disturbed += np.abs(times(law.G, error.disturbances(x, p, plant, w)))
-                motion = error.error_dynamics(t, x, p, plant)
-                yield _scaled(scales), law.reaching(motion), disturbed
+    def _grid_of_scales(self) -> Iterator[dict[str, float]]:
+        """Scales of the parameters, by name, for each plant of the family."""
+        axes = [np.linspace(low, high, _SCALES) for low, high in self.scales.values()]
+        for factors in itertools.product(*axes):
+            # As Python's floats, which equations are evaluated in.
+            yield dict(zip(self.scales, map(float, factors), strict=True))
 
-        gains = suprema(error.system.name, law, self.reaching_rate, family())
-        pushes = [f"{size:.3g}" for size in self.wrench if size]
-        bounds = [f"|z{i + 1}| <= {bound:.3g}" for i, bound in enumerate(self.region)]
-        return gains, (
-            f"{', '.join(_ranges(self.scales)) or 'no variation'}; wrench up to "
-            f"{', '.join(pushes) or '0'} N or N m; {', '.join(bounds)}; reaching rate "
-            f"{self.reaching_rate:g}; input gain down to {gains.gain_ratio:.3g} of the nominal one"
+    def _disturbed(
+        self,
+        error: Any,
+        law: Nominal,
+        x: Array,
+        p: Any,
+        plant: Plant,
+    ) -> Array:
+        """Largest part |G d| that the declared wrench adds to the push on a plant, (N, m)."""
+        disturbed = np.zeros_like(law.v_0)
+        for component in np.diag(self.wrench):
+            if component.any():
+                w = np.tile(component, (len(x), 1))
+                dz = error.disturbances(x, p, plant, w)
+                disturbed += np.abs(times(law.G, dz))
+        return disturbed
+
+    def _description(self, gains: SwitchingGains) -> str:
+        """The family that gains hold for, in one line."""
+        ranges = ", ".join(_ranges(self.scales)) or "no variation"
+        magnitudes = ", ".join(f"{size:.3g}" for size in self.wrench if size) or "0"
+        bounds = ", ".join(f"|z{i}| <= {bound:.3g}" for i, bound in enumerate(self.region, 1))
+        return (
+            f"{ranges}; wrench up to {magnitudes} N or N m; {bounds}; "
+            f"reaching rate {self.reaching_rate:g}; "
+            f"input gain down to {gains.gain_ratio:.3g} of the nominal one"
         )
 
     def _require_fitting(self, error: Any, plant: Any) -> None:
         """Refuse an uncertainty of another system, and a reference that moves."""
         name = error.system.name
-        for noun, count, size in (
-            ("bounds of the operating region", len(self.region), error.size),
-            ("wrench components", len(self.wrench), len(error.system.equations.w)),
-        ):
-            if count != size:
-                raise GainError(f"{name}: the uncertainty has {count} {noun}, must have {size}")
+        _require_count(name, "bounds of the operating region", self.region, error.size)
+        _require_count(name, "wrench components", self.wrench, len(error.system.equations.w))
+
+        parameters = [field.name for field in fields(plant)]
         for scaled in self.scales:
-            known = [field.name for field in fields(plant)]
-            require_known(f"parameter of {name}", scaled, known, error=GainError)
+            require_known(f"parameter of {name}", scaled, parameters, error=GainError)
+
         if getattr(error.reference, "moves", False):
             raise GainError(
                 f"{name}: the reference moves: a bound in |z| cannot cover that; give k and "
                 "epsilon instead"
             )
+
+
+def _scaled_parameters(nominal_parameters: Any, scales: Mapping[str, float]) -> Any:
+    """Parameters of a plant with some of them scaled."""
+    changes: dict[str, Any] = {}
+    for name, factor in scales.items():
+        changes[name] = getattr(nominal_parameters, name) * factor
+    return replace(nominal_parameters, **changes)
+
+
+def _require_count(name: str, noun: str, values: Sequence[float], count: int) -> None:
+    """Refuse values of which there must be another number."""
+    if len(values) != count:
+        raise GainError(f"{name}: the uncertainty has {len(values)} {noun}, must have {count}")
 
 
 @checked(GainError)
@@ -240,11 +333,14 @@ class StateUncertainty:
 
     def members(self, plant: Plant) -> Iterator[tuple[str, Plant]]:
         """The corners of the family and their means, in words and as plants."""
-        masses, lengths = ((1.0, math.sqrt(most), most) for most in (self.mass, self.length))
-        ranges = [(low, math.sqrt(low * high), high) for low, high in self.scales.values()]
+        masses = _ends_and_mean(1.0, self.mass)
+        lengths = _ends_and_mean(1.0, self.length)
+        ranges = [_ends_and_mean(low, high) for low, high in self.scales.values()]
         body = self.body or plant.system.uncertain_body
+
         for mass, length, *factors in itertools.product(masses, lengths, *ranges):
-            member, changes = plant, []
+            member = plant
+            changes = []
             if self.mass > 1 or self.length > 1:
                 member = member.scaled(body, mass, length)
                 changes.append(f"the {body}'s mass x{mass:g} and length x{length:g}")
@@ -254,73 +350,114 @@ class StateUncertainty:
                 changes.append(_scaled(scales))
             yield " and ".join(changes) or "nothing changed", member
 
-    def gains(self, design: Design, p: Any, plant: Plant) -> tuple[SwitchingGains, str]:
+    def gains(
+        self,
+        design: Design,
+        p: Any,
+        plant: Plant,
+    ) -> tuple[SwitchingGains, str]:
         """Gains that hold on the linear models of all declared plants.
 
         With A_t, B_t and the rest r_t = x'(x_e, u_e) of a member, push(z) = G r_t + G (A_t - B_t K
         - A + B K) z and R = G B_t (G B)^-1; disturbances add force |G B_t| + push |G D_t|, where
-        D_t is what 1 N along each axis does to x'.
+        D_t is the change of x' by 1 N along each axis.
 
         Args:
-            design: What the law was designed for.
+            design: Design of the law.
             p: Its parameters, of which gains are not read.
             plant: The nominal plant.
 
         Returns:
-            The gains, and what they come from in one line.
+            The gains, and the family that they hold for in one line.
 
         Raises:
             GainError: If a member turns the input round or makes the sliding dynamics unstable.
         """
-        optimum, point, n = design.lqr, p.reference, len(design.lqr.A)
+        optimum = design.lqr
+        point = p.reference
+        # Zero error, and one step along each axis: the models are linear.
+        n = len(optimum.A)
         z = np.vstack([np.zeros(n), np.eye(n)])
-        law = nominal(design, p, [0.0] * len(z), z, z)
-        body, unmatched, poles = self.body or plant.system.uncertain_body, [0.0], []
+        t = [0.0] * len(z)
+        law = nominal(design, p, t, z, z)
 
-        def family() -> Iterator[tuple[str, Reaching, Array]]:
-            for changes, member in self.members(plant):
-                A_t, B_t = member.jacobian(point.x, point.u)
-                drift = member.derivative(point.x, point.u) + z @ A_t.T
-                reaching = law.reaching((drift, np.broadcast_to(B_t, (n + 1, *B_t.shape))))
-                disturbed = self.force * np.abs(law.G @ B_t).sum(axis=1)
-                if self.push:
-                    D_t = _pushed(member, point, body)
-                    disturbed = disturbed + self.push * np.linalg.norm(law.G @ D_t, axis=1)
-                yield changes, reaching, np.broadcast_to(disturbed, law.v_0.shape)
-                sliding = sliding_dynamics(optimum, law.G, A_t, B_t)
-                poles.append(float(np.linalg.eigvals(sliding).real.max()))
-                if poles[-1] >= 0:
-                    raise GainError(
-                        f"{plant.system.name} with {changes}: the sliding dynamics have a pole at "
-                        f"{poles[-1]:g} 1/s, and no switching gain helps: weigh the rates more, or "
-                        "choose another G"
-                    )
-                added, matched = mismatch(optimum, A_t, B_t)
-                if added.any():
-                    share = np.linalg.norm(added - matched) / np.linalg.norm(added)
-                    unmatched.append(float(share))
+        suprema = GainSuprema(plant.system.name, law)
+        slowest_pole = -math.inf
+        unmatched = 0.0
+        for changes, member in self.members(plant):
+            A_t, B_t = member.jacobian(point.x, point.u)
+            drift = member.derivative(point.x, point.u) + z @ A_t.T
+            gain = np.broadcast_to(B_t, (n + 1, *B_t.shape))
+            disturbed = self._disturbed(law.G, B_t, member, point)
+            disturbed = np.broadcast_to(disturbed, law.v_0.shape)
+            suprema.add(changes, law.reaching((drift, gain)), disturbed)
 
-        gains, terms = suprema(plant.system.name, law, self.reaching_rate, family()), []
+            sliding = sliding_dynamics(optimum, law.G, A_t, B_t)
+            pole = float(np.linalg.eigvals(sliding).real.max())
+            if pole >= 0:
+                raise GainError(
+                    f"{plant.system.name} with {changes}: the sliding dynamics have a pole at "
+                    f"{pole:g} 1/s, and no switching gain helps: weigh the rates more, or "
+                    "choose another G"
+                )
+            slowest_pole = max(slowest_pole, pole)
+            unmatched = max(unmatched, _unmatched_share(optimum, A_t, B_t))
+
+        gains = suprema.gains(self.reaching_rate)
+        return gains, (
+            f"{self._description(plant)}; input gain down to {gains.gain_ratio:.3g} of the nominal "
+            f"one; {unmatched:.1%} of what the family changes is out of the input's reach, slowest "
+            f"sliding pole {slowest_pole:.3g} 1/s"
+        )
+
+    def _disturbed(self, G: Array, B_t: Array, member: Plant, point: OperatingPoint) -> Array:
+        """Largest part of the push by disturbances on a member, (m,)."""
+        by_force = self.force * np.abs(G @ B_t).sum(axis=1)
+        if not self.push:
+            return by_force
+
+        body = self.body or member.system.uncertain_body
+        D_t = _pushed(member, point, body)
+        by_push = self.push * np.linalg.norm(G @ D_t, axis=1)
+        return by_force + by_push
+
+    def _description(self, plant: Plant) -> str:
+        """The declared family, in words."""
+        terms = []
         if self.mass > 1 or self.length > 1:
             terms.append(f"m up to x{self.mass:g}, L up to x{self.length:g}")
-        unit = plant.system.input.unit
         terms += _ranges(self.scales)
+
+        unit = plant.system.input.unit
         force = f"{self.force:g}" if unit == "1" else f"{self.force:g} {unit}"
         terms.append(f"disturbances of the input up to {force}")
         if self.push:
+            body = self.body or plant.system.uncertain_body
             terms.append(f"{self.push:g} N on the {body}")
-        return gains, (
-            f"{', '.join(terms)}; input gain down to {gains.gain_ratio:.3g} of the nominal one; "
-            f"{max(unmatched):.1%} of what the family changes is out of the input's reach, slowest "
-            f"sliding pole {max(poles):.3g} 1/s"
-        )
+        return ", ".join(terms)
+
+
+def _ends_and_mean(low: float, high: float) -> tuple[float, float, float]:
+    """Least, geometric mean and largest scale of a range."""
+    return low, math.sqrt(low * high), high
+
+
+def _unmatched_share(optimum: LqrDesign, A_t: Array, B_t: Array) -> float:
+    """Share of a true plant's difference that is not matched; 0 without a difference."""
+    difference, matched = mismatch(optimum, A_t, B_t)
+    if not difference.any():
+        return 0.0
+    unmatched = np.linalg.norm(difference - matched)
+    return float(unmatched / np.linalg.norm(difference))
 
 
 def _ranges(scales: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Ranges of scales, in words."""
     return [f"{name} x{low:g} to x{high:g}" for name, (low, high) in scales.items()]
 
 
 def _scaled(scales: Mapping[str, float]) -> str:
+    """Scales of a plant, in words."""
     return " and ".join(f"{name} x{factor:g}" for name, factor in scales.items()) or "as it is"
 
 
@@ -338,7 +475,7 @@ def _pushed(plant: Plant, point: OperatingPoint, body: str) -> Array:
         )
     wrenches = np.zeros((3, len(bodies), 6))
     wrenches[:, bodies.index(body), :3] = np.eye(3)
-    still = plant.derivative(point.x, point.u)
+    undisturbed = plant.derivative(point.x, point.u)
     return np.column_stack(
-        [plant.derivative(point.x, point.u, w.ravel()) - still for w in wrenches]
+        [plant.derivative(point.x, point.u, w.ravel()) - undisturbed for w in wrenches]
     )

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 import sympy as sp
 from hand_written import HAND_WRITTEN
 
-from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.feedback_linearization import (
+    FeedbackLinearization,
+    feedback_linearization,
+)
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoints
 from grosmc_mj.control.task import FeedbackParameters, NoNumbers
@@ -22,67 +26,133 @@ from grosmc_mj.plants import ARM, CART_PENDULUM, AnalyticPlant, Signal, System, 
 from grosmc_mj.plants.equations import Equations
 
 PENDULUM = MujocoPlant.load("cart_pendulum").analytic().parameters
+each_system = pytest.mark.parametrize("name", ["servo", "cart_pendulum", "arm"])
 
 
-@pytest.mark.parametrize("name", ["servo", "cart_pendulum", "arm"])
+@each_system
 def test_three_plants_have_relative_degree_two(name: str) -> None:
-    """T = [y, y'], K = L_f^2 h is the row of f and E that of g in which y'' is."""
-    system, random = find_system(name), np.random.default_rng(0)
-    chains, n = feedback_linearization(system.equations), system.degrees_of_freedom
-    velocity = system.output + n
-    assert (chains.relative_degree, chains.plain) == ((2,), [system.output, velocity])
-    assert (chains.A.tolist(), chains.B.tolist()) == ([[0, 1], [0, 0]], [[0], [1]])
-    assert (chains.first_rows, chains.last_rows) == ((0,), (1,))
+    """T = [y, y']; z leaves the cart out, so it is all of the state of the others only."""
+    system = find_system(name)
+    chains = feedback_linearization(system.equations)
+    assert chains.relative_degree == (2,)
+    assert chains.plain == [system.output, system.output + system.degrees_of_freedom]
+    assert chains.A.tolist() == [[0, 1], [0, 0]]
+    assert chains.B.tolist() == [[0], [1]]
+    assert chains.first_rows == (0,)
+    assert chains.last_rows == (1,)
     assert chains.complete is (name != "cart_pendulum")
-    p, hand = MujocoPlant.load(name).analytic().parameters, HAND_WRITTEN[name]
+
+
+@each_system
+def test_feedback_linearization_is_the_row_of_the_acceleration(name: str) -> None:
+    """K = L_f^2 h is the row of f and E that of g in which y'' is."""
+    system = find_system(name)
+    n = system.degrees_of_freedom
+    velocity = system.output + n
+    chains = feedback_linearization(system.equations)
+    p = MujocoPlant.load(name).analytic().parameters
+    hand = HAND_WRITTEN[name]
+
+    random = np.random.default_rng(0)
     for _ in range(20):  # E is regular: |angle| < 1.4
-        x = np.concatenate([random.uniform(-1.4, 1.4, n), random.normal(0, 3, n)])
+        position = random.uniform(-1.4, 1.4, n)
+        rates = random.normal(0, 3, n)
+        x = np.concatenate([position, rates])
+        (K,) = chains.nonlinearity(x, p)
+        (E,) = chains.decoupling_matrix(x, p)
+        rounding = 1e-14 * hand.size(x, p)
         assert chains.transformation(x, p) == (x[system.output], x[velocity])
-        (K,), E = chains.nonlinearity(x, p), chains.decoupling_matrix(x, p)
-        assert pytest.approx(hand.drift(x, p)[velocity], rel=0, abs=1e-14 * hand.size(x, p)) == K
-        assert pytest.approx(hand.input_matrix(x, p)[velocity], rel=1e-14) == E[0]
+        assert pytest.approx(hand.drift(x, p)[velocity], rel=0, abs=rounding) == K
+        assert pytest.approx(hand.input_matrix(x, p)[velocity], rel=1e-14) == E
 
 
-# A plant of the third order, and one with two coupled inputs
+# A plant of the third order
 
 
 def motor(*, load: bool) -> Equations:
     """J w' = Kt i - B w, L i' = u - R i - Kt w, and a load torque on the shaft or a voltage."""
-    angle, rate, i, w, J, B, Kt, L, R = sp.symbols("angle rate i w J B Kt L R")
+    angle, rate, i, w = sp.symbols("angle rate i w")
+    J, B, Kt, L, R = sp.symbols("J B Kt L R")
     return Equations(
-        x=(angle, rate, i), f=(rate, (Kt * i - B * rate) / J, -(R * i + Kt * rate) / L),
-        g=(0, 0, 1 / L), h=(angle,), w=(w,), d=(0, -w / J, 0) if load else (0, 0, w / L),
-    )  # fmt: skip
+        x=(angle, rate, i),
+        f=(rate, (Kt * i - B * rate) / J, -(R * i + Kt * rate) / L),
+        g=(0, 0, 1 / L),
+        h=(angle,),
+        w=(w,),
+        d=(0, -w / J, 0) if load else (0, 0, w / L),
+    )
 
 
 MOTOR = SimpleNamespace(J=0.02, B=0.1, Kt=0.7, L=0.05, R=1.3)
+MOTOR_STATES = np.random.default_rng(3).normal(0, 2, (12, 3))
+
+
+def motor_acceleration(x: Array) -> float:
+    _, rate, i = x
+    return (MOTOR.Kt * i - MOTOR.B * rate) / MOTOR.J
 
 
 def test_motor_with_inductance_is_a_chain_of_three() -> None:
-    """Its load is in the row of y'', where no input is: Assumption 5 fails for it."""
-    chains, p = feedback_linearization(motor(load=True)), MOTOR
-    assert (chains.relative_degree, chains.complete) == ((3,), True)
+    chains = feedback_linearization(motor(load=True))
+    assert chains.relative_degree == (3,)
+    assert chains.complete
     np.testing.assert_array_equal(chains.A, np.eye(3, k=1))
     np.testing.assert_array_equal(chains.B, [[0], [0], [1]])
-    for x in np.random.default_rng(3).normal(0, 2, (12, 3)):
-        angle, rate, i = x
-        acceleration = (p.Kt * i - p.B * rate) / p.J
-        jerk = (p.Kt * -(p.R * i + p.Kt * rate) / p.L - p.B * acceleration) / p.J
-        z = np.array([angle, rate, acceleration])
-        np.testing.assert_allclose(chains.transformation(x, p), z, rtol=1e-13)
-        terms = abs(p.Kt * p.R * i / p.L / p.J) + abs(p.B * acceleration / p.J)
-        assert chains.nonlinearity(x, p)[0] == pytest.approx(jerk, rel=0, abs=1e-13 * terms)
-        assert chains.decoupling_matrix(x, p)[0] == pytest.approx(p.Kt / p.J / p.L, rel=1e-15)
-        np.testing.assert_allclose(chains.place(z, p, np.zeros(3)), x, rtol=0, atol=1e-9)
-        by_load, by_voltage = (0, -0.3 / p.J, 0.3 * p.B / p.J**2), (0, 0, 0.3 * p.Kt / p.J / p.L)
-        for load, expected in ((True, by_load), (False, by_voltage)):
-            slope = np.reshape(feedback_linearization(motor(load=load)).slope(x, p), (3, 3))
-            pushed = slope @ np.array(motor(load=load).disturbance(x, np.array([0.3]), p))
-            np.testing.assert_allclose(pushed, expected, rtol=1e-13)
 
+
+def test_matrices_of_the_motor_are_those_by_hand() -> None:
+    p = MOTOR
+    chains = feedback_linearization(motor(load=True))
+    for x in MOTOR_STATES:
+        angle, rate, i = x
+        acceleration = motor_acceleration(x)
+        z = [angle, rate, acceleration]
+        np.testing.assert_allclose(chains.transformation(x, p), z, rtol=1e-13)
+
+        (K,) = chains.nonlinearity(x, p)
+        current_rate = -(p.R * i + p.Kt * rate) / p.L
+        jerk = (p.Kt * current_rate - p.B * acceleration) / p.J
+        largest = p.Kt * p.R * i / p.L / p.J
+        terms = abs(largest) + abs(p.B * acceleration / p.J)
+        assert pytest.approx(jerk, rel=0, abs=1e-13 * terms) == K
+
+        (E,) = chains.decoupling_matrix(x, p)
+        assert pytest.approx(p.Kt / p.J / p.L, rel=1e-15) == E
+
+
+def test_a_state_of_the_motor_is_found_from_its_outputs() -> None:
+    chains = feedback_linearization(motor(load=True))
+    for x in MOTOR_STATES:
+        z = np.array([x[0], x[1], motor_acceleration(x)])
+        placed = chains.place(z, MOTOR, np.zeros(3))
+        np.testing.assert_allclose(placed, x, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("load", "expected"),
+    [
+        (True, (0, -0.3 / MOTOR.J, 0.3 * MOTOR.B / MOTOR.J**2)),
+        (False, (0, 0, 0.3 * MOTOR.Kt / MOTOR.J / MOTOR.L)),
+    ],
+    ids=["load", "voltage"],
+)
+def test_disturbances_of_the_motor_reach_z_as_by_hand(
+    load: bool, expected: tuple[float, ...]
+) -> None:
+    """A load is in the row of y'', where no input is: Assumption 5 fails for it."""
+    equations = motor(load=load)
+    chains = feedback_linearization(equations)
+    for x in MOTOR_STATES:
+        slope = np.reshape(chains.slope(x, MOTOR), (3, 3))
+        disturbance = np.array(equations.disturbance(x, np.array([0.3]), MOTOR))
+        np.testing.assert_allclose(slope @ disturbance, expected, rtol=1e-13)
+
+
+# A plant with two coupled inputs
 
 X1, X2, X3 = sp.symbols("x1 x2 x3", real=True)
-E1, E2 = sp.Matrix([[2 + sp.sin(X3), X1]]), sp.Matrix([[1, 3 + X2**2]])
+E1 = sp.Matrix([[2 + sp.sin(X3), X1]])
+E2 = sp.Matrix([[1, 3 + X2**2]])
 # y1'' = x1 x3 + (2 + sin x3) u1 + x1 u2, y2' = x2 - x3 + u1 + (3 + x2^2) u2.
 COUPLED = Equations(
     x=(X1, X2, X3),
@@ -90,100 +160,222 @@ COUPLED = Equations(
     g=((0, 0), tuple(E1.flat()), tuple(E2.flat())),
     h=(X1, X3),
 )
-CURVED = (sp.sinh(X1), sp.exp(X3))
+
+
+class Coupled(NamedTuple):
+    """Outputs of the coupled plant with their feedback linearization by hand."""
+
+    h: Any
+    degrees: tuple[int, ...]
+    first_rows: tuple[int, ...]
+    last_rows: tuple[int, ...]
+    T: Any
+    K: Any
+    E: Any
+    A: Any
+    B: Any
+
+    @property
+    def chains(self) -> FeedbackLinearization:
+        return feedback_linearization(COUPLED, self.h)
+
+
+SWAPPED = Coupled(
+    h=(X3, X1),
+    degrees=(1, 2),
+    first_rows=(0, 1),
+    last_rows=(0, 2),
+    T=(X3, X1, X2),
+    K=(X2 - X3, X1 * X3),
+    E=(E2, E1),
+    A=[[0, 0, 0], [0, 0, 1], [0, 0, 0]],
+    B=[[1, 0], [0, 0], [0, 1]],
+)
+# Outputs that are no states are differentiated by the chain rule.
+CURVED = Coupled(
+    h=(sp.sinh(X1), sp.exp(X3)),
+    degrees=(2, 1),
+    first_rows=(0, 2),
+    last_rows=(1, 2),
+    T=(sp.sinh(X1), X2 * sp.cosh(X1), sp.exp(X3)),
+    K=(
+        sp.sinh(X1) * X2**2 + sp.cosh(X1) * X1 * X3,
+        sp.exp(X3) * (X2 - X3),
+    ),
+    E=(sp.cosh(X1) * E1, sp.exp(X3) * E2),
+    A=[[0, 1, 0], [0, 0, 0], [0, 0, 0]],
+    B=[[0, 0], [1, 0], [0, 1]],
+)
+each_coupled = pytest.mark.parametrize("hand", [SWAPPED, CURVED], ids=["swapped", "curved"])
+
+
+@each_coupled
+def test_chains_of_coupled_outputs_are_in_their_order(hand: Coupled) -> None:
+    """Of unequal relative degrees."""
+    chains = hand.chains
+    assert chains.relative_degree == hand.degrees
+    assert chains.complete
+    assert chains.first_rows == hand.first_rows
+    assert chains.last_rows == hand.last_rows
+    np.testing.assert_array_equal(chains.A, hand.A)
+    np.testing.assert_array_equal(chains.B, hand.B)
+
+
+@each_coupled
+def test_matrices_of_coupled_outputs_are_those_by_hand(hand: Coupled) -> None:
+    chains = hand.chains
+    assert hand.T == chains.T
+    K = sp.Matrix(hand.K)
+    E = sp.Matrix.vstack(*hand.E)
+    assert sp.simplify(sp.Matrix(chains.K) - K) == sp.zeros(2, 1)
+    assert sp.simplify(chains.E - E) == sp.zeros(2)
+
+
+def test_singularity_is_the_determinant() -> None:
+    determinant = (2 + sp.sin(X3)) * (3 + X2**2) - X1
+    assert sp.simplify(SWAPPED.chains.singularity / determinant) in (1, -1)
+
+
+@each_coupled
+def test_a_state_is_found_from_coupled_outputs(hand: Coupled) -> None:
+    chains = hand.chains
+    for x in np.random.default_rng(7).uniform(-1.5, 1.5, (10, 3)):
+        z = np.array(chains.transformation(x, None))
+        placed = chains.place(z, None, np.zeros(3))
+        np.testing.assert_allclose(placed, x, rtol=0, atol=1e-9)
+
+
+# Zero dynamics
+
+GROWTH = sp.Symbol("a")
+GROWING = SimpleNamespace(a=3.0)
+# y = x1 + x2 has (s - a + 1) / (s (s - a)), y = x1 has 1/s.
+LINEAR = Equations(
+    x=(X1, X2),
+    f=(0, GROWTH * X2 + X1),
+    g=(1, 0),
+    h=(X1,),
+)
+# Holding y = x1 takes u = -x2^2, so x2' = -x2^3 - x2^2.
+CUBIC = Equations(
+    x=(X1, X2),
+    f=(X2**2, -(X2**3)),
+    g=(1, 1),
+    h=(X1,),
+)
+CART, _, CART_SPEED, _ = CART_PENDULUM.equations.x
 
 
 @pytest.mark.parametrize(
-    ("h", "degrees", "T", "K", "E"),
+    ("equations", "states", "rates", "poles"),
     [
-        ((X3, X1), (1, 2), (X3, X1, X2), (X2 - X3, X1 * X3), (E2, E1)),
-        # Outputs that are no states are differentiated by the chain rule.
-        (CURVED, (2, 1), (sp.sinh(X1), X2 * sp.cosh(X1), sp.exp(X3)),
-         (sp.sinh(X1) * X2**2 + sp.cosh(X1) * X1 * X3, sp.exp(X3) * (X2 - X3)),
-         (sp.cosh(X1) * E1, sp.exp(X3) * E2)),
+        # p' = speed, speed' = 0: the chapter's z leaves the cart out, with two poles at zero.
+        (CART_PENDULUM.equations, (CART, CART_SPEED), (CART_SPEED, 0), [0, 0]),
+        (LINEAR, (X2,), (GROWTH * X2,), [3.0]),
+        (CUBIC, (X2,), (-(X2**3) - X2**2,), [0]),
     ],
-)  # fmt: skip
-def test_coupled_plant_has_the_relative_degrees_and_matrices_by_hand(
-    h: Any, degrees: Any, T: Any, K: Any, E: Any
+    ids=["cart-pendulum", "linear", "cubic"],
+)
+def test_zero_dynamics_are_those_by_hand(
+    equations: Equations, states: Any, rates: Any, poles: list[float]
 ) -> None:
-    """Unequal relative degrees; the order of the outputs is the order of the chains."""
-    chains = feedback_linearization(COUPLED, h)
-    assert (chains.relative_degree, chains.T, chains.complete) == (degrees, T, True)
-    assert [sp.simplify(a - b) for a, b in zip(chains.K, K, strict=True)] == [0, 0]
-    assert sp.simplify(chains.E - sp.Matrix.vstack(*E)) == sp.zeros(2)
-    determinant = (2 + sp.sin(X3)) * (3 + X2**2) - X1
-    assert h is CURVED or sp.simplify(chains.singularity / determinant) in (1, -1)
-    first, last = ((0, 2), (1, 2)) if degrees == (2, 1) else ((0, 1), (0, 2))
-    assert (chains.first_rows, chains.last_rows) == (first, last)
-    A, B = np.zeros((3, 3)), np.zeros((3, 2))
-    A[first[degrees.index(2)], last[degrees.index(2)]] = 1
-    B[list(last), [0, 1]] = 1
-    np.testing.assert_array_equal(chains.A, A)
-    np.testing.assert_array_equal(chains.B, B)
-    for x in np.random.default_rng(7).uniform(-1.5, 1.5, (10, 3)):
-        z = np.array(chains.transformation(x, None))
-        np.testing.assert_allclose(chains.place(z, None, np.zeros(3)), x, rtol=0, atol=1e-9)
+    zero_dynamics: Any = feedback_linearization(equations).zero_dynamics()
+    assert zero_dynamics.states == states
+    difference = sp.Matrix(zero_dynamics.rates) - sp.Matrix(rates)
+    assert difference.expand().is_zero_matrix
+    actual = zero_dynamics.poles(GROWING)
+    np.testing.assert_allclose(actual, poles, rtol=1e-14)
 
 
-def test_zero_dynamics_have_the_zeros_and_hold_what_the_input_holds() -> None:
-    a, states, p = sp.Symbol("a"), CART_PENDULUM.equations.x, SimpleNamespace(a=3.0)
-    # y = x1 + x2 has (s - a + 1) / (s (s - a)), y = x1 has 1/s.
-    linear = Equations(x=(X1, X2), f=(0, a * X2 + X1), g=(1, 0), h=(X1,))
-    # Holding y = x1 takes u = -x2^2, so x2' = -x2^3 - x2^2.
-    cubic = Equations(x=(X1, X2), f=(X2**2, -(X2**3)), g=(1, 1), h=(X1,))
-    # p' = speed, speed' = 0: the chapter's z leaves the cart out, with two poles at zero.
-    for equations, h, inside, rates, poles in (
-        (CART_PENDULUM.equations, None, states[::2], (states[2], 0), [0, 0]),
-        (linear, [X1], (X2,), (a * X2,), [3.0]),
-        (cubic, None, (X2,), (-(X2**3) - X2**2,), [0]),
-    ):
-        inner: Any = feedback_linearization(equations, h).zero_dynamics()
-        np.testing.assert_allclose(inner.poles(p), poles, rtol=1e-14)
-        assert inner.states == inside
-        assert (sp.Matrix(inner.rates) - sp.Matrix(rates)).expand().is_zero_matrix
-    inner = feedback_linearization(linear, [X1 + X2]).zero_dynamics()
-    np.testing.assert_allclose(inner.poles(p), [2.0], rtol=1e-14)
-    for equations in (ARM.equations, motor(load=True), COUPLED):
-        assert feedback_linearization(equations).zero_dynamics() is None
+def test_poles_of_the_zero_dynamics_are_the_zeros() -> None:
+    zero_dynamics: Any = feedback_linearization(LINEAR, [X1 + X2]).zero_dynamics()
+    poles = zero_dynamics.poles(GROWING)
+    np.testing.assert_allclose(poles, [2.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "equations",
+    [ARM.equations, motor(load=True), COUPLED],
+    ids=["arm", "motor", "coupled"],
+)
+def test_a_plant_whose_z_is_the_whole_state_has_no_zero_dynamics(equations: Equations) -> None:
+    assert feedback_linearization(equations).zero_dynamics() is None
 
 
 # A state with given outputs
 
-ANGLE = sp.Symbol("theta")
+THETA = sp.Symbol("theta")
 
 
-def test_guess_is_kept_where_the_outputs_leave_it_free_and_chooses_among_states() -> None:
+def numbers(p: Any, reference: Any, size: int = 2) -> FeedbackParameters:
+    return FeedbackParameters(p, reference, np.zeros((1, size)))
+
+
+def test_states_that_the_outputs_leave_free_are_those_of_the_guess() -> None:
+    guess = np.array([1.0, 2.0, 3.0, 4.0])
+    chains = feedback_linearization(CART_PENDULUM.equations)
+    x = chains.place(np.array([0.1, 0.2]), None, guess)
+    assert x.tolist() == [1.0, 0.1, 3.0, 0.2]
+    assert guess.tolist() == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("near", "angle"),
+    [
+        (0.0, math.pi / 6),
+        (3.0, 5 * math.pi / 6),
+    ],
+)
+def test_guess_chooses_among_states_with_the_same_outputs(near: float, angle: float) -> None:
     """sin(theta) = 1/2 at 30 and at 150 degrees; the cart stays where the guess has it."""
-    guess, p = np.array([1.0, 2.0, 3.0, 4.0]), PENDULUM
-    plain = feedback_linearization(CART_PENDULUM.equations)
-    x = plain.place(np.array([0.1, 0.2]), None, guess)
-    assert (x.tolist(), guess.tolist()) == ([1.0, 0.1, 3.0, 0.2], [1, 2, 3, 4])
-    height = feedback_linearization(CART_PENDULUM.equations, [sp.sin(ANGLE)])
-    for near, angle in ((0.0, math.pi / 6), (3.0, 5 * math.pi / 6)):
-        x = height.place(np.array([0.5, 0.3]), p, np.array([7.0, near, -2.0, 0.0]))
-        expected = [7.0, angle, -2.0, 0.3 / math.cos(angle)]
-        np.testing.assert_allclose(x, expected, rtol=0, atol=1e-9)
-    # Without a guess what z leaves out is at rest.
+    height = feedback_linearization(CART_PENDULUM.equations, [sp.sin(THETA)])
+    guess = np.array([7.0, near, -2.0, 0.0])
+    x = height.place(np.array([0.5, 0.3]), PENDULUM, guess)
+    expected = [7.0, angle, -2.0, 0.3 / math.cos(angle)]
+    np.testing.assert_allclose(x, expected, rtol=0, atol=1e-9)
+
+
+def test_states_that_z_leaves_out_are_at_rest_without_a_guess() -> None:
     error = ErrorCoordinates(CART_PENDULUM, setpoints(2))
-    x = error.place(0.0, [0.1, -0.7], numbers(p, Setpoint(0.3)))
+    x = error.place(0.0, [0.1, -0.7], numbers(PENDULUM, Setpoint(0.3)))
     np.testing.assert_allclose(x, [0, 0.4, 0, -0.7], rtol=1e-15)
 
 
-def test_outputs_that_no_state_has_are_refused() -> None:
-    """No angle has the sine 1.5; sqrt(x1) is no number for x1 < 0, where the root finder steps."""
-    root = Equations(x=(X1,), f=(0,), g=((1,),), h=(sp.sqrt(X1),))
-    for equations, h, z in (
-        (CART_PENDULUM.equations, [sp.sin(ANGLE)], [1.5, 0.0]),
-        (root, None, [-0.5]),
-    ):
-        chains, p = feedback_linearization(equations, h), PENDULUM
-        with pytest.raises(PremiseError, match=r"no state near \[0\.1.*\] has z = \["):
-            chains.place(np.array(z), p, np.full(len(equations.x), 0.1))
+# sqrt(x1) is no number for x1 < 0, where the root finder steps.
+ROOT = Equations(
+    x=(X1,),
+    f=(0,),
+    g=((1,),),
+    h=(sp.sqrt(X1),),
+)
+
+
+@pytest.mark.parametrize(
+    ("equations", "h", "z"),
+    [
+        # No angle has the sine 1.5.
+        (CART_PENDULUM.equations, [sp.sin(THETA)], [1.5, 0.0]),
+        (ROOT, None, [-0.5]),
+    ],
+    ids=["sine", "root"],
+)
+def test_outputs_that_no_state_has_are_refused(
+    equations: Equations, h: Any, z: list[float]
+) -> None:
+    chains = feedback_linearization(equations, h)
+    guess = np.full(len(equations.x), 0.1)
+    with pytest.raises(PremiseError, match=r"no state near \[0\.1.*\] has z = \["):
+        chains.place(np.array(z), PENDULUM, guess)
 
 
 def test_a_matrix_is_singular_at_a_state_in_any_units() -> None:
     a, b = sp.symbols("a b")
-    equations = Equations(x=(a, b), f=(0, 0), g=((1e6, 0), (0, 1e-8 * sp.cos(b))), h=(a, b))
+    equations = Equations(
+        x=(a, b),
+        f=(0, 0),
+        g=((1e6, 0), (0, 1e-8 * sp.cos(b))),
+        h=(a, b),
+    )
     chains = feedback_linearization(equations)
     chains.require_regular(np.zeros(2), None)
     with pytest.raises(PremiseError, match=r"is singular there \(eq\. \(21\)\)"):
@@ -197,60 +389,119 @@ def signals(*units: str) -> tuple[Signal, ...]:
     return tuple(Signal(f"signal {i}", f"s{i}", unit) for i, unit in enumerate(units))
 
 
-def numbers(p: Any, reference: Any, size: int = 2) -> FeedbackParameters:
-    return FeedbackParameters(p, reference, np.zeros((1, size)))
-
-
 SQUARE = System(
-    name="square", title="A system", states=signals("m", "m/s", "rad"), inputs=signals("N", "N"),
+    name="square",
+    title="A system",
+    states=signals("m", "m/s", "rad"),
+    inputs=signals("N", "N"),
     equations=COUPLED,
-)  # fmt: skip
-THIRD_ORDER = System(
-    name="motor", title="A system", states=signals("", "", ""), inputs=signals("V"),
-    equations=replace(motor(load=True), w=(), d=()),
-)  # fmt: skip
+)
+SQUARE_NUMBERS = numbers(NoNumbers(), Setpoints(0.2, -0.4))
+SQUARE_STATES = np.random.default_rng(8).normal(size=(5, 3))
+each_sign = pytest.mark.parametrize("sign", [1, -1])
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign: Any) -> None:
-    error, random = ErrorCoordinates(SQUARE, setpoints(2, 1), sign), np.random.default_rng(8)
-    p, states = numbers(NoNumbers(), Setpoints(0.2, -0.4)), random.normal(size=(5, 3))
-    assert (error.size, error.inputs, error.units) == (3, 2, ("m", "m/s", "rad"))
-    for x, z in zip(states, error.along(np.linspace(0, 1, 5), states, p), strict=True):
+def square_error(sign: Any) -> ErrorCoordinates:
+    return ErrorCoordinates(SQUARE, setpoints(2, 1), sign)
+
+
+def square_dynamics(sign: int, x: Array) -> tuple[Array, Array]:
+    """alpha and E of the coupled plant by hand."""
+    alpha = np.array([x[0] * x[2], x[1] - x[2]])
+    E = np.array(
+        [
+            [2 + math.sin(x[2]), x[0]],
+            [1, 3 + x[1] * x[1]],
+        ]
+    )
+    return sign * alpha, sign * E
+
+
+def test_error_coordinates_of_two_outputs_have_the_units_of_their_derivatives() -> None:
+    error = square_error(1)
+    assert (error.size, error.inputs) == (3, 2)
+    assert error.units == ("m", "m/s", "rad")
+
+
+@each_sign
+def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign: int) -> None:
+    error = square_error(sign)
+    p = SQUARE_NUMBERS
+    along = error.along(np.linspace(0, 1, 5), SQUARE_STATES, p)
+    for x, z in zip(SQUARE_STATES, along, strict=True):
         expected = sign * np.array([x[0] - 0.2, x[1], x[2] + 0.4])
         np.testing.assert_array_equal(z, expected)
         np.testing.assert_array_equal(error.error_state(0.0, x, p), expected)
         np.testing.assert_allclose(error.place(0.0, expected, p), x, rtol=0, atol=1e-15)
-        alpha, E = error.dynamics(0.0, x, p)
-        np.testing.assert_allclose(alpha, sign * np.array([x[0] * x[2], x[1] - x[2]]), rtol=1e-15)
-        by_hand = [[2 + math.sin(x[2]), x[0]], [1, 3 + x[1] * x[1]]]
-        np.testing.assert_allclose(E, sign * np.array(by_hand), rtol=1e-15)
-        # The feedback makes z_i^(r_i) = v_i of it, and gives v back.
-        v, u, back = np.array([0.7, -1.3]), np.zeros(2), np.zeros(2)
+
+
+@each_sign
+def test_error_dynamics_of_two_outputs_are_those_by_hand(sign: int) -> None:
+    error = square_error(sign)
+    for x in SQUARE_STATES:
+        alpha, E = error.dynamics(0.0, x, SQUARE_NUMBERS)
+        expected_alpha, expected_E = square_dynamics(sign, x)
+        np.testing.assert_allclose(alpha, expected_alpha, rtol=1e-15)
+        np.testing.assert_allclose(E, expected_E, rtol=1e-15)
+
+
+@each_sign
+def test_feedback_makes_v_of_two_inputs(sign: int) -> None:
+    """z_i^(r_i) = v_i, and the virtual input gives v back."""
+    error = square_error(sign)
+    v = np.array([0.7, -1.3])
+    for x in SQUARE_STATES:
         memory = SimpleNamespace(undefined=0.0)
-        error.feedback(0.0, x, v, memory, p, u)
+        u = np.zeros(2)
+        error.feedback(0.0, x, v, memory, SQUARE_NUMBERS, u)
+        alpha, E = error.dynamics(0.0, x, SQUARE_NUMBERS)
         np.testing.assert_allclose(alpha + E @ u, v, rtol=0, atol=1e-12)
-        error.virtual_input(0.0, x, u, memory, p, back)
+
+        back = np.zeros(2)
+        error.virtual_input(0.0, x, u, memory, SQUARE_NUMBERS, back)
         np.testing.assert_allclose(back, v, rtol=0, atol=1e-12)
-    # About x = (0.2, 0, 0): x1 x3 has the slopes (0, 0, 0.2), x2 - x3 (0, 1, -1).
-    about = numbers(NoNumbers(), Setpoints(0.2, 0.0))
-    A, B = error.linear_model(AnalyticPlant(SQUARE, NoNumbers()), about)
-    np.testing.assert_allclose(A, [[0, 1, 0], [0, 0, 0.2], [0, 1, -1]], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(B, sign * np.array([[0, 0], [2, 0.2], [1, 3]]), rtol=0, atol=1e-8)
 
 
-def test_uncertain_kinematics_are_not_matched() -> None:
+@each_sign
+def test_linear_model_of_two_outputs_is_the_jacobian_by_hand(sign: int) -> None:
+    """About x = (0.2, 0, 0): x1 x3 has the slopes (0, 0, 0.2), x2 - x3 (0, 1, -1)."""
+    p = numbers(NoNumbers(), Setpoints(0.2, 0.0))
+    plant = AnalyticPlant(SQUARE, NoNumbers())
+    A, B = square_error(sign).linear_model(plant, p)
+    expected_A = [[0, 1, 0], [0, 0, 0.2], [0, 1, -1]]
+    np.testing.assert_allclose(A, expected_A, rtol=0, atol=1e-8)
+    expected_B = sign * np.array([[0, 0], [2, 0.2], [1, 3]])
+    np.testing.assert_allclose(B, expected_B, rtol=0, atol=1e-8)
+
+
+THIRD_ORDER = System(
+    name="motor",
+    title="A system",
+    states=signals("", "", ""),
+    inputs=signals("V"),
+    equations=replace(motor(load=True), w=(), d=()),
+)
+
+
+@pytest.mark.parametrize("J", [0.02, 0.04])
+def test_uncertain_kinematics_are_not_matched(J: float) -> None:
     """T of the motor knows J: on a motor of another inertia y'' is not what z3 says."""
-    error, x = ErrorCoordinates(THIRD_ORDER, setpoints(3)), np.array([0.2, 1.5, -0.4])
-    p, force = numbers(MOTOR, Setpoint(0.0), 3), 0.7 * -0.4 - 0.1 * 1.5
-    for J in (0.02, 0.04):
-        true = AnalyticPlant(THIRD_ORDER, SimpleNamespace(**{**vars(MOTOR), "J": J}))
-        (drift,), (gain,) = error.error_dynamics([0.0], x[None], p, true)
-        np.testing.assert_allclose(drift[:2], [1.5, force / J], rtol=1e-13)
-        np.testing.assert_allclose(gain, [[0], [0], [0.7 / 0.02 / 0.05]], rtol=1e-13)
-        unmatched = error.unmatched(error.error_state(0.0, x, p), drift)
-        np.testing.assert_allclose(unmatched, [0, force / J - force / 0.02], atol=1e-12)
-    # Units of outputs that are no states are those of their derivatives.
+    error = ErrorCoordinates(THIRD_ORDER, setpoints(3))
+    p = numbers(MOTOR, Setpoint(0.0), size=3)
+    true = AnalyticPlant(THIRD_ORDER, SimpleNamespace(**(vars(MOTOR) | {"J": J})))
+    x = np.array([0.2, 1.5, -0.4])
+    torque = 0.7 * -0.4 - 0.1 * 1.5
+
+    (drift,), (gain,) = error.error_dynamics([0.0], x[None], p, true)
+    np.testing.assert_allclose(drift[:2], [1.5, torque / J], rtol=1e-13)
+    voltage_gain = 0.7 / 0.02 / 0.05
+    np.testing.assert_allclose(gain, [[0], [0], [voltage_gain]], rtol=1e-13)
+
+    unmatched = error.unmatched(error.error_state(0.0, x, p), drift)
+    np.testing.assert_allclose(unmatched, [0, torque / J - torque / 0.02], atol=1e-12)
+
+
+def test_units_of_outputs_that_are_no_states_are_those_of_their_derivatives() -> None:
     outputs = (sp.sinh(sp.Symbol("angle")),)
     curved = ErrorCoordinates(THIRD_ORDER, setpoints(3), outputs=outputs, unit="m")
     assert curved.units == ("m", "m/s", "m/s²")

@@ -22,6 +22,7 @@ from shipped import SERVO_UNCERTAINTY as DECLARED
 
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
@@ -30,7 +31,7 @@ from grosmc_mj.control.task import Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty, SwitchingGains, Uncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.metrics import compare_with_optimum
-from grosmc_mj.plants import ARM, SERVO, equilibrium
+from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, equilibrium
 
 # gamma1 is a supremum over a grid of directions of z that are at most pi/40 from any other, so
 # it is short of the true one by at most 1 - cos(pi/40) of itself.
@@ -38,26 +39,52 @@ GRID = 1 - math.cos(math.pi / 40)
 HELD = 0.3  # rad, of the arm
 
 
-def test_reaching_condition_holds_for_the_pendulum_s_declared_family() -> None:
-    """s' s <= -eta |s|, eqs. (14) and (39), with the declared eta; not with half of gamma1."""
-    ctl, declared, random = robust("cart_pendulum"), PENDULUM_UNCERTAINTY, np.random.default_rng(0)
-    p, worst = ctl.parameters, {1.0: -math.inf, 0.5: -math.inf}
+def pendulum_errors() -> Array:
+    """Error states of the declared region: its middle and edges, and random states."""
+    corners = list(itertools.product((-1.0, 0.0, 1.0), repeat=2))
+    random = np.random.default_rng(0).uniform(-1, 1, (111, 2))
+    return np.array(PENDULUM_UNCERTAINTY.region) * np.vstack([corners, random])
+
+
+def worst_rate_of_s(ctl: Controller) -> float:
+    """Largest s' sgn s of the pendulum under a law, over the declared family."""
+    declared = PENDULUM_UNCERTAINTY
+    random = np.random.default_rng(1)
     low, high = np.array(list(declared.scales.values())).T
-    corners = list(itertools.product((-1, 0, 1), repeat=2))
-    for i, sign, side, share in itertools.product(range(60), (-1, 1), (-1.0, 1.0), worst):
-        z = np.array(declared.region) * (corners[i] if i < 9 else random.uniform(-1, 1, 2))
-        scales = np.where(random.uniform(size=len(low)) < 0.5, low, high)
+    p = ctl.parameters
+
+    worst = -math.inf
+    off_surface = np.linalg.pinv(p.G)[:, 0]
+    for z, side, sign in itertools.product(pendulum_errors(), (-1.0, 1.0), (-1, 1)):
+        lowest = random.uniform(size=len(low)) < 0.5
+        scales = np.where(lowest, low, high).tolist()
         plant = nominal("cart_pendulum").changed(
-            scales=dict(zip(declared.scales, scales.tolist(), strict=True))
+            scales=dict(zip(declared.scales, scales, strict=True))
         )
-        law = replace(ctl, parameters=replace(p, gamma1=share * p.gamma1))
-        x, memory = np.zeros(4), SurfaceMemory(z0=z - side * np.linalg.pinv(p.G)[:, 0], t=1.0)
+        x = np.zeros(4)
         x[[1, 3]] = z
-        u = law.input_at(1.0, x, memory)
+        memory = SurfaceMemory(z0=z - side * off_surface, t=1.0)
+        u = ctl.input_at(1.0, x, memory)
         assert np.sign(memory.s).tolist() == [side]
-        dz = plant.derivative(x, u, sign * np.array(declared.wrench))[[1, 3]]
-        worst[share] = max(worst[share], (p.G @ dz - p.S @ z).item() * side)
-    assert worst[1.0] <= -declared.reaching_rate < -0.75 * declared.reaching_rate < worst[0.5]
+
+        w = sign * np.array(declared.wrench)
+        dz = plant.derivative(x, u, w)[[1, 3]]
+        rate = (p.G @ dz - p.S @ z).item()
+        worst = max(worst, rate * side)
+    return worst
+
+
+def test_reaching_condition_holds_for_the_pendulum_s_declared_family() -> None:
+    """s' s <= -eta |s|, eqs. (14) and (39), with the declared eta."""
+    assert worst_rate_of_s(robust("cart_pendulum")) <= -PENDULUM_UNCERTAINTY.reaching_rate
+
+
+def test_reaching_condition_fails_with_half_of_gamma1() -> None:
+    """The gains are not much larger than they must be."""
+    ctl = robust("cart_pendulum")
+    halved = replace(ctl.parameters, gamma1=0.5 * ctl.parameters.gamma1)
+    worst = worst_rate_of_s(replace(ctl, parameters=halved))
+    assert worst > -0.75 * PENDULUM_UNCERTAINTY.reaching_rate
 
 
 CERTAIN = {
@@ -83,14 +110,18 @@ def test_gains_of_the_servo_are_the_closed_forms() -> None:
     """
     p: Any = nominal("servo").parameters
     gains = robust("servo").parameters
-    gamma1 = 2 * math.hypot(gains.K[0, 0], gains.K[0, 1] - p.B / p.Kt)
+    K1, K2 = gains.K[0]
+    gamma1 = 2 * math.hypot(K1, K2 - p.B / p.Kt)
     assert gains.gamma0 == pytest.approx(1.0 / p.Kt, rel=1e-12)
     assert (1 - GRID) * gamma1 <= gains.gamma1 <= gamma1 * (1 + 1e-12)
     assert gains.eta == pytest.approx(3 * DECLARED.reaching_rate, rel=1e-12)
-    # The linear law's A and B are a Jacobian by finite differences.
-    for error in (SERVO_ERROR, PENDULUM_ERROR):
-        certain = gains_of(error, CERTAIN[error.system.name])
-        assert certain == pytest.approx((0.2, 0.0, 0.0, 1.0), rel=0, abs=1e-10)
+
+
+@pytest.mark.parametrize("error", [SERVO_ERROR, PENDULUM_ERROR], ids=lambda e: e.system.name)
+def test_gains_without_uncertainty_are_the_reaching_rate(error: Any) -> None:
+    """The linear law's A and B are a Jacobian by finite differences."""
+    gains = gains_of(error, CERTAIN[error.system.name])
+    assert gains == pytest.approx((0.2, 0.0, 0.0, 1.0), rel=0, abs=1e-10)
 
 
 def test_gains_of_the_pendulum_are_those_of_the_lagrangian() -> None:
@@ -101,20 +132,28 @@ def test_gains_of_the_pendulum_are_those_of_the_lagrangian() -> None:
     or a torque about another axis, would ask for another gain.
     """
     p: Any = nominal("cart_pendulum").parameters
-    gains, edge = robust("cart_pendulum").parameters, PENDULUM_UNCERTAINTY.region[0]
+    gains = robust("cart_pendulum").parameters
+    edge = PENDULUM_UNCERTAINTY.region[0]
 
     def E(m: float, L: float, theta: float) -> float:
         c = math.cos(theta)
-        return c / (p.M + m) / (L * (4 / 3 - m / (p.M + m) * c * c))
+        reduced = 4 / 3 - m / (p.M + m) * c * c
+        return c / (p.M + m) / (L * reduced)
 
     ratio = E(4 * p.m, 4 * p.L, edge) / E(p.m, p.L, edge)
     assert gains.eta == pytest.approx(PENDULUM_UNCERTAINTY.reaching_rate / ratio, rel=1e-12)
-    torque = 0.01 * p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
+    inertia = p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
+    torque = 0.01 * inertia
     expected = torque * (p.M + p.m) / (p.m * p.L * math.cos(edge))
     assert gains.gamma0 == pytest.approx(expected, rel=1e-9)
-    # Most is asked for by the lightest pole at the edge of the region.
-    declared = Uncertainty({"m": (0.5, 1.0)}, (0.0,) * 10 + (0.3, 0.0), (0.5, 1.0), 0.2)
-    expected = 0.3 * (p.M + p.m / 2) / (p.m / 2 * p.L * math.cos(0.5))
+
+
+def test_the_lightest_pole_at_the_edge_of_the_region_needs_the_largest_gamma0() -> None:
+    p: Any = nominal("cart_pendulum").parameters
+    wrench = (0.0,) * 10 + (0.3, 0.0)
+    declared = Uncertainty({"m": (0.5, 1.0)}, wrench, region=(0.5, 1.0), reaching_rate=0.2)
+    lightest = p.m / 2
+    expected = 0.3 * (p.M + lightest) / (lightest * p.L * math.cos(0.5))
     assert gains_of(PENDULUM_ERROR, declared).gamma0 == pytest.approx(expected, rel=1e-12)
 
 
@@ -126,22 +165,31 @@ def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
     the highest q of the region.
     """
     p: Any = nominal("arm").parameters
-    M = [p.J + 2 * p.m * p.l**2 + p.M_c * (1 + math.sin(q)) for q in (HELD, HELD + 0.5)]
-    expected = p.m * p.g * p.l * math.cos(HELD) * M[1] / M[0]
-    task = Task(nominal("arm"), ErrorCoordinates(ARM, setpoint), Setpoint(HELD), *ARM_WEIGHTS)
-    law = regulating_grosmc(task, Uncertainty({"m": (1.0, 2.0)}, (0.0,) * 12, (0.5, 1.0), 0.2))
+
+    def inertia(q: float) -> float:
+        return p.J + 2 * p.m * p.l**2 + p.M_c * (1 + math.sin(q))
+
+    missing = p.m * p.g * p.l * math.cos(HELD)
+    expected = missing * inertia(HELD + 0.5) / inertia(HELD)
+
+    error = ErrorCoordinates(ARM, setpoint)
+    task = Task(nominal("arm"), error, Setpoint(HELD), *ARM_WEIGHTS)
+    declared = Uncertainty({"m": (1.0, 2.0)}, (0.0,) * 12, region=(0.5, 1.0), reaching_rate=0.2)
+    law = regulating_grosmc(task, declared)
     assert law.parameters.gamma0 == pytest.approx(expected, rel=1e-9)
 
 
-def test_family_that_reverses_or_loses_the_input_is_refused() -> None:
+@pytest.mark.parametrize("scale", [2.0, 1 / 0.667], ids=["reverses", "loses"])
+def test_family_that_reverses_or_loses_the_input_is_refused(scale: float) -> None:
     """The input of this servo acts backwards beyond half of its torque constant more."""
     J, Kt = sp.symbols("J Kt")
-    reversing = replace(SERVO, equations=replace(SERVO.equations, g=(0, (1 - Kt) / J)))
+    equations = replace(SERVO.equations, g=(0, (1 - Kt) / J))
+    reversing = replace(SERVO, equations=equations)
     error = ErrorCoordinates(reversing, SERVO_ERROR.reference, -1)
+    declared = replace(CERTAIN["servo"], scales={"Kt": (1.0, scale)})
     message = r"servo: the input gain of a declared plant, Kt x[0-9.]+, is .* at z ="
-    for scale in (2.0, 1 / 0.667):
-        with pytest.raises(GainError, match=message):
-            gains_of(error, replace(CERTAIN["servo"], scales={"Kt": (1.0, scale)}))
+    with pytest.raises(GainError, match=message):
+        gains_of(error, declared)
 
 
 # Several inputs
@@ -151,13 +199,22 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
     """By hand, R = [[1.45, 0.45], [0.025, 1]] at k = 1.05: 0.975 by rows, 0.898 along s."""
     k = sp.Symbol("k")
     mixer = gm.affine_plant(
-        "mixer", states={"a": "m", "b": "m"}, inputs={"u": "m/s", "v": "m/s"}, f=[0, 0],
-        g=[[9 * k - 8, 9 * (k - 1)], [(k - 1) / 2, 1]], h=sp.symbols("a b"), parameters={"k": 1.0},
-    )  # fmt: skip
+        "mixer",
+        states={"a": "m", "b": "m"},
+        inputs={"u": "m/s", "v": "m/s"},
+        f=[0, 0],
+        g=[
+            [9 * k - 8, 9 * (k - 1)],
+            [(k - 1) / 2, 1],
+        ],
+        h=sp.symbols("a b"),
+        parameters={"k": 1.0},
+    )
     error = ErrorCoordinates(mixer.system, setpoints(1, 1))
     task = Task(mixer, error, Setpoints(0.0, 0.0), np.eye(2), np.eye(2))
     wrench = (0.0,) * len(mixer.system.equations.w)
-    ctl = regulating_grosmc(task, Uncertainty({"k": (1.0, 1.05)}, wrench, (1.0, 1.0), 0.2))
+    declared = Uncertainty({"k": (1.0, 1.05)}, wrench, region=(1.0, 1.0), reaching_rate=0.2)
+    ctl = regulating_grosmc(task, declared)
     along = 1.225 - math.hypot(0.225, 0.2375)
     assert ctl.parameters.eta == pytest.approx(0.2 / along, rel=1e-9)
 
@@ -169,27 +226,43 @@ def hung_at(angle: float) -> Task:
     """A damped pendulum with a torque, which holds it anywhere."""
     a, w, m, c = sp.symbols("angle rate m c")
     plant = gm.affine_plant(
-        "hanging", states={"angle": "rad", "rate": "rad/s"}, inputs={"torque": "N m"},
-        f=[w, (-9.81 * m * sp.sin(a) - c * w) / m], g=[0, 1 / m], h=[a],
+        "hanging",
+        states={"angle": "rad", "rate": "rad/s"},
+        inputs={"torque": "N m"},
+        f=[w, (-9.81 * m * sp.sin(a) - c * w) / m],
+        g=[0, 1 / m],
+        h=[a],
         parameters={"m": 2.0, "c": 0.5},
-    )  # fmt: skip
-    return state_task(plant, np.diag([10.0, 1.0]), 1.0, equilibrium(plant, {0: angle}))
+    )
+    point = equilibrium(plant, {0: angle})
+    return state_task(plant, np.diag([10.0, 1.0]), 1.0, point)
 
 
 def linear(plant: Any, **scales: float) -> tuple[Array, Array]:
     return plant.changed(scales=scales).linearization()
 
 
-@pytest.mark.parametrize("make", [linear_lqr, state_grosmc])
-def test_it_stays_where_it_rests_and_its_optimum_starts_where_the_run_does(make: Any) -> None:
+each_law = pytest.mark.parametrize("make", [linear_lqr, state_grosmc])
+
+
+@each_law
+def test_a_held_plant_stays_where_it_rests(make: Any) -> None:
     """The input that holds it is in the law, and costs nothing."""
     task = hung_at(0.8)
-    law, rest = make(task), task.reference
-    run = gm.simulate(task.plant, law, rest.x, duration=0.5)
+    rest = task.reference
+    run = gm.simulate(task.plant, make(task), rest.x, duration=0.5)
     np.testing.assert_allclose(run.state - rest.x, 0, atol=1e-12)
     np.testing.assert_allclose(run.input, 9.81 * 2 * np.sin(0.8), rtol=1e-9)
     assert np.abs(run.memory["v"]).max() < 1e-12
-    run = gm.simulate(task.plant, law, rest.x + np.array([0.05, 0.1]), duration=0.02)
+
+
+@each_law
+def test_the_optimum_of_a_held_plant_starts_where_the_run_does(make: Any) -> None:
+    task = hung_at(0.8)
+    law = make(task)
+    rest = task.reference
+    start = rest.x + np.array([0.05, 0.1])
+    run = gm.simulate(task.plant, law, start, duration=0.02)
     compared = compare_with_optimum(run, law)
     np.testing.assert_allclose(compared.optimum[0], run.state[0, [0]], rtol=1e-12)
     np.testing.assert_allclose(compared.reference[0], rest.x[[0]], rtol=1e-12)
@@ -202,36 +275,80 @@ def test_gains_on_all_states_are_those_of_the_worst_member() -> None:
     p = state_grosmc(task, declared).parameters
     np.testing.assert_allclose(p.G, [[0.0, 2.0]], atol=1e-12)
     assert (p.eta, p.gamma0) == pytest.approx((0.2 * 1.5, 0.3))
-    (A, B), (A_t, B_t) = linear(task.plant, m=1.0), linear(task.plant, m=1.5)
-    expected = np.linalg.norm(p.G @ (A_t - B_t @ p.K - A + B @ p.K)) * 1.5
+
+    A, B = linear(task.plant, m=1.0)
+    A_t, B_t = linear(task.plant, m=1.5)
+    difference = A_t - B_t @ p.K - A + B @ p.K
+    expected = np.linalg.norm(p.G @ difference) * 1.5
     assert p.gamma1 == pytest.approx(expected)
-    # The nominal torque does not hold a heavier one: m' g sin is missing, over its own m'.
-    # x'' = -g sin + u_e/m' = -g sin (1 - m/m'), seen through G = m and r = m/m'.
-    p = state_grosmc(hung_at(0.8), StateUncertainty(scales={"m": (1.0, 1.5)})).parameters
-    assert p.gamma0 == pytest.approx(2.0 * 9.81 * np.sin(0.8) * (1 - 1 / 1.5) * 1.5)
-    # A force on the cart, in N, is as the input's own.
+
+
+def test_a_heavier_plant_that_the_nominal_input_does_not_hold_needs_a_constant() -> None:
+    """m' g sin is missing, over its own m'.
+
+    x'' = -g sin + u_e/m' = -g sin (1 - m/m'), seen through G = m and r = m/m'.
+    """
+    declared = StateUncertainty(scales={"m": (1.0, 1.5)})
+    p = state_grosmc(hung_at(0.8), declared).parameters
+    torque = 2.0 * 9.81 * np.sin(0.8)
+    assert p.gamma0 == pytest.approx(torque * (1 - 1 / 1.5) * 1.5)
+
+
+@pytest.mark.parametrize(
+    "declared", [StateUncertainty(body="cart", push=0.7), StateUncertainty(force=0.7)]
+)
+def test_a_force_on_the_cart_counts_as_the_input_s_own(declared: StateUncertainty) -> None:
     task = state_task(nominal("cart_pendulum"), np.eye(4), 1.0)
-    for declared in (StateUncertainty(body="cart", push=0.7), StateUncertainty(force=0.7)):
-        assert state_grosmc(task, declared).parameters.gamma0 == pytest.approx(0.7)
-    # Two inputs that reach both carts take the least of the symmetric part.
+    assert state_grosmc(task, declared).parameters.gamma0 == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(
+    ("G", "unit"),
+    [
+        (None, "N m s"),
+        ([[0.0, 3.0]], "1"),
+    ],
+)
+def test_s_has_a_unit_where_G_B_is_one(G: Any, unit: str) -> None:
+    """That of the input times time; of another G it has none of its own."""
+    assert state_grosmc(hung_at(0.0), G=G).designed.sliding_unit == unit
+
+
+def two_carts() -> AnalyticPlant:
+    """Two carts with a spring between them, and two inputs that reach both."""
     p1, p2, v1, v2, k = sp.symbols("p1 p2 v1 v2 k")
-    carts = gm.affine_plant(
-        "carts", states={"p1": "m", "p2": "m", "v1": "m/s", "v2": "m/s"},
-        inputs={"u1": "N", "u2": "N"}, f=[v1, v2, k * (p2 - p1), k * (p1 - p2)],
-        g=[[0, 0], [0, 0], [1, 0.2], [0.1, 1]], h=[p1, p2], parameters={"k": 3.0},
-    )  # fmt: skip
+    return gm.affine_plant(
+        "carts",
+        states={"p1": "m", "p2": "m", "v1": "m/s", "v2": "m/s"},
+        inputs={"u1": "N", "u2": "N"},
+        f=[v1, v2, k * (p2 - p1), k * (p1 - p2)],
+        g=[
+            [0, 0],
+            [0, 0],
+            [1, 0.2],
+            [0.1, 1],
+        ],
+        h=[p1, p2],
+        parameters={"k": 3.0},
+    )
+
+
+def test_gains_of_two_inputs_take_the_least_of_the_symmetric_part() -> None:
+    carts = two_carts()
     declared = StateUncertainty(scales={"k": (0.5, 2.0)})
     p = state_grosmc(state_task(carts, np.eye(4), 1.0), declared).parameters
-    A, *others = (linear(carts, k=k)[0] for k in (1.0, 0.5, 2.0))
-    worst = max(np.linalg.norm(p.G @ (A_t - A)) for A_t in others)
+
+    A, _ = linear(carts, k=1.0)
+    differences = [linear(carts, k=scale)[0] - A for scale in (0.5, 2.0)]
+    worst = max(np.linalg.norm(p.G @ difference) for difference in differences)
     assert p.gamma1 == pytest.approx(worst / np.sqrt(2))
+
+
+def test_both_engines_run_a_law_of_two_inputs_alike() -> None:
+    carts = two_carts()
     law = state_grosmc(state_task(carts, np.eye(4), 1.0))
-    native, python = (
-        gm.simulate(carts, law, [0.2] * 4, duration=0.1, engine=engine)
-        for engine in ("native", "python")
-    )
+    start = [0.2] * 4
+    native = gm.simulate(carts, law, start, duration=0.1, engine="native")
+    python = gm.simulate(carts, law, start, duration=0.1, engine="python")
     np.testing.assert_array_equal(native.state, python.state)
     np.testing.assert_array_equal(native.memory["v"], python.memory["v"])
-    # s has the unit of the input times time where G B is 1; of another G it has none of its own.
-    for G, unit in ((None, "N m s"), ([[0.0, 3.0]], "1")):
-        assert state_grosmc(hung_at(0.0), G=G).designed.sliding_unit == unit

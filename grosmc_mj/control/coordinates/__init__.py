@@ -1,1 +1,1 @@
-"""The error state z and v = y^(r), of equations in symbols and of states that are read off."""
+"""Error coordinates z and v = y^(r), of outputs in symbols and of the whole state."""

@@ -27,15 +27,11 @@ InputMap = Callable[[float, Any, Any, Any, Any, Any], None]
 
 
 class Workspace(Protocol):
-    """Workspace of the feedback of one run; it must live as long as the run.
-
-    Attributes:
-        address: Where it is in memory: a float64 holds every address exactly.
-    """
+    """Workspace of the feedback of one run; it must live as long as the run."""
 
     @property
     def address(self) -> float:
-        """Where it is."""
+        """Address in memory, which a float64 holds exactly."""
         ...
 
 
@@ -44,38 +40,42 @@ class Chains:
     """z_i^(r_i) = v_i: the Brunovsky form z' = A z + B v of eqs. (24) and (45).
 
     Attributes:
-        relative_degree: r_1 ... r_m: how often each output is differentiated until an input
-            appears.
+        relative_degree: r_1 ... r_m, the number of times that each output is differentiated until
+            an input appears.
     """
 
     relative_degree: tuple[int, ...]
 
-    @cached_property
+    @property
     def last_rows(self) -> tuple[int, ...]:
         """Rows of z' in which the inputs appear."""
         return tuple((np.cumsum(self.relative_degree) - 1).tolist())
 
-    @cached_property
+    @property
     def first_rows(self) -> tuple[int, ...]:
         """Entries of z that are outputs."""
-        return tuple(r - d + 1 for r, d in zip(self.last_rows, self.relative_degree, strict=True))
+        ends = np.cumsum(self.relative_degree)
+        return tuple((ends - np.array(self.relative_degree)).tolist())
 
-    @cached_property
+    @property
     def A(self) -> Array:
         """State matrix, (sum r, sum r)."""
         matrix = np.eye(sum(self.relative_degree), k=1)
         matrix[list(self.last_rows)] = 0.0
         return matrix
 
-    @cached_property
+    @property
     def B(self) -> Array:
         """Input matrix, (sum r, m)."""
-        return np.eye(sum(self.relative_degree))[:, list(self.last_rows)]
+        identity = np.eye(sum(self.relative_degree))
+        return identity[:, list(self.last_rows)]
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinates(ABC):
-    """Error coordinates z (n,) of a law, and how its v (m,) becomes the input.
+    """Error coordinates z (n,) of a law, and the map from its v (m,) to the input.
+
+    Jitable functions are cached properties: a law is compiled for each function anew.
 
     Attributes:
         system: The plant's signals and names.
@@ -118,7 +118,7 @@ class Coordinates(ABC):
 
     @abstractmethod
     def require_task(self, plant: Plant, p: Any) -> None:
-        """Refuse a plant and a reference for which no law on these coordinates can be designed.
+        """Refuse a plant or a reference for which no law on these coordinates can be designed.
 
         Args:
             plant: The nominal plant.
@@ -159,9 +159,9 @@ class Coordinates(ABC):
         w: Array | None = None,
         u: Array | None = None,
     ) -> tuple[Array, Array]:
-        """(drift, gain) of z' = drift + gain v on a true plant, as the law sees it: eq. (24).
+        """(drift, gain) of z' = drift + gain v on a true plant: eq. (24).
 
-        z is what the nominal ``p.plant`` makes of x; x moves as the true plant makes it.
+        z is computed from x by the nominal ``p.plant``; x moves as the true plant does.
 
         Args:
             t: Times [s], (N,).
@@ -169,8 +169,8 @@ class Coordinates(ABC):
             p: The law's parameters, with ``plant`` and ``reference``.
             plant: The true plant.
             w: Wrenches on it, (N, 6 * bodies); None for none.
-            u: Inputs to which friction, limits and contacts answer, (N, m); None for none.
-                Equations have no use for them.
+            u: Inputs on which friction, limits and contacts depend, (N, m); None for none.
+                Equations do not use them.
 
         Returns:
             drift (N, size) and gain (N, size, m); of a law of outputs v is the input u.
@@ -178,11 +178,12 @@ class Coordinates(ABC):
 
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
         """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
-        return self.beside(self.reference_along(time, p.reference), x, p)
+        reference = self.reference_along(time, p.reference)
+        return self.beside(reference, x, p)
 
     @abstractmethod
     def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
-        """The same where what z is measured from is known, (N, size)."""
+        """z at states x (N, n) for reference values (N, size) there; returns (N, size)."""
 
     @abstractmethod
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
@@ -199,7 +200,7 @@ class Coordinates(ABC):
 
 @jitable
 def _copy(t: float, x: Any, values: Any, memory: Any, p: Any, result: Any) -> None:
-    """u = v, and v = u: a law of a linear model."""
+    """u = v, or v = u: input maps of a law of a linear model."""
     for i in range(len(result)):
         result[i] = values[i]
 
@@ -256,11 +257,18 @@ class OutputCoordinates(Coordinates):
         """Jitable (t, x, u, memory, p, v): ``feedback``'s inverse, v of an input."""
 
     def input_maps(self, *, linearizing: bool) -> tuple[InputMap, InputMap]:
-        """As for all coordinates; v is the input itself without feedback linearization."""
-        return (self.feedback, self.virtual_input) if linearizing else (_copy, _copy)
+        """Input of v, and its inverse; without feedback linearization v is the input itself."""
+        if linearizing:
+            return self.feedback, self.virtual_input
+        return _copy, _copy
 
     @abstractmethod
-    def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
+    def dynamics_along(
+        self,
+        t: Sequence[float],
+        x: Array,
+        p: Any,
+    ) -> tuple[Array, Array]:
         """(alpha, E) of z_i^(r_i) = alpha_i + (E u)_i, by the law's model.
 
         Args:
@@ -273,8 +281,9 @@ class OutputCoordinates(Coordinates):
         """
 
     def dynamics(self, t: float, x: Any, p: Any) -> tuple[Array, Array]:
-        """The same at one instant and state, (m,) and (m, m)."""
-        alpha, E = self.dynamics_along([t], np.asarray(x, float)[None], p)
+        """alpha (m,) and E (m, m) of ``dynamics_along`` at one instant and state."""
+        states = np.asarray(x, float)[None]
+        alpha, E = self.dynamics_along([t], states, p)
         return alpha[0], E[0]
 
     @abstractmethod
@@ -282,14 +291,20 @@ class OutputCoordinates(Coordinates):
         """T(x) at every state of a trajectory, (N, n); returns (N, size)."""
 
     @abstractmethod
-    def place(self, t: float, z: ArrayLike, p: Any, near: ArrayLike | None = None) -> Array:
-        """A state with this error, with all else at rest, (n,).
+    def place(
+        self,
+        t: float,
+        z: ArrayLike,
+        p: Any,
+        near: ArrayLike | None = None,
+    ) -> Array:
+        """State with this error, with all other coordinates at rest, (n,).
 
         Args:
             t: Time [s].
             z: Error state, (size,).
             p: The law's parameters, with ``plant`` and ``reference``.
-            near: Where to look, (n,); the coordinates' own guess by default.
+            near: State from which the search starts, (n,); the coordinates' guess by default.
 
         Raises:
             PremiseError: If there is none near the guess.
@@ -308,16 +323,19 @@ class OutputCoordinates(Coordinates):
         """
         require("plant", plant, AnalyticPlant, "an analytic plant, such as plant.analytic()")
         degrees = self.linearization.relative_degree
-        if (derivatives := getattr(self.reference, "degrees", degrees)) != degrees:
+        derivatives = getattr(self.reference, "degrees", degrees)
+        if derivatives != degrees:
             raise PremiseError(
                 f"{self.system.name}: the outputs have relative degrees {degrees}, the reference "
                 f"has derivatives for {derivatives}"
             )
+
         try:
             values = reals(self.reference(0.0, p.reference))
         except (ArithmeticError, ValueError, AttributeError, TypeError) as error:
             raise ArgumentError(f"the reference has no value at t = 0: {error}") from None
-        if values.shape != (sum(degrees) + len(degrees),) or not np.all(np.isfinite(values)):
+        count = sum(degrees) + len(degrees)
+        if values.shape != (count,) or not np.all(np.isfinite(values)):
             raise ArgumentError(
                 f"the reference gives {shown(values)} at t = 0, must give finite values of each "
                 f"output with derivatives up to {degrees}"
@@ -331,65 +349,76 @@ class OutputCoordinates(Coordinates):
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each entry of z."""
+        units: list[str] = []
         degrees = self.linearization.relative_degree
-        return tuple(
-            unit + _PER_SECOND[min(order, 3)]
-            for unit, degree in zip(self.output_units, degrees, strict=True)
-            for order in range(degree)
-        )
+        for unit, degree in zip(self.output_units, degrees, strict=True):
+            units += [unit + _PER_SECOND[min(order, 3)] for order in range(degree)]
+        return tuple(units)
 
     @property
     def output_rows(self) -> tuple[int, ...]:
-        """Entries of z that are outputs' errors; the others are their derivatives."""
+        """Entries of z that are errors of outputs; all other entries are their derivatives."""
         return self.linearization.first_rows
 
-    @cached_property
+    @property
     def _highest(self) -> tuple[int, ...]:
-        """Places of the reference's derivatives of order r_i."""
-        return tuple((np.cumsum([r + 1 for r in self.linearization.relative_degree]) - 1).tolist())
+        """Indices of the reference's derivatives of order r_i."""
+        values = np.array(self.linearization.relative_degree) + 1
+        return tuple((np.cumsum(values) - 1).tolist())
 
-    @cached_property
+    @property
     def _lower(self) -> tuple[int, ...]:
-        """Places of the reference's values that z is measured from."""
-        return tuple(i for i in range(self.size + self.inputs) if i not in self._highest)
+        """Indices of the reference's values of order below r_i, which z is measured from."""
+        indices = np.arange(self.size + self.inputs)
+        return tuple(np.delete(indices, self._highest).tolist())
 
     def unmatched(self, z: Array, drift: Array) -> Array:
-        """What a drift of z' does to the rows without an input, beyond the chains of eq. (24).
+        """Part of z' in the rows without an input that is beyond the chains of eq. (24).
 
         Args:
             z: Error state, (..., size).
-            drift: Of z' there, (..., size).
+            drift: Drift of z' there, (..., size).
+
+        Returns:
+            (..., size - m).
         """
         chains = self.linearization
         beyond = drift - np.einsum("ij,...j->...i", chains.A, z)
         return np.delete(beyond, chains.last_rows, axis=-1)
 
     def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
-        """The same where what z is measured from is known, (N, size)."""
+        """z at states x (N, n) for reference values (N, size) there; returns (N, size)."""
         return self.sign * (self.outputs_along(x, p.plant) - reference)
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """y_r and its derivatives that z is measured from, at the instants (N,): (N, size)."""
+        """y_r and its derivatives below r_i at the instants (N,): (N, size)."""
         return self._reference_rows(time, parameters)[:, self._lower]
 
     def raised_along(self, t: ArrayLike, p: Any) -> Array:
-        """Derivatives of what z is measured from, at the instants (N,): (N, size)."""
-        return self._reference_rows(t, p.reference)[:, [row + 1 for row in self._lower]]
+        """Derivatives of the values of ``reference_along`` at the instants (N,): (N, size)."""
+        derivatives = np.array(self._lower) + 1
+        return self._reference_rows(t, p.reference)[:, derivatives]
 
     def _reference_rows(self, time: ArrayLike, parameters: Any) -> Array:
-        """All that the reference returns at the instants, one row each."""
+        """All values of the reference at the instants, a row for each."""
         times = np.asarray(time, float)
         if not getattr(self.reference, "moves", True):
-            return np.tile(np.array(self.reference(0.0, parameters)), (len(times), 1))
+            values = np.array(self.reference(0.0, parameters))
+            return np.tile(values, (len(times), 1))
         return np.array([self.reference(t, parameters) for t in times.tolist()])
 
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
-        return self.reference_along([t], p.reference)[0] + self.sign * np.asarray(z, float)
+        reference = self.reference_along([t], p.reference)[0]
+        return reference + self.sign * np.asarray(z, float)
 
 
 def regulated_outputs(error: Coordinates, owner: str) -> OutputCoordinates:
-    """The error coordinates of a law or task that regulates outputs.
+    """Return the error coordinates of a law or task that regulates outputs.
+
+    Args:
+        error: Error coordinates.
+        owner: Name of the law or system, for the message.
 
     Raises:
         ArgumentError: If it regulates the whole state.

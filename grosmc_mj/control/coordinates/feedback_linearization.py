@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -20,17 +20,21 @@ from grosmc_mj.plants.equations import Equations, Expressions
 
 # Rounding of a rate, and of a sum of terms of size one.
 _ROUNDING = 1e-9
-# Random points at which an expression is tried before it is called zero: no expression of the
-# plants vanishes at all of these without being zero.
+# Random points at which an expression is evaluated before it is taken for zero: no expression of
+# the plants vanishes at all of these without being zero.
 _POINTS = 200
+
+
+# Jitable (x, p) -> numbers, of states and the plant's parameters.
+StateFunction = Callable[[Any, Any], tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class ZeroDynamics:
-    """What goes on inside while the outputs are held at zero.
+    """Motion of the inner states while the outputs are held at zero.
 
     Attributes:
-        states: The states xi that the outputs leave out.
+        states: The inner states xi, which z leaves out.
         rates: xi' with the outputs and their derivatives held at zero.
     """
 
@@ -38,7 +42,7 @@ class ZeroDynamics:
     rates: tuple[sp.Expr, ...]
 
     def poles(self, parameters: Any) -> NDArray[np.complex128]:
-        """Eigenvalues of the linearization about xi = 0 [1/s]; none on the right is needed.
+        """Eigenvalues of the linearization about xi = 0 [1/s]; stable with none on the right.
 
         Args:
             parameters: The plant's numbers.
@@ -46,17 +50,22 @@ class ZeroDynamics:
         Raises:
             PremiseError: If xi = 0 is no equilibrium.
         """
-        rates, zero = sp.Matrix(self.rates), dict.fromkeys(self.states, 0)
-        numbers = {s: getattr(parameters, str(s)) for s in rates.free_symbols - set(self.states)}
-        still, slope = (
-            np.array(part.subs(numbers).subs(zero).evalf(), float)
-            for part in (rates, rates.jacobian(self.states))
-        )
-        if np.abs(still).max() > _ROUNDING:
+        rates = sp.Matrix(self.rates)
+        symbols = rates.free_symbols - set(self.states)
+        values = {symbol: getattr(parameters, str(symbol)) for symbol in symbols}
+        rates_at_zero = self._at_zero(rates, values)
+        slope = self._at_zero(rates.jacobian(self.states), values)
+        if np.abs(rates_at_zero).max() > _ROUNDING:
             raise PremiseError(
-                f"the zero dynamics are not at rest at zero: rates {still.ravel().tolist()}"
+                f"the zero dynamics are not at rest at zero: rates {rates_at_zero.ravel().tolist()}"
             )
         return np.linalg.eigvals(slope).astype(complex)
+
+    def _at_zero(self, matrix: Any, values: dict[Any, Any]) -> Array:
+        """Value of a matrix of expressions at xi = 0."""
+        zero = dict.fromkeys(self.states, 0)
+        numbers = matrix.subs(values).subs(zero).evalf()
+        return np.array(numbers, float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,45 +88,50 @@ class FeedbackLinearization(Chains):
 
     @property
     def complete(self) -> bool:
-        """Whether z has all of the state: sum r = n, Assumption 7."""
+        """Whether z is all of the state: sum r = n, Assumption 7."""
         return sum(self.relative_degree) == len(self.equations.x)
 
-    @cached_property
+    @property
     def singularity(self) -> Any:
-        """The numerator of det E(x), in lowest terms: where it is zero, no input brings v about."""
-        return sp.factor(sp.fraction(sp.factor(sp.simplify(_determinant(self.E))))[0])
+        """Numerator of det E(x), in lowest terms: where it is zero, no input makes v."""
+        determinant = sp.factor(sp.simplify(_determinant(self.E)))
+        numerator, _ = sp.fraction(determinant)
+        return sp.factor(numerator)
+
+    # The functions are cached, as a law is compiled for each of them anew.
 
     @cached_property
-    def transformation(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def transformation(self) -> StateFunction:
         """Jitable (x, p) -> T(x)."""
         return self._generate("transformation", self.T)
 
     @cached_property
-    def nonlinearity(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def nonlinearity(self) -> StateFunction:
         """Jitable (x, p) -> K(x)."""
         return self._generate("nonlinearity", self.K)
 
     @cached_property
-    def decoupling_matrix(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def decoupling_matrix(self) -> StateFunction:
         """Jitable (x, p) -> E(x) row by row."""
         return self._generate("decoupling_matrix", self.E.flat())
 
     @cached_property
-    def slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def slope(self) -> StateFunction:
         """Jitable (x, p) -> the Jacobian of T at x, row by row."""
-        return self._generate("slope", tuple(sp.Matrix(self.T).jacobian(self.equations.x)))
+        slopes = sp.Matrix(self.T).jacobian(self.equations.x)
+        return self._generate("slope", tuple(slopes))
 
     @cached_property
-    def nonlinearity_slope(self) -> Callable[[Any, Any], tuple[float, ...]]:
+    def nonlinearity_slope(self) -> StateFunction:
         """Jitable (x, p) -> the Jacobian of K at x, row by row."""
-        slopes = tuple(sp.Matrix(self.K).jacobian(self.equations.x))
-        return self._generate("nonlinearity_slope", slopes)
+        slopes = sp.Matrix(self.K).jacobian(self.equations.x)
+        return self._generate("nonlinearity_slope", tuple(slopes))
 
-    def _generate(self, name: str, expressions: Sequence[Any]) -> Callable[..., Any]:
+    def _generate(self, name: str, expressions: Sequence[Any]) -> StateFunction:
         return generate(name, expressions, "x, p", self.equations.places())
 
     def require_regular(self, x: Array, p: Any) -> None:
-        """Refuse a state at which no input brings every v about.
+        """Refuse a state at which no input makes every v.
 
         Args:
             x: State, (n,).
@@ -126,22 +140,11 @@ class FeedbackLinearization(Chains):
         Raises:
             PremiseError: If E is singular there, with E and what is possible instead.
         """
-        m, steps = self.equations.inputs, 0.1 * np.eye(len(x))
-        matrices = []
-        for state in (x, *(x - steps), *(x + steps)):
-            try:
-                matrices.append(np.reshape(self.decoupling_matrix(state, p), (m, m)))
-            except (ArithmeticError, ValueError):  # outside a function's domain
-                matrices.append(np.full((m, m), np.nan))
-        # In units in which no entry is above one, here or beside.
-        sizes = np.abs([E for E in matrices if np.all(np.isfinite(E))])
-        if not np.all(np.isfinite(matrices[0])):
+        if not self._singular_at(x, p):
             return
-        rows = sizes.max(axis=(0, 2))[:, None] + np.finfo(float).tiny
-        columns = (sizes / rows).max(axis=(0, 1)) + np.finfo(float).tiny
-        if np.linalg.svd(matrices[0] / rows / columns, compute_uv=False).min() > _ROUNDING:
-            return
-        E = self.E[0] if m == 1 else self.E.tolist()
+
+        single = self.equations.inputs == 1
+        E = self.E[0] if single else self.E.tolist()
         raise PremiseError(
             f"feedback linearization is not possible about x = {np.round(x, 9).tolist()}: the "
             f"decoupling matrix E = {shown(E, str)} of {', '.join(map(str, self.h))}, of relative "
@@ -150,64 +153,108 @@ class FeedbackLinearization(Chains):
             "state_task); and laws of an approximation that has a relative degree ([design] plant)"
         )
 
+    def _singular_at(self, x: Array, p: Any) -> bool:
+        """Whether E has a value at a state and is singular there, in any units."""
+        E = self._decoupling_matrix_at(x, p)
+        if not np.all(np.isfinite(E)):
+            return False
+
+        # Sizes of the entries at the state and at states nearby give E units in which no entry is
+        # above one.
+        steps = 0.1 * np.eye(len(x))
+        matrices = [E]
+        for state in (*(x - steps), *(x + steps)):
+            nearby = self._decoupling_matrix_at(state, p)
+            if np.all(np.isfinite(nearby)):
+                matrices.append(nearby)
+        sizes = np.abs(matrices)
+        tiny = np.finfo(float).tiny
+        rows = sizes.max(axis=(0, 2))[:, None] + tiny
+        columns = (sizes / rows).max(axis=(0, 1)) + tiny
+
+        scaled = E / rows / columns
+        least = np.linalg.svd(scaled, compute_uv=False).min()
+        return not least > _ROUNDING
+
+    def _decoupling_matrix_at(self, x: Array, p: Any) -> Array:
+        """E(x), (m, m); NaN outside the domain of a function in it."""
+        m = self.equations.inputs
+        try:
+            return np.reshape(self.decoupling_matrix(x, p), (m, m))
+        except (ArithmeticError, ValueError):
+            return np.full((m, m), np.nan)
+
     def place(self, z: Array, p: Any, guess: Array) -> Array:
-        """A state with T(x) = z, the rest of it as in ``guess``.
+        """State with T(x) = z and the inner states of ``guess``.
 
         Args:
             z: Transformed state, (sum r,).
             p: The plant's numbers.
-            guess: Where to look, (n,).
+            guess: State from which the search starts, (n,).
 
         Raises:
             PremiseError: If there is none near the guess.
         """
-        x, names = np.array(guess, float), list(self.equations.x)
+        x = np.array(guess, float)
         if self.plain is not None:
             x[self.plain] = z
             return x
-        free = [i for i, name in enumerate(names) if name not in self.inner]
 
-        def residual(part: Array) -> Array:
-            x[free] = part
-            return np.array(self.transformation(x, p)) - z
-
-        def slope(part: Array) -> Array:
-            x[free] = part
-            return np.reshape(self.slope(x, p), (len(self.T), -1))[:, free]
-
-        # Here, for it is a part of scipy that little needs.
+        # Imported where it is needed, because it takes time and little else uses it.
         import scipy.optimize
 
+        states = self.equations.x
+        outer = [i for i, state in enumerate(states) if state not in self.inner]
+
+        # The root finder takes functions of the outer states only.
+        def residual(values: Array) -> Array:
+            x[outer] = values
+            return np.array(self.transformation(x, p)) - z
+
+        def slope(values: Array) -> Array:
+            x[outer] = values
+            slopes = np.reshape(self.slope(x, p), (len(self.T), -1))
+            return slopes[:, outer]
+
         try:
-            root = scipy.optimize.root(residual, x[free], jac=slope, tol=1e-13)
+            root = scipy.optimize.root(residual, x[outer], jac=slope, tol=1e-13)
             missed = float(np.abs(residual(root.x)).max())
         except (ArithmeticError, ValueError):  # outside the domain of a function in T
             missed = np.inf
-        if missed > 1e-9 * max(1.0, float(np.abs(z).max())):
+        size = max(1.0, float(np.abs(z).max()))
+        if missed > 1e-9 * size:
             raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
         return x
 
+    # Asked at every state of a grid.
     @cached_property
     def plain(self) -> list[int] | None:
-        """The states that the entries of z are, if each of them is one."""
-        names = list(self.equations.x)
-        return [names.index(t) for t in self.T] if all(t in names for t in self.T) else None
+        """Indices of the states that z consists of; None if an entry of z is no state."""
+        states = list(self.equations.x)
+        if not all(entry in states for entry in self.T):
+            return None
+        return [states.index(entry) for entry in self.T]
 
+    # Asked at every state of a grid.
     @cached_property
     def inner(self) -> tuple[sp.Symbol, ...]:
         """States that complete z to a transformation of the whole state."""
-        n, inner = len(self.equations.x), []
-        point = {name: values[0] for name, values in _points(self.equations).items()}
-        rows = np.array(sp.Matrix(self.T).jacobian(self.equations.x).subs(point).evalf(), float)
-        for i, x in enumerate(self.equations.x):
-            wider = np.vstack([rows, np.eye(n)[i]])
+        points = _points(self.equations)
+        point = {symbol: values[0] for symbol, values in points.items()}
+        states = self.equations.x
+        slopes = sp.Matrix(self.T).jacobian(states)
+        rows = np.array(slopes.subs(point).evalf(), float)
+
+        inner = []
+        for state, unit_row in zip(states, np.eye(len(states)), strict=True):
+            wider = np.vstack([rows, unit_row])
             if np.linalg.matrix_rank(wider) > len(rows):
                 rows = wider
-                inner.append(x)
+                inner.append(state)
         return tuple(inner)
 
     def zero_dynamics(self) -> ZeroDynamics | None:
-        """The dynamics inside while y = 0; None if z has all of the state.
+        """Zero dynamics: motion of the inner states while y = 0; None if z is the whole state.
 
         Raises:
             PremiseError: If sympy cannot solve T(x) = 0, or finds several branches.
@@ -218,11 +265,14 @@ class FeedbackLinearization(Chains):
         solutions = sp.solve(self.T, outer, dict=True)
         if len(solutions) != 1:
             raise PremiseError(f"T(x) = 0 has {len(solutions)} branches for {outer}: {solutions}")
+
+        # The input that holds the outputs at zero makes v = 0.
         u = -self.E.inv() * sp.Matrix(self.K)
-        rates = sp.Matrix(self.equations.f) + sp.Matrix(self.equations.g) * u
+        f = sp.Matrix(self.equations.f)
+        g = sp.Matrix(self.equations.g)
+        rates = (f + g * u).subs(solutions[0])
         rows = [self.equations.x.index(x) for x in self.inner]
-        held = tuple(sp.simplify(rates[row].subs(solutions[0])) for row in rows)
-        return ZeroDynamics(self.inner, held)
+        return ZeroDynamics(self.inner, tuple(sp.simplify(rates[row]) for row in rows))
 
 
 @checked_call
@@ -242,70 +292,126 @@ def feedback_linearization(
     return _linearized(equations, equations.h if h is None else h)
 
 
+# Cached, because sympy takes seconds and all laws of a plant ask for it.
 @lru_cache(maxsize=64)
 def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackLinearization:
-    """The same, once for all laws of a plant."""
-    if len(outputs) != (m := equations.inputs):
+    """Feedback linearization of a plant for its outputs."""
+    m = equations.inputs
+    if len(outputs) != m:
         raise PremiseError(f"{len(outputs)} outputs for {m} inputs: E(x) must be square, eq. (21)")
-    f, g = sp.Matrix(equations.f), sp.Matrix(equations.g)
-    degrees, T, K, E = [], [], [], []
+
+    degrees: list[int] = []
+    T: list[Any] = []
+    K: list[Any] = []
+    E: list[Any] = []
     for index, output in enumerate(outputs):
-        derivative, degree, row = output, 0, sp.zeros(1, m)
-        while all(is_zero(entry, equations) for entry in row):
-            if degree == len(equations.x):
-                raise PremiseError(
-                    f"output {index + 1}, {output}, has no relative degree: no input appears in "
-                    f"its first {degree} derivatives (section 3.2, Assumption 7)"
-                )
-            T.append(derivative)
-            slope, degree = sp.Matrix([derivative]).jacobian(equations.x), degree + 1
-            row, derivative = slope * g, (slope * f)[0]
-        degrees.append(degree)
-        K.append(derivative)
-        E.append(list(row))
+        chain = _differentiated(equations, index, output)
+        degrees.append(len(chain.derivatives))
+        T += chain.derivatives
+        K.append(chain.drift)
+        E.append(chain.gains)
+
     matrix = sp.ImmutableMatrix(E)
     if is_zero(_determinant(matrix), equations):
         raise PremiseError(
             f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
         )
-    return FeedbackLinearization(tuple(degrees), equations, outputs, tuple(T), tuple(K), matrix)
+    return FeedbackLinearization(
+        tuple(degrees),
+        equations,
+        outputs,
+        T=tuple(T),
+        K=tuple(K),
+        E=matrix,
+    )
+
+
+class _Chain(NamedTuple):
+    """An output, differentiated until an input appears: y^(r) = drift + gains u.
+
+    Attributes:
+        derivatives: y, y' ... y^(r - 1).
+        drift: L_f^r y.
+        gains: L_g L_f^(r - 1) y, of each input.
+    """
+
+    derivatives: list[Any]
+    drift: Any
+    gains: list[Any]
+
+
+def _differentiated(equations: Equations, index: int, output: sp.Expr) -> _Chain:
+    """Differentiate an output until an input appears.
+
+    Raises:
+        PremiseError: If none appears in as many derivatives as there are states.
+    """
+    f = sp.Matrix(equations.f)
+    g = sp.Matrix(equations.g)
+    derivatives: list[Any] = []
+    derivative: Any = output
+    while len(derivatives) < len(equations.x):
+        derivatives.append(derivative)
+        slope = sp.Matrix([derivative]).jacobian(equations.x)
+        gains = slope * g
+        derivative = (slope * f)[0]
+        if not all(is_zero(gain, equations) for gain in gains):
+            return _Chain(derivatives, derivative, list(gains))
+
+    raise PremiseError(
+        f"output {index + 1}, {output}, has no relative degree: no input appears in "
+        f"its first {len(derivatives)} derivatives (section 3.2, Assumption 7)"
+    )
 
 
 def _determinant(matrix: Any) -> Any:
-    """By minors, as it is: sympy's own methods simplify at every step, which takes seconds."""
+    """Determinant by minors: sympy's own methods simplify at every step, which takes seconds."""
     if matrix.rows == 1:
         return matrix[0, 0]
-    minors = (matrix.minor_submatrix(0, j) for j in range(matrix.rows))
-    return sp.Add(*((-1) ** j * matrix[0, j] * _determinant(m) for j, m in enumerate(minors)))
+    terms = []
+    for j in range(matrix.rows):
+        minor = _determinant(matrix.minor_submatrix(0, j))
+        terms.append((-1) ** j * matrix[0, j] * minor)
+    return sp.Add(*terms)
 
 
 def is_zero(expression: sp.Expr, equations: Equations) -> bool:
-    """Whether an expression vanishes wherever it was tried, against the size of its terms.
+    """Whether an expression vanishes at all random points, against the size of its terms.
 
     Raises:
         PremiseError: If it has no value at any of the points.
     """
     if expression.is_zero:
         return True
+
     points = _points(equations)
-    values = sp.lambdify(list(points), list(sp.Add.make_args(expression)), "numpy")
+    terms_of_sum = list(sp.Add.make_args(expression))
+    evaluate = sp.lambdify(list(points), terms_of_sum, "numpy")
     with np.errstate(all="ignore"):
-        terms = np.array([np.broadcast_to(term, _POINTS) for term in values(*points.values())])
-    terms = terms[:, np.all(np.isfinite(terms), axis=0)]
+        values = evaluate(*points.values())
+        terms = np.array([np.broadcast_to(term, _POINTS) for term in values])
+    defined = np.all(np.isfinite(terms), axis=0)
+    terms = terms[:, defined]
     if not terms.size:
         raise PremiseError(f"{expression} has no real value at {_POINTS} random points")
-    return bool(np.all(np.abs(terms.sum(axis=0)) <= _ROUNDING * np.abs(terms).sum(axis=0)))
+
+    sums = np.abs(terms.sum(axis=0))
+    rounding = _ROUNDING * np.abs(terms).sum(axis=0)
+    return bool(np.all(sums <= rounding))
 
 
 def _points(equations: Equations) -> dict[sp.Symbol, Array]:
-    """Random states and parameters, of two sizes in turn.
+    """Random states and parameters, (points,) each, alternately of two sizes.
 
-    Parameters mostly are positive: every other time they are. Those that are not get their turn.
+    Most parameters of plants are positive: at every second point all of them are, at the points
+    between they have random signs.
     """
-    random, n = np.random.default_rng(0), len(equations.x)
-    symbols, small = (*equations.x, *equations.parameters), np.arange(_POINTS) % 2 == 0
-    values = np.where(small, 1.0, 4.0) * random.uniform(0.2, 1, (len(symbols), _POINTS))
-    signs = random.choice([-1, 1], values.shape)
-    signs[n:, small] = 1
-    return dict(zip(symbols, signs * values, strict=True))
+    random = np.random.default_rng(0)
+    symbols = (*equations.x, *equations.parameters)
+    small = np.arange(_POINTS) % 2 == 0
+    shape = (len(symbols), _POINTS)
+    sizes = np.where(small, 1.0, 4.0) * random.uniform(0.2, 1, shape)
+    signs = random.choice([-1, 1], shape)
+    signs[len(equations.x) :, small] = 1
+    return dict(zip(symbols, signs * sizes, strict=True))

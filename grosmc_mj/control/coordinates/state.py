@@ -1,4 +1,4 @@
-"""The whole state as what a law regulates: section 2's x, without feedback linearization."""
+"""Error of the whole state: section 2's x, without feedback linearization."""
 
 from __future__ import annotations
 
@@ -17,25 +17,28 @@ from grosmc_mj.plants import Plant
 
 @jitable
 def _state(t: float, x: Any, p: Any, z: Any) -> None:
+    """z = x - x_e."""
     for i in range(len(z)):
         z[i] = x[i] - p.reference.x[i]
 
 
 @jitable
 def _applied(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
+    """u = u_e + v."""
     for i in range(len(u)):
         u[i] = p.reference.u[i] + v[i]
 
 
 @jitable
 def _virtual(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
+    """v = u - u_e."""
     for i in range(len(v)):
         v[i] = u[i] - p.reference.u[i]
 
 
 @dataclass(frozen=True, eq=False)
 class StateCoordinates(Coordinates):
-    """z = x - x_e: all of the state, about the operating point that ``p.reference`` is."""
+    """z = x - x_e: the whole state about the operating point ``p.reference``."""
 
     sign = 1
     outputs = None
@@ -77,20 +80,36 @@ class StateCoordinates(Coordinates):
         w: Array | None = None,
         u: Array | None = None,
     ) -> tuple[Array, Array]:
-        """As for all coordinates, of z' = drift + gain (u - u_e) next to the inputs u."""
-        point, motion = p.reference, []
+        """(drift, gain) of z' = drift + gain (u - u_e) on a true plant, at the inputs u.
+
+        Args:
+            t: Times [s], (N,).
+            x: States, (N, n).
+            p: The law's parameters, with ``reference``.
+            plant: The true plant.
+            w: Wrenches on it, (N, 6 * bodies); None for none.
+            u: Inputs, (N, m); those of the operating point by default.
+
+        Returns:
+            drift (N, n) and gain (N, n, m).
+        """
+        point = p.reference
+        drifts = []
+        gains = []
         for i, state in enumerate(x):
             applied = point.u if u is None else u[i]
-            gain = plant.jacobian(state, applied)[1]
-            drift = plant.derivative(state, applied, None if w is None else w[i])
-            motion.append((drift - gain @ (applied - point.u), gain))
-        drifts, gains = zip(*motion, strict=True)
+            wrench = None if w is None else w[i]
+            _, gain = plant.jacobian(state, applied)
+            derivative = plant.derivative(state, applied, wrench)
+            drifts.append(derivative - gain @ (applied - point.u))
+            gains.append(gain)
         return np.array(drifts), np.array(gains)
 
     def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
-        """The same where what z is measured from is known, (n,) or (N, n)."""
+        """z = x - x_e at states x, (n,) or (N, n), for x_e there; returns their shape."""
         return np.asarray(x, float) - reference
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
-        """What z is measured from: the operating point, (N, n)."""
-        return np.tile(parameters.x, (len(np.asarray(time)), 1))
+        """State of the operating point at the instants (N,), (N, n)."""
+        count = len(np.asarray(time))
+        return np.tile(parameters.x, (count, 1))

@@ -1,4 +1,4 @@
-"""Linear feedback with dynamics of its own, sampled: integrals and observers as one law.
+"""Sampled linear feedback with dynamics of its own: integrals and observers as one law.
 
     v = -(K z + H q),    q+ = F q + G z + L v,
 
@@ -34,10 +34,10 @@ class Dynamics:
     Attributes:
         K: Gain of the error state, (m, n).
         H: Gain of q, (m, N).
-        F: What q becomes of q, (N, N).
-        G: What it becomes of z, (N, n).
-        L: What it becomes of the v that is applied, (N, m).
-        start: What it is of z as a run begins, (N, n).
+        F: State matrix of q+, (N, N).
+        G: Its input matrix for z, (N, n).
+        L: Its input matrix for the v that is applied, (N, m).
+        start: Matrix of q = start z as a run begins, (N, n).
     """
 
     K: Array
@@ -65,29 +65,39 @@ class DynamicParameters(Sampled):
     limit: float = math.inf
 
 
+# Cached, so that all controllers on these coordinates have one law, which is compiled once.
 @cache
 def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> Law:
-    """The law on some error coordinates.
+    """Law on some error coordinates.
 
     Args:
         error: The error coordinates.
         linearizing: Whether v goes through feedback linearization; else it is the input.
-        holds: What q does while an input is cut off at ``p.limit``: integrals hold, so that they
-            do not wind up; an observer goes on and is told the v that the cut input comes to.
+        holds: Whether q holds while an input is cut off at ``p.limit``: integrals hold, so that
+            they do not wind up; an observer goes on, with the v of the input that is cut.
     """
-    error_state, (apply, virtual_input) = error.state, error.input_maps(linearizing=linearizing)
+    error_state = error.state
+    apply, virtual_input = error.input_maps(linearizing=linearizing)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         d = p.dynamics
-        z, v, q, after = memory.z, memory.v, memory.q, memory.after
+        z = memory.z
+        v = memory.v
+        q = memory.q
+        after = memory.after
+
         error_state(t, x, p, z)
         if t == memory.first:
             for i in range(len(q)):
                 q[i] = row_times(i, d.start, z)
+
         for i in range(len(v)):
-            v[i] = 0.0 - (row_times(i, d.K, z) + row_times(i, d.H, q))
+            feedback = row_times(i, d.K, z) + row_times(i, d.H, q)
+            v[i] = 0.0 - feedback
             memory.applied[i] = v[i]
         apply(t, x, v, memory, p, u)
+
+        # The v that is applied, if the actuator cuts the input off.
         cut = False
         for i in range(len(u)):
             memory.within[i] = min(p.limit, max(-p.limit, u[i]))
@@ -96,6 +106,7 @@ def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> L
             return
         if cut:
             virtual_input(t, x, memory.within, memory, p, memory.applied)
+
         for i in range(len(q)):
             after[i] = row_times(i, d.F, q) + row_times(i, d.G, z)
             after[i] += row_times(i, d.L, memory.applied)
@@ -117,51 +128,55 @@ def dynamic_controller(
     limit: float,
     source: str,
 ) -> Controller:
-    """A controller of the law, judged against the optimum that GROSMC follows.
+    """Controller with this law, judged against the optimum that GROSMC follows.
 
     Args:
-        name: What it is called.
-        task: What it is designed for.
+        name: Name of the controller.
+        task: The task.
         optimum: The nominal optimum of the task.
-        at: Its matrices at a control period [s].
+        at: Returns the law's matrices at a control period [s].
         linearizing: Whether it goes through feedback linearization.
         holds: Whether q holds while an input is cut off.
         gains: Gains worth showing.
         limit: Largest |u|, infinite for none.
-        source: Where the law is from.
+        source: Source of the law in the literature.
 
     Raises:
         GainError: If the limit is not positive.
     """
     if not real(limit) > 0:
         raise GainError(f"{name}: limit = {shown(limit)} must be positive")
-    # Shapes are the same at every period; a run takes the matrices of its own.
-    dynamics, m, n = at(1.0), task.error.inputs, task.error.size
+    limit = float(limit)
+    if math.isfinite(limit):
+        gains = gains | {"limit": limit}
+
+    # Shapes are the same at every period; a run takes the matrices of its own period.
+    dynamics = at(1.0)
     order = len(dynamics.F)
+    m = task.error.inputs
+    memory = memory_of(
+        m,
+        z=np.zeros(task.error.size),
+        q=np.zeros(order),  # the integrals, or the observer's state
+        after=np.zeros(order),
+        within=np.zeros(m),
+        applied=np.zeros(m),
+    )
     parameters = DynamicParameters(
-        plant=task.plant.parameters, reference=task.reference, dynamics=dynamics, limit=float(limit)
+        plant=task.plant.parameters,
+        reference=task.reference,
+        dynamics=dynamics,
+        limit=limit,
     )
-    shown_gains = gains | ({"limit": float(limit)} if math.isfinite(limit) else {})
-    return Controller(
-        name,
-        dynamic_feedback(task.error, linearizing=linearizing, holds=holds),
-        parameters,
-        memory_of(
-            m,
-            z=np.zeros(n),
-            q=np.zeros(order),  # its integrals or its observer's state
-            after=np.zeros(order),
-            within=np.zeros(m),
-            applied=np.zeros(m),
-        ),
-        Design(
-            task.error,
-            optimum,
-            source=source,
-            gains=shown_gains,
-            linearizing=linearizing,
-            numbers_at=lambda period: {"dynamics": at(period)},
-            # Of these laws the observer's alone is the LQR where there is no load.
-            follows_optimum=not holds,
-        ),
+    design = Design(
+        task.error,
+        optimum,
+        source=source,
+        gains=gains,
+        linearizing=linearizing,
+        numbers_at=lambda period: {"dynamics": at(period)},
+        # Of these laws only the observer's is the LQR where there is no load.
+        follows_optimum=not holds,
     )
+    law = dynamic_feedback(task.error, linearizing=linearizing, holds=holds)
+    return Controller(name, law, parameters, memory, design)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import scipy.linalg
@@ -36,7 +36,7 @@ def lqi(
     multivariable servomechanism problem", International Journal of Control 15(5), 1972).
 
     Args:
-        task: What is designed for.
+        task: The task.
         integral_weight: q_i, the weight of each output's integral, in 1/s^2 of that of the output.
         limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
         linearizing: Whether through feedback linearization; else on the plant's linearization
@@ -48,12 +48,29 @@ def lqi(
             without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    (n, m), C = optimum.B.shape, _outputs(task)
-    A = np.block([[optimum.A, np.zeros((n, m))], [C, np.zeros((m, m))]])
-    Q: Any = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
-    K = lqr(A, np.vstack([optimum.B, np.zeros((m, m))]), Q, optimum.R).K
-    gains, source = (K[:, :n], K[:, n:]), "Young and Willems 1972"
-    return _integrating("lqi", task, optimum, gains, limit, source, linearizing=linearizing)
+    n, m = optimum.B.shape
+
+    # The plant with the integrals as further states.
+    A = np.zeros((n + m, n + m))
+    A[:n, :n] = optimum.A
+    A[n:, :n] = _output_matrix(task)
+    B = np.zeros((n + m, m))
+    B[:n] = optimum.B
+    Q = np.zeros((n + m, n + m))
+    Q[:n, :n] = optimum.Q
+    Q[n:, n:] = integral_weight * np.eye(m)
+    gain = lqr(A, B, Q, optimum.R).K
+
+    return _integrating(
+        "lqi",
+        task,
+        optimum,
+        K=gain[:, :n],
+        H=gain[:, n:],
+        limit=limit,
+        source="Young and Willems 1972",
+        linearizing=linearizing,
+    )
 
 
 @checked_call
@@ -72,7 +89,7 @@ def pid(
     The rate e' is the measured one, as all laws here have it.
 
     Args:
-        task: What is designed for; every output must have relative degree two.
+        task: The task; every output must have relative degree two.
         frequency: w [rad/s].
         limit: Largest |u|, in the unit of the input: the integrals hold while an input is beyond.
         linearizing: Whether through feedback linearization; else on the plant's linearization
@@ -84,60 +101,85 @@ def pid(
             no equilibrium without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    chains, m = task.outputs.linearization, task.error.inputs
+    chains = task.outputs.linearization
     if set(chains.relative_degree) != {2}:
         raise GainError(f"PID: the relative degrees {chains.relative_degree} must all be 2")
-    # z_i'' = a_i z + (E u)_i: nothing and the identity after feedback linearization.
-    a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
-    of_error = np.kron(np.eye(m), [[3 * frequency**2, 3 * frequency]])
-    gains = np.linalg.solve(E, of_error + a), np.linalg.solve(E, frequency**3 * np.eye(m))
-    source = "computed-torque PID, Craig"
-    return _integrating("pid", task, optimum, gains, limit, source, linearizing=linearizing)
+
+    # z_i'' = a_i z + (E u)_i; after feedback linearization a is zero and E the identity.
+    last_rows = list(chains.last_rows)
+    a = optimum.A[last_rows]
+    E = optimum.B[last_rows]
+    identity = np.eye(task.error.inputs)
+    gains_of_output = [[3 * frequency**2, 3 * frequency]]
+    gain_of_error = np.kron(identity, gains_of_output)
+    return _integrating(
+        "pid",
+        task,
+        optimum,
+        K=np.linalg.solve(E, gain_of_error + a),
+        H=np.linalg.solve(E, frequency**3 * identity),
+        limit=limit,
+        source="computed-torque PID, Craig",
+        linearizing=linearizing,
+    )
 
 
 def _integrating(
     name: str,
     task: Task,
     optimum: LqrDesign,
-    gains: tuple[Array, Array],
+    *,
+    K: Array,
+    H: Array,
     limit: float,
     source: str,
-    *,
     linearizing: bool,
 ) -> Controller:
-    """v = -(K z + H xi), with the gains (K, H)."""
+    """Controller with v = -(K z + H xi)."""
     return dynamic_controller(
         name,
         task,
         optimum,
-        partial(integrals, optimum, _outputs(task), *gains),
+        partial(integrals, optimum, _output_matrix(task), K, H),
         linearizing=linearizing,
         holds=True,
-        gains=named_gains(K=gains[0], Ki=gains[1]),
+        gains=named_gains(K=K, Ki=H),
         limit=limit,
         source=source,
     )
 
 
-def integrals(optimum: LqrDesign, C: Array, K: Array, H: Array, period: float) -> Dynamics:
+def integrals(
+    optimum: LqrDesign,
+    C: Array,
+    K: Array,
+    H: Array,
+    period: float,
+) -> Dynamics:
     """Integrals of C z over each period, exact for z' = A z.
 
-    They are not told the input: where it makes up for a load they would take it for a motion, and
-    keep an error of the order of the load times the period squared.
+    They do not count the input's part: where the input makes up for a load they would take it for
+    a motion, and keep an error of the order of the load times the period squared.
 
     Args:
-        optimum: Where A is from, (n, n).
-        C: What is integrated, (m, n).
+        optimum: Design with A, (n, n).
+        C: Matrix of the integrand C z, (m, n).
         K: Gain of z, (m, n).
         H: Gain of the integrals, (m, m).
         period: Control period [s].
     """
     n, m = optimum.B.shape
-    free = np.block([[np.zeros((m, m)), C], [np.zeros((n, m)), optimum.A]])
-    F, G = np.split(scipy.linalg.expm(free * period)[:m], [m], axis=1)
-    return Dynamics(K, H, F, G, np.zeros((m, m)), np.zeros((m, n)))
+    # States are the integrals, then z.
+    system = np.zeros((m + n, m + n))
+    system[:m, m:] = C
+    system[m:, m:] = optimum.A
+    transition = scipy.linalg.expm(system * period)
+    F, G = np.split(transition[:m], [m], axis=1)
+    L = np.zeros((m, m))
+    start = np.zeros((m, n))
+    return Dynamics(K, H, F, G, L, start)
 
 
-def _outputs(task: Task) -> Array:
+def _output_matrix(task: Task) -> Array:
     """C of e = C z, the outputs' errors, (m, n)."""
     return np.eye(task.error.size)[list(task.error.output_rows)]

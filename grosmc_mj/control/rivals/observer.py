@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import scipy.linalg
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
 from grosmc_mj.control.task import Limit, Task
@@ -25,18 +26,18 @@ def adrc(
 ) -> Controller:
     """Linear active disturbance rejection, through feedback linearization.
 
-    v = -K z - d, with the gain K of the nominal optimum and the estimate d of all that
-    z_i^(r_i) = v_i + d_i is off by, from a linear extended state observer of the output alone with
-    all poles at -w_o: Z. Gao, "Scaling and bandwidth-parameterization based controller tuning",
+    v = -K z - d, with the gain K of the nominal optimum and the estimate d of the disturbance in
+    z_i^(r_i) = v_i + d_i, from a linear extended state observer of the output alone with all poles
+    at -w_o: Z. Gao, "Scaling and bandwidth-parameterization based controller tuning",
     American Control Conference, 2003. It is sampled as in R. Miklosovic, A. Radke and Z. Gao,
     "Discrete implementation and generalization of the extended state observer", American Control
     Conference, 2006: exact for a held input, all poles at exp(-w_o T), estimates of the present
     sample. It begins at the measured errors, so nominally the closed loop is the optimum.
 
     Args:
-        task: What is designed for.
+        task: The task.
         bandwidth: w_o [rad/s].
-        limit: Largest |u|, in the unit of the input: beyond it the observer is told what is left.
+        limit: Largest |u|, in the unit of the input: the observer gets the input within it.
         linearizing: Whether through feedback linearization; else on the plant's linearization
             about zero error.
 
@@ -44,14 +45,23 @@ def adrc(
         ArgumentError: If a number is not positive.
         GainError: If, on the linearization, zero error is no equilibrium without input.
     """
-    optimum, chains = task.optimum(linearizing=linearizing), task.outputs.linearization
-    # z_i^(r_i) = a_i z + (E u + d)_i: nothing and the identity after feedback linearization.
-    a, E = (matrix[list(chains.last_rows)] for matrix in (optimum.A, optimum.B))
+    optimum = task.optimum(linearizing=linearizing)
+    chains = task.outputs.linearization
+    # z_i^(r_i) = a_i z + (E u + d)_i; after feedback linearization a is zero and E the identity.
+    last_rows = list(chains.last_rows)
+    a = optimum.A[last_rows]
+    E = optimum.B[last_rows]
 
+    # A function of the period, which only a run knows.
     def sampled(period: float) -> Dynamics:
         d = observer(chains.relative_degree, bandwidth, period)
-        K, H = optimum.K + np.linalg.solve(E, d.K), np.linalg.solve(E, d.H)
-        return replace(d, K=K, H=H, G=d.G + d.L @ a, L=d.L @ E)
+        return replace(
+            d,
+            K=optimum.K + np.linalg.solve(E, d.K),
+            H=np.linalg.solve(E, d.H),
+            G=d.G + d.L @ a,
+            L=d.L @ E,
+        )
 
     return dynamic_controller(
         "adrc",
@@ -69,7 +79,7 @@ def adrc(
 def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Dynamics:
     """Discrete extended state observer of chains z_i^(r_i) = v_i + d_i.
 
-    Its state q is z and the d of each chain; it sees the outputs' errors alone, and begins without
+    Its state q is z and the d of each chain. It sees the outputs' errors only, and begins without
     a disturbance.
 
     Args:
@@ -80,36 +90,57 @@ def observer(degrees: tuple[int, ...], bandwidth: float, period: float) -> Dynam
     Returns:
         Its matrices, where K z + H q is the estimate of d.
     """
-    chains = [_chain(degree, bandwidth, period) for degree in degrees]
-    block: Any = scipy.linalg.block_diag
-    rows = zip(*(vars(chain).values() for chain in chains), strict=True)
-    return Dynamics(*(block(*matrices) for matrices in rows))
+    chains = [_chain_observer(degree, bandwidth, period) for degree in degrees]
+    block_diagonal: Any = scipy.linalg.block_diag
+    return Dynamics(
+        K=block_diagonal(*(chain.K for chain in chains)),
+        H=block_diagonal(*(chain.H for chain in chains)),
+        F=block_diagonal(*(chain.F for chain in chains)),
+        G=block_diagonal(*(chain.G for chain in chains)),
+        L=block_diagonal(*(chain.L for chain in chains)),
+        start=block_diagonal(*(chain.start for chain in chains)),
+    )
 
 
-def _chain(degree: int, bandwidth: float, period: float) -> Dynamics:
-    """The observer of one chain, [e, e' ..., d].
+def _chain_observer(degree: int, bandwidth: float, period: float) -> Dynamics:
+    """Observer of a single chain, with the state [e, e' ..., d].
 
     q-hat = q + l (e - q_1) is the estimate of this sample, and q+ = Phi q-hat + Gamma v.
     """
     size = degree + 1
-    scale = period ** np.arange(size)  # of the states, to those of a period of one
+    identity = np.eye(size)
+    # The gain is computed for a period of one, where all numbers are of the same size.
+    scale = period ** np.arange(size)
     Phi = scipy.linalg.expm(np.eye(size, k=1))
-    # Ackermann: Phi - (Phi l) C has all its poles at exp(-w_o T).
-    outputs = np.array([np.linalg.matrix_power(Phi, power)[0] for power in range(size)])
-    shifted = Phi - math.exp(-bandwidth * period) * np.eye(size)
-    gain = np.linalg.matrix_power(shifted, size) @ np.linalg.solve(outputs, np.eye(size)[:, -1])
-    present = np.linalg.solve(Phi, gain) / scale
+    l = _gain_for_pole(Phi, math.exp(-bandwidth * period)) / scale
     Phi = Phi * scale[None, :] / scale[:, None]
-    correction, of_output = np.eye(size), np.zeros((size, degree))
-    correction[:, 0] -= present
-    of_output[:, 0] = present
-    # Without the disturbance's own column: v drives what d drives.
-    Gamma = Phi[:, -1:] - np.eye(size)[:, -1:]
+
+    # q-hat = correction q + of_output z.
+    correction = np.eye(size)
+    correction[:, 0] -= l
+    of_output = np.zeros((size, degree))
+    of_output[:, 0] = l
+    # v drives the chain as d does, but d does not change by it.
+    Gamma = Phi[:, -1:] - identity[:, -1:]
     return Dynamics(
         K=of_output[-1:],
         H=correction[-1:],
         F=Phi @ correction,
         G=Phi @ of_output,
         L=Gamma,
-        start=np.eye(size)[:, :degree],
+        start=identity[:, :degree],
     )
+
+
+def _gain_for_pole(Phi: Array, pole: float) -> Array:
+    """l with which Phi - (Phi l) C has all its poles at this place, by Ackermann's formula.
+
+    C is the first row of the identity.
+    """
+    size = len(Phi)
+    identity = np.eye(size)
+    powers = [np.linalg.matrix_power(Phi, power) for power in range(size)]
+    observability = np.array([power[0] for power in powers])
+    characteristic = np.linalg.matrix_power(Phi - pole * identity, size)
+    gain = characteristic @ np.linalg.solve(observability, identity[:, -1])
+    return np.linalg.solve(Phi, gain)
