@@ -207,7 +207,7 @@ def curves_figure(curves: Curves) -> Figure:
     """Return the figure of a case: its panels over one time; the last shape is the cursor."""
     data: list[Item] = []
     annotations: list[Item] = []
-    y_axes: dict[str, Item] = {}
+    y_axes: dict[str, Any] = {}
     shapes = [_shaded(window) for window in curves.disturbances]
 
     count = max(1, len(curves.panels))
