@@ -85,7 +85,6 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
     before = _values(old)
     after = _values(new)
     shared = before.keys() & after.keys()
-    conditions = {kind: _conditions(kind, old, new) for kind in {kind for kind, _ in shared}}
 
     changed = []
     for kind, name in before.keys() | after.keys():
@@ -99,7 +98,8 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
             effect = Effect.WORSE
             changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit, GONE))
         elif old_value.value != new_value.value:
-            changed.append(_judged(kind, old_value, new_value, conditions[kind]))
+            conditions = _conditions(kind, old, new)
+            changed.append(_judged(kind, old_value, new_value, conditions))
     return changed, len(shared)
 
 

@@ -53,24 +53,28 @@ class Column(BaseModel):
     cut: bool = False
 
 
+def _columns(kind: Kind, headers: Iterable[str]) -> list[Column]:
+    return [Column(header=header, kind=kind) for header in headers]
+
+
 def words(*headers: str) -> list[Column]:
     """Return columns of words, aligned left and never broken."""
-    return [Column(header=header, kind="words") for header in headers]
+    return _columns("words", headers)
 
 
 def numbers(*headers: str) -> list[Column]:
     """Return columns of numbers, aligned right and never broken."""
-    return [Column(header=header, kind="numbers") for header in headers]
+    return _columns("numbers", headers)
 
 
 def names(*headers: str) -> list[Column]:
     """Return columns of users' names, which may have any length."""
-    return [Column(header=header, kind="names") for header in headers]
+    return _columns("names", headers)
 
 
 def phrases(*headers: str) -> list[Column]:
     """Return columns of words that wrap where the table would be too wide, the longest first."""
-    return [Column(header=header, kind="phrases") for header in headers]
+    return _columns("phrases", headers)
 
 
 def text(header: str = "") -> list[Column]:
