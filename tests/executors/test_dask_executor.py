@@ -33,7 +33,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield cluster
 
 
-def local_cluster() -> LocalCluster:
+def local_cluster() -> Any:
     # None would take port 8787, which one cluster has already.
     return LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0")
 
