@@ -1,8 +1,8 @@
 """Does a robust controller keep its promise, from equation to physics, and where does it break?
 
-The public names are listed once, in the stub beside this file, and load on first use: importing
-the package is quick and does not import MuJoCo. What is not here is in ``control``, ``simulation``,
-``plants``, ``films`` and ``environments``.
+The stub beside this file lists the public names. They load on first use: importing the package is
+quick and does not import MuJoCo. Further names are in ``control``, ``simulation``, ``plants``,
+``films`` and ``environments``.
 """
 
 from __future__ import annotations

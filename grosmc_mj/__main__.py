@@ -1,4 +1,4 @@
-"""``python -m grosmc_mj`` is ``grosmc-mj``."""
+"""Run ``python -m grosmc_mj`` as ``grosmc-mj``."""
 
 from grosmc_mj.cli.entry import main
 

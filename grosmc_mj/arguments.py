@@ -1,7 +1,8 @@
-"""Arguments told apart: what is a number, an array of numbers, or something else."""
+"""Checks of arguments: numbers, arrays of numbers, classes and names."""
 
 from __future__ import annotations
 
+import math
 import numbers
 from collections.abc import Collection
 from typing import Any
@@ -13,41 +14,45 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
 
 
 def real(value: Any) -> float:
-    """A real number as a float; NaN for whatever is none: a text, a truth value, an array."""
+    """Return a real number as a float; NaN for a text, a truth value, an array and so on."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iuf":
         value = value.item()
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return float("nan")
+
     number: Any = value
     try:
         return float(number)
-    except OverflowError:  # an integer beyond every float
-        return float("inf") if number > 0 else float("-inf")
+    except OverflowError:
+        # An integer beyond every float.
+        return math.inf if number > 0 else -math.inf
 
 
 def whole(value: Any) -> int | None:
-    """A whole number; None for whatever is none: a text, a truth value, 1.0, an array."""
+    """Return a whole number; None for a text, a truth value, 1.0, an array and so on."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iu":
         value = value.item()
-    return (
-        int(value) if isinstance(value, numbers.Integral) and not isinstance(value, bool) else None
-    )
+    if not isinstance(value, numbers.Integral) or isinstance(value, bool):
+        return None
+    return int(value)
 
 
 def reals(value: Any) -> Array:
-    """An array of real numbers, a new one; a single NaN without axes for whatever is none.
+    """Return a new array of real numbers; NaN, an array without axes, if ``value`` is not one.
 
     Texts, complex numbers, dates, truth values, rows of different lengths and masked arrays are
-    none: NumPy would take some of them for numbers that nobody has meant.
+    not arrays of numbers, although NumPy would convert some of them.
     """
-    nothing = np.full((), np.nan)
+    not_numbers = np.full((), np.nan)
     if isinstance(value, np.ma.MaskedArray):
-        return nothing
+        return not_numbers
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):
-        return nothing
-    return array.astype(float) if array.dtype.kind in "iuf" else nothing
+        return not_numbers
+    if array.dtype.kind not in "iuf":
+        return not_numbers
+    return array.astype(float)
 
 
 def require(
@@ -61,13 +66,13 @@ def require(
 
     Args:
         what: Name of the argument.
-        value: What was given.
+        value: Its value.
         kinds: Classes that it may have.
-        wanted: What it must be, in words.
-        error: Raised if it is something else.
+        wanted: Words for them, which follow "must be".
+        error: Raised if it has another class.
 
     Raises:
-        GrosmcError: Of that class.
+        GrosmcError: The given ``error``.
     """
     if not isinstance(value, kinds):
         raise error(f"{what} = {shown(value)} must be {wanted}")
@@ -80,19 +85,20 @@ def require_each(
     wanted: str,
     error: type[GrosmcError] = ArgumentError,
 ) -> None:
-    """Refuse what is no list or tuple of these classes.
+    """Refuse a value that is not a list or tuple of these classes.
 
     Args:
         what: Name of the argument.
-        values: What was given.
+        values: Its value.
         kinds: Classes that every entry may have.
-        wanted: What it must be, in words.
+        wanted: Words for the list, which follow "must be".
         error: Raised if it is something else.
 
     Raises:
-        GrosmcError: Of that class.
+        GrosmcError: The given ``error``.
     """
-    if not isinstance(values, (list, tuple)) or not all(isinstance(v, kinds) for v in values):
+    is_list = isinstance(values, (list, tuple))
+    if not is_list or not all(isinstance(value, kinds) for value in values):
         raise error(f"{what} = {shown(values)} must be {wanted}")
 
 
@@ -103,17 +109,17 @@ def require_known(
     where: str = "",
     error: type[Exception] = ArgumentError,
 ) -> None:
-    """Refuse a name that is none of the valid ones, with the nearest of them.
+    """Refuse a name that is not one of the valid names; the message gives the nearest.
 
     Args:
-        kind: What it is the name of.
-        name: What was given.
-        valid: All names that there are.
-        where: Begins the message.
-        error: Raised if there is none of that name.
+        kind: Noun for the named thing, such as ``executor``.
+        name: The name.
+        valid: All valid names.
+        where: Beginning of the message.
+        error: Raised if the name is not valid.
 
     Raises:
-        Exception: Of that class.
+        Exception: The given ``error``.
     """
     if not isinstance(name, str) or name not in valid:
         raise error(where + unknown_name(kind, name, valid))

@@ -1,4 +1,4 @@
-"""The one type of array that the package works with."""
+"""The array type of the package."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Worker processes that neither outlive this one nor answer Ctrl-C in its place.
+"""Worker processes that end with this process, and leave Ctrl-C to it.
 
-Nor do they import from the folder that the user happens to be in.
+They do not import modules from the working folder.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from typing import Any
 from loky.backend import resource_tracker as loky_resource_tracker
 from loky.process_executor import ProcessPoolExecutor
 
-# Of the interpreters that are started. When this process is killed there is nobody left who could
-# clean up, and no user wants to read that loky's resource tracker does.
-_ENVIRONMENT = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore:resource_tracker"}
+# Variables of the interpreters that are started.
+_ENVIRONMENT = {
+    "PYTHONSAFEPATH": "1",
+    # If this process is killed, loky's resource tracker cleans up, and warns that it had to.
+    "PYTHONWARNINGS": "ignore:resource_tracker",
+}
 
-# loky starts a worker again that has grown by more than this [bytes]. A worker of claims keeps the
-# runs that several of them share: that is no leak.
-_KEPT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "2e9"}
+# loky restarts a worker that has grown by more than this [bytes]. A worker of claims keeps the
+# runs that several of them share, which is not a leak.
+_MEMORY = {"LOKY_MAX_MEMORY_LEAK_SIZE": "2e9"}
 
 
 def worker_pool(
@@ -31,34 +34,35 @@ def worker_pool(
     start: Callable[..., None] | None = None,
     *arguments: Any,
 ) -> ProcessPoolExecutor:
-    """A pool of fresh interpreters, which end when this process does.
+    """Return a pool of new interpreters, which end when this process does.
 
-    Its first task starts them: hand it in within ``interrupts_held``.
+    The first task starts them: submit it within ``interrupts_held``.
 
     Args:
-        workers: How many processes.
-        environment: Variables that they get.
-        start: Called first in each of them.
-        arguments: Its arguments.
+        workers: Number of processes.
+        environment: Variables of their environment.
+        start: Function that each of them calls first.
+        arguments: Arguments of ``start``.
     """
-    with interrupts_held():  # for loky's resource tracker, which it starts first
+    # The pool starts loky's resource tracker, which must not receive Ctrl-C.
+    with interrupts_held():
         return ProcessPoolExecutor(
             workers,
             initializer=_begin,
             initargs=(os.getpid(), start, arguments),
-            env={**_KEPT, **environment},
+            env={**_MEMORY, **environment},
         )
 
 
 def _begin(parent: int, start: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:
-    """In a worker: end within a second or so of the parent, and get ready."""
+    """Prepare a worker: let it end within about a second of its parent, and call ``start``."""
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     if start is not None:
         start(*arguments)
 
 
 def _end_with(parent: int) -> None:
-    """End this process once its parent has gone."""
+    """Wait until the parent has ended, then end this process."""
     waiting = threading.Event()
     while os.getppid() == parent:
         waiting.wait(1.0)
@@ -67,37 +71,50 @@ def _end_with(parent: int) -> None:
 
 @contextlib.contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Start processes that Ctrl-C in the terminal does not reach; ours arrives afterwards.
+    """Start processes in the block that Ctrl-C does not reach; this one receives it afterwards.
 
-    A ``json.py`` in the working folder is not what they import as ``json``.
+    The processes do not import a ``json.py`` of the working folder in place of ``json``.
 
-    A process inherits the blocked signal, so that it cannot print a traceback of its own while
-    this one ends it. Blocking alone would not hold ours back: threads of the numerical libraries
-    take the signal too, and Python then interrupts the main thread between any two instructions.
+    A process inherits the blocked signal, so it prints no traceback of its own while this one
+    ends it. Blocking alone would not protect the block here: threads of the numerical libraries
+    receive the signal too, and Python then interrupts the main thread between two instructions.
     """
-    held: list[int] = []
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    # A handler that C code has installed reads as None and could not be put back.
-    handler = signal.getsignal(signal.SIGINT) if in_main_thread else None
     with contextlib.ExitStack() as undo:
         for name, value in _ENVIRONMENT.items():
             undo.callback(_set_variable, name, os.environ.get(name))
             _set_variable(name, value)
-        # These are started with the first process, and unblock the signal when they are.
+
+        # The first process would start these trackers, and their start unblocks the signal.
         resource_tracker.ensure_running()
         loky_resource_tracker.ensure_running()
+
+        interrupts: list[int] = []
+        handler = _interrupt_handler()
         if handler is not None:
-            signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
+            signal.signal(signal.SIGINT, lambda number, frame: interrupts.append(number))
             undo.callback(signal.signal, signal.SIGINT, handler)
+
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         undo.callback(signal.pthread_sigmask, signal.SIG_SETMASK, blocked)
         yield
-    if held:
+
+    if interrupts:
         signal.raise_signal(signal.SIGINT)
 
 
+def _interrupt_handler() -> Any:
+    """Return the handler of Ctrl-C if this thread may replace it, else None.
+
+    Only the main thread may. A handler that C code has installed is None, too: it could not be
+    restored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    return signal.getsignal(signal.SIGINT)
+
+
 def _set_variable(name: str, value: str | None) -> None:
-    """Set an environment variable, or take it away."""
+    """Set an environment variable; None removes it."""
     if value is None:
         os.environ.pop(name, None)
     else:

@@ -1,4 +1,7 @@
-"""The errors that the package raises; a message gives value, bound and valid names."""
+"""Errors of the package, and how their messages are written.
+
+A message gives the value, the bound and the valid names.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-# Between the mistakes of a message that tells several.
+# Separator of the mistakes in a message that lists several.
 NEXT = "\n  - "
-# Characters of a value in a message.
-_SHOWN = 80
+# Largest number of characters of a value in a message.
+_VALUE_LENGTH = 80
+# Largest number of valid names that a message lists.
+_LISTED_NAMES = 20
 
 
 class GrosmcError(Exception):
@@ -27,7 +32,7 @@ class ArgumentError(GrosmcError, ValueError):
 
 
 class PremiseError(GrosmcError, ValueError):
-    """An assumption of the theory does not hold for this plant."""
+    """An assumption of the theory that does not hold for this plant."""
 
 
 class GainError(GrosmcError, ValueError):
@@ -35,11 +40,11 @@ class GainError(GrosmcError, ValueError):
 
 
 class SetupError(GrosmcError, RuntimeError):
-    """Something outside the package is missing or broken: a file, a library, the disk."""
+    """A file, a library or another thing outside the package that is missing or broken."""
 
 
 class ImplausibleWarning(UserWarning):
-    """A number that is allowed, far from those of any machine, and so probably a slip."""
+    """A number that is allowed, but so far from those of any machine that it may be a slip."""
 
 
 class DivergenceError(GrosmcError, RuntimeError):
@@ -47,7 +52,7 @@ class DivergenceError(GrosmcError, RuntimeError):
 
     Attributes:
         time: Time up to which the run is valid [s].
-        trajectory: What was recorded up to then, or None.
+        trajectory: The record up to then, or None.
     """
 
     def __init__(self, message: str, time: float, trajectory: Any = None) -> None:
@@ -64,7 +69,7 @@ class MistakesError(ArgumentError):
     """Several arguments, or lines of a file, that are wrong.
 
     Attributes:
-        mistakes: What is wrong with each.
+        mistakes: One line for each of them.
     """
 
     def __init__(self, mistakes: Iterable[str]) -> None:
@@ -73,80 +78,91 @@ class MistakesError(ArgumentError):
 
 
 class Mistakes:
-    """What is wrong with somebody's file, gathered so that all of it is told at once."""
+    """Mistakes of a file, gathered so that one error names all of them."""
 
     def __init__(self) -> None:
+        # A dictionary for its keys: they keep their order, and none stands twice.
         self._mistakes: dict[str, None] = {}
 
     def note(self, *mistakes: str) -> None:
-        """Some more, unless they are known already."""
-        self._mistakes.update(dict.fromkeys(mistakes))
+        """Add mistakes; one that is noted already is not added again."""
+        for mistake in mistakes:
+            self._mistakes[mistake] = None
 
     @contextmanager
     def gathered(self, where: str = "") -> Iterator[None]:
-        """Go on after what is refused within; keep what was said, after ``where``."""
+        """Note the errors that the block raises, with ``where`` before each, and go on."""
         try:
             yield
+        except MistakesError as error:
+            self.note(*[where + mistake for mistake in error.mistakes])
         except GrosmcError as error:
-            lines = error.mistakes if isinstance(error, MistakesError) else [str(error)]
-            self.note(*(where + line for line in lines))
+            self.note(f"{where}{error}")
 
     def refuse(self) -> None:
-        """Raise what was gathered.
+        """Raise one error for all mistakes.
 
         Raises:
-            ArgumentError: If there is anything.
+            ArgumentError: If there is a mistake.
         """
         if self._mistakes:
             raise MistakesError(self._mistakes)
 
 
 def together(mistakes: Sequence[str]) -> str:
-    """One mistake as it is, or several, each on a line of its own."""
+    """Join mistakes: one stays as it is, several get a line each."""
     if len(mistakes) == 1:
         return mistakes[0]
     return NEXT.join([f"{len(mistakes)} mistakes:", *mistakes])
 
 
-# Names that a message lists.
-_LISTED = 20
-
-
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
-    """One line for a name that is not known: the nearest valid one, then the first of them."""
+    """Write one line that refuses a name: the nearest valid name, then the first valid ones."""
     names = list(valid)
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f" did you mean {shown(near[0])}?" if near else ""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return f"unknown {kind} {shown(name)}:{hint} valid: {listed(names[:_LISTED])}{more}"
+    line = f"unknown {kind} {shown(name)}:"
+
+    nearest = difflib.get_close_matches(str(name), names, n=1)
+    if nearest:
+        line += f" did you mean {shown(nearest[0])}?"
+
+    line += f" valid: {listed(names[:_LISTED_NAMES])}"
+    if len(names) > _LISTED_NAMES:
+        line += f" and {len(names) - _LISTED_NAMES} more"
+    return line
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names with commas between them, in quotes where one of them has a blank or a comma itself."""
+    """Join names by commas; all are quoted if one of them has a blank or a comma."""
     words = list(names)
-    quoted = any(" " in word or "," in word for word in words)
-    return ", ".join(map(repr, words) if quoted else words)
+    if any(" " in word or "," in word for word in words):
+        words = [repr(word) for word in words]
+    return ", ".join(words)
 
 
 def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
-    """A value for a message: on one line, without control characters, cut off if it is long.
+    """Write a value for a message: on one line, without control characters, cut if it is long.
 
     Args:
-        value: A number is shown in short, an array as its list.
-        written: How anything else is written.
+        value: A number is written in short, an array as its list.
+        written: Writes any other value.
     """
     try:
         if isinstance(value, numbers.Real) and not isinstance(value, bool):
             return format(value, "g")
-        text = written(value.tolist() if getattr(value, "ndim", 0) else value)
-    # What is wrong with a value may be that it cannot even be written.
+        is_array = getattr(value, "ndim", 0) > 0
+        text = written(value.tolist() if is_array else value)
+    # A value may be refused because it cannot even be written.
     except Exception:
         return f"a {type(value).__name__}"
-    line = one_line(text[: 2 * _SHOWN])
-    return line if len(line) <= _SHOWN and len(text) <= 2 * _SHOWN else f"{line[: _SHOWN - 3]}..."
+
+    # The cut before `one_line` saves the work on an endless text.
+    line = one_line(text[: 2 * _VALUE_LENGTH])
+    if len(line) > _VALUE_LENGTH or len(text) > 2 * _VALUE_LENGTH:
+        return f"{line[: _VALUE_LENGTH - 3]}..."
+    return line
 
 
 def one_line(text: str) -> str:
-    """A text on one line, with escapes for what would not be printed."""
+    """Write a text on one line, with escapes in place of characters that do not print."""
     line = " ".join(text.split())
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)

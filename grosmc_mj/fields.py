@@ -1,8 +1,8 @@
-"""Types that check themselves: numbers and arrays with bounds and a unit, dataclasses of them.
+"""Field types with bounds and a unit, and dataclasses that check their fields.
 
-A number stands once, as a field ``delay: Annotated[float, Range(0, unit="s")]``. ``checked`` makes
-a dataclass of such fields whose mistakes are errors of this package, ``checked_call`` does the same
-for the arguments of a function. Unit and bounds are read back by ``range_of``.
+A field is declared as ``delay: Annotated[float, Range(0, unit="s")]``. ``checked`` makes a
+dataclass of such fields, whose refusals are errors of this package; ``checked_call`` does the same
+for the arguments of a function. ``range_of`` returns the unit and the bounds of a field.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ Returned = TypeVar("Returned")
 
 
 class Check:
-    """An annotation that pydantic calls with the given value; it returns the value to keep."""
+    """An annotation that pydantic calls with the value of a field."""
 
     def __call__(self, value: Any) -> Any:
-        """The value to keep; a ``PydanticCustomError`` if it is refused."""
+        """Return the value to keep, or raise a ``PydanticCustomError``."""
         raise NotImplementedError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
@@ -39,17 +39,24 @@ class Check:
 
 
 def refused(wanted: str) -> PydanticCustomError:
-    """The error of a value that is not what it must be, in words that follow "must be"."""
+    """Return the error of a refused value; ``wanted`` are the words that follow "must be"."""
     return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
 
 
-# Sizes of numbers by their unit: what is smaller or larger is allowed, and probably a slip.
+# Usual sizes of numbers by unit: smaller and larger ones are allowed, but probably a slip.
 _USUAL = {
-    "s": (1e-7, 1e6), "m": (1e-9, 1e4), "rad": (1e-9, 1e4), "kg": (1e-9, 1e5),
-    "kg m^2": (1e-12, 1e6), "N": (1e-6, 1e7), "N m": (1e-9, 1e7), "V": (1e-3, 1e3),
-    "A": (1e-6, 1e4), "ohm": (1e-6, 1e6),
-}  # fmt: skip
-_USUAL_OF_ANY = (1e-12, 1e12)
+    "s": (1e-7, 1e6),
+    "m": (1e-9, 1e4),
+    "rad": (1e-9, 1e4),
+    "kg": (1e-9, 1e5),
+    "kg m^2": (1e-12, 1e6),
+    "N": (1e-6, 1e7),
+    "N m": (1e-9, 1e7),
+    "V": (1e-3, 1e3),
+    "A": (1e-6, 1e4),
+    "ohm": (1e-6, 1e6),
+}
+_USUAL_IN_OTHER_UNITS = (1e-12, 1e12)
 
 
 @dataclass(frozen=True)
@@ -58,13 +65,13 @@ class Range(Check):
 
     Attributes:
         low: Smallest value.
-        high: Largest value; infinite for none.
-        unit: Such as ``s``; empty for a pure number.
+        high: Largest value; infinity for no upper bound.
+        unit: Unit, such as ``s``; empty for a pure number.
         above: Whether ``low`` itself is refused.
         below: Whether ``high`` itself is refused.
-        infinite: Whether infinity is a value too, which stands for no limit.
-        whole: Whether it must be a whole number.
-        usual: Sizes between which it mostly is; by default those of its unit.
+        infinite: Whether infinity is allowed; it stands for "no limit".
+        whole: Whether the number must be whole.
+        usual: Smallest and largest usual size; by default those of the unit.
     """
 
     low: float = -math.inf
@@ -77,46 +84,70 @@ class Range(Check):
     usual: tuple[float, float] | None = None
 
     def unusual(self, number: float) -> str:
-        """In words the sizes that a number is beyond; nothing of one that is plausible."""
-        low, high = self.usual or _USUAL.get(self.unit, _USUAL_OF_ANY)
-        plausible = number == 0 or math.isinf(number) or low <= abs(number) <= high
-        return "" if plausible else f"{low:g} to {high:g}"
+        """Return the usual sizes in words if a number is beyond them; else an empty string."""
+        low, high = self.usual or _USUAL.get(self.unit, _USUAL_IN_OTHER_UNITS)
+        if number == 0 or math.isinf(number) or low <= abs(number) <= high:
+            return ""
+        return f"{low:g} to {high:g}"
 
     def __call__(self, value: Any) -> float | int:
-        """The number, if it is within."""
+        """Return the number; refuse one that is out of bounds."""
         number = whole(value) if self.whole else real(value)
-        # A whole number beyond all floats is no infinity.
-        beyond = isinstance(value, int) and math.isinf(real(value))
-        if number is None or beyond or not self.holds(number):
+        # An integer beyond all floats is not infinity.
+        too_large = isinstance(value, int) and math.isinf(real(value))
+        if number is None or too_large or not self.holds(number):
             raise refused(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
-        """Whether a number is within the bounds; NaN is not."""
+        """Return True if a number is within the bounds; NaN is not."""
         if abs(number) == math.inf:
             return self.infinite and (number > 0 or self.low == -math.inf)
-        over = number > self.low if self.above else number >= self.low
-        under = number < self.high if self.below else number <= self.high
-        return over and under
+        if number == self.low and self.above:
+            return False
+        if number == self.high and self.below:
+            return False
+        return self.low <= number <= self.high
 
     @property
     def wanted(self) -> str:
-        """What the number must be, in words."""
+        """Description of the numbers within, which follows "must be"."""
+        text = self._bounds_in_words()
+        if self.unit and any(character.isdigit() for character in text):
+            text = f"{text} {self.unit}"
+        if self.whole:
+            text = f"a whole number {text}"
+        if self.infinite and self.high < math.inf:
+            text = f"{text}, or infinite"
+        return text
+
+    def _bounds_in_words(self) -> str:
         if self.low == -math.inf:
-            end = "below" if self.below else "at most"
-            bounds = "finite" if self.high == math.inf else f"{end} {self.high:g}"
-        elif self.high == math.inf:
-            bounds = f"above {self.low:g}" if self.above else f"{self.low:g} or more"
-            if self.low == 0:
-                bounds = "positive" if self.above else "not negative"
-            if not self.infinite and not self.whole:
-                bounds = f"finite and {bounds}"
+            return self._upper_bound_in_words()
+        if self.high == math.inf:
+            return self._lower_bound_in_words()
+        start = "above" if self.above else "from"
+        end = "to below" if self.below else "to"
+        return f"{start} {self.low:g} {end} {self.high:g}"
+
+    def _upper_bound_in_words(self) -> str:
+        if self.high == math.inf:
+            return "finite"
+        if self.below:
+            return f"below {self.high:g}"
+        return f"at most {self.high:g}"
+
+    def _lower_bound_in_words(self) -> str:
+        if self.low == 0:
+            bound = "positive" if self.above else "not negative"
+        elif self.above:
+            bound = f"above {self.low:g}"
         else:
-            start = "above" if self.above else "from"
-            bounds = f"{start} {self.low:g} to {'below ' if self.below else ''}{self.high:g}"
-        unit = f" {self.unit}" if self.unit and any(c.isdigit() for c in bounds) else ""
-        endless = ", or infinite" if self.infinite and self.high < math.inf else ""
-        return f"{'a whole number ' if self.whole else ''}{bounds}{unit}{endless}"
+            bound = f"{self.low:g} or more"
+
+        if self.infinite or self.whole:
+            return bound
+        return f"finite and {bound}"
 
 
 @dataclass(frozen=True)
@@ -124,9 +155,9 @@ class Reals(Check):
     """An array of finite real numbers.
 
     Attributes:
-        shape: Its shape; None in place of a size that is free, () for a number.
-        unit: Of its entries.
-        infinite: Whether infinite entries are values.
+        shape: Shape; None stands for any size, () is the shape of a number.
+        unit: Unit of the entries.
+        infinite: Whether infinite entries are allowed.
     """
 
     shape: tuple[int | None, ...]
@@ -134,32 +165,37 @@ class Reals(Check):
     infinite: bool = False
 
     def __call__(self, value: Any) -> Array:
-        """The array as float64, a new one."""
+        """Return a new array of float64."""
         array = reals(value)
-        fits = array.ndim == len(self.shape) and all(
-            free in (None, size) for free, size in zip(self.shape, array.shape, strict=True)
-        )
-        bad = np.any(np.isnan(array)) if self.infinite else not np.all(np.isfinite(array))
-        if not fits or bad:
+        allowed = ~np.isnan(array) if self.infinite else np.isfinite(array)
+        if not self._fits(array) or not np.all(allowed):
             sizes = " x ".join("n" if size is None else str(size) for size in self.shape)
-            raise refused(f"{sizes} {'' if self.infinite else 'finite '}numbers")
+            numbers = "numbers" if self.infinite else "finite numbers"
+            raise refused(f"{sizes} {numbers}")
         return array
+
+    def _fits(self, array: Array) -> bool:
+        """Return True if an array has the shape."""
+        if array.ndim != len(self.shape):
+            return False
+        sizes = zip(self.shape, array.shape, strict=True)
+        return all(wanted in (None, size) for wanted, size in sizes)
 
 
 @dataclass(frozen=True)
 class Known(Check):
-    """One of some names; another one is refused with the nearest of them.
+    """One of some names; the refusal of another one gives the nearest.
 
     Attributes:
-        kind: The noun for it, such as ``executor``.
-        names: All that are valid.
+        kind: Noun for the name, such as ``executor``.
+        names: All valid names.
     """
 
     kind: str
     names: Collection[str]
 
     def __call__(self, value: Any) -> str:
-        """The name, if it is one of them."""
+        """Return the name; refuse one that is not valid."""
         if not isinstance(value, str) or value not in self.names:
             line = unknown_name(self.kind, value, self.names)
             raise PydanticCustomError("unknown", "{line}", {"line": line})
@@ -168,18 +204,18 @@ class Known(Check):
 
 @dataclass(frozen=True)
 class Is(Check):
-    """A value of one of some classes.
+    """An instance of one of some classes.
 
     Attributes:
         kinds: The classes, as ``isinstance`` takes them.
-        wanted: In words, such as ``a plant, such as MujocoPlant.load(...)``.
+        wanted: Description, such as ``a plant, such as MujocoPlant.load(...)``.
     """
 
     kinds: Any
     wanted: str
 
     def __call__(self, value: Any) -> Any:
-        """The value, if it is one."""
+        """Return the value; refuse one of another class."""
         if not isinstance(value, self.kinds):
             raise refused(self.wanted)
         return value
@@ -187,36 +223,36 @@ class Is(Check):
 
 @dataclass(frozen=True)
 class Items(Check):
-    """A list or tuple of values of some classes; it is kept as a tuple.
+    """A list or tuple of instances of some classes; it is kept as a tuple.
 
     Attributes:
         kinds: The classes.
-        wanted: In words, such as ``a tuple of Signals``.
+        wanted: Description, such as ``a tuple of Signals``.
     """
 
     kinds: type | tuple[type, ...]
     wanted: str
 
     def __call__(self, value: Any) -> tuple[Any, ...]:
-        """The values, if all are such."""
-        items = value if isinstance(value, (list, tuple)) else [None]
-        if not all(isinstance(item, self.kinds) for item in items):
+        """Return the values as a tuple; refuse them if one has another class."""
+        is_list = isinstance(value, (list, tuple))
+        if not is_list or not all(isinstance(item, self.kinds) for item in value):
             raise refused(self.wanted)
         return tuple(value)
 
 
 @dataclass(frozen=True)
 class Numbers(Check):
-    """Some finite numbers, kept as a tuple, which can be compared and hashed.
+    """A fixed count of finite numbers, kept as a tuple, which can be compared and hashed.
 
     Attributes:
-        count: How many.
+        count: Number of numbers.
     """
 
     count: int
 
     def __call__(self, value: Any) -> tuple[float, ...]:
-        """The numbers."""
+        """Return the numbers as floats."""
         array = reals(value)
         if array.shape != (self.count,) or not np.all(np.isfinite(array)):
             raise refused(f"{self.count} finite numbers")
@@ -247,40 +283,54 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 def checked(
     error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
 ) -> Callable[[type[Class]], type[Class]]:
-    """Make a class a frozen dataclass whose fields check what they are given.
+    """Make a class a frozen dataclass that checks its fields.
 
-    What goes wrong in its ``__post_init__`` must be an error of this package.
+    Its ``__post_init__`` must raise errors of this package only.
 
     Args:
-        error: Raised for fields that are refused; all of them are told at once.
-        label: Begins the line; by default the class's ``kind`` and its first field, if it has one.
-        eq: Whether instances of equal fields are equal; else each is itself alone.
+        error: Raised if fields are refused; its message names all of them.
+        label: Beginning of the message; by default the class's ``kind`` and the value of its
+            first field, if the class has a ``kind``.
+        eq: Whether instances with equal fields are equal; else an instance equals only itself.
     """
 
     def decorate(kind: Any) -> type[Class]:
-        kept: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
-        initialize = kept.__init__
-        names = list(inspect.signature(kept).parameters)
+        model: Any = pydantic.dataclasses.dataclass(frozen=True, eq=eq, config=_CONFIG)(kind)
+        initialize = model.__init__
+        names = list(inspect.signature(model).parameters)
 
         @wraps(initialize)
         def initialize_checked(self: Any, *args: Any, **kwargs: Any) -> None:
             try:
                 initialize(self, *args, **kwargs)
             except pydantic.ValidationError as mistakes:
-                start, title = label, getattr(kind, "kind", None)
-                if not label and isinstance(title, str):
-                    owner = kwargs.get(names[0], args[0] if args else "?")
-                    start = f"{title} of {shown(owner)}"
-                raise translated(mistakes, names, error, start and f"{start}: ") from None
+                start = label or _label_of(kind, names[0], args, kwargs)
+                if start:
+                    start = f"{start}: "
+                raise translated(mistakes, names, error, start) from None
 
-        kept.__init__ = initialize_checked
-        return kept
+        model.__init__ = initialize_checked
+        return model
 
     return decorate
 
 
+def _label_of(kind: Any, first_field: str, args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
+    """Return the ``kind`` of a class with the value of its first field; empty without a kind."""
+    title = getattr(kind, "kind", None)
+    if not isinstance(title, str):
+        return ""
+    if first_field in kwargs:
+        value = kwargs[first_field]
+    elif args:
+        value = args[0]
+    else:
+        value = "?"
+    return f"{title} of {shown(value)}"
+
+
 def checked_call(function: Callable[..., Returned]) -> Callable[..., Returned]:
-    """The function, which checks its arguments by their types when it is called."""
+    """Make a function check its arguments by their types when it is called."""
     validated = pydantic.validate_call(config=_CONFIG)(function)
     names = list(inspect.signature(function).parameters)
 
@@ -300,28 +350,26 @@ def translated(
     error: type[GrosmcError],
     label: str = "",
 ) -> Exception:
-    """pydantic's error as one of this package: every field that was refused, on one line.
+    """Return pydantic's error as one of this package, with all refused fields on one line.
 
     Args:
-        mistakes: What pydantic raised.
-        names: Of the arguments, in their order.
-        error: Its class.
-        label: Begins the line.
+        mistakes: pydantic's error.
+        names: Names of the arguments, in their order.
+        error: Class of the error to return.
+        label: Beginning of the message.
     """
     refusals: list[Any] = mistakes.errors(include_url=False)
-    for item in refusals:
-        if item["type"] == "value_error":
-            return item["ctx"]["error"]
-    return error(label + "; ".join(_line(item, names) for item in refusals))
+    for refusal in refusals:
+        # An error that a `__post_init__` has raised.
+        if refusal["type"] == "value_error":
+            return refusal["ctx"]["error"]
+    return error(label + "; ".join(_line(refusal, names) for refusal in refusals))
 
 
 def _line(mistake: Any, names: Sequence[str]) -> str:
-    """What is wrong with one field: its name, its value and what it must be."""
-    parts = [
-        names[p] if i == 0 and isinstance(p, int) and p < len(names) else str(p)
-        for i, p in enumerate(mistake["loc"])
-    ]
-    place, value = ".".join(parts), shown(mistake["input"])
+    """Write the refusal of one field: its name, its value and what it must be."""
+    place = _place(mistake["loc"], names)
+    value = shown(mistake["input"])
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"
@@ -336,20 +384,35 @@ def _line(mistake: Any, names: Sequence[str]) -> str:
             return f"{place} = {value} must be a {mistake['ctx']['class']}"
         case "unexpected_keyword_argument" | "unexpected_positional_argument":
             return f"there is no argument {place}; valid: {', '.join(names)}"
+    # pydantic's own words for a check that is none of this module's.
+    words = mistake["msg"].replace("Input should be", "must be")
     separator = " " if mistake["msg"].startswith("Input should be ") else ": "
-    return f"{place} = {value}{separator}{mistake['msg'].replace('Input should be', 'must be')}"
+    return f"{place} = {value}{separator}{words}"
+
+
+def _place(location: Sequence[str | int], names: Sequence[str]) -> str:
+    """Write the place of a mistake; a positional argument is called by its name."""
+    parts = [str(part) for part in location]
+    first = location[0] if location else None
+    if isinstance(first, int) and first < len(names):
+        parts[0] = names[first]
+    return ".".join(parts)
 
 
 @cache
 def range_of(kind: type, field: str) -> Range | None:
-    """Bounds and unit of a field of a checked dataclass; None for one that is no number.
+    """Return bounds and unit of a field of a checked dataclass; None if it is not a number.
+
+    Cached: reading type hints is slow, and campaigns ask for each varied field.
 
     Args:
         kind: The dataclass.
         field: Name of the field.
     """
     hint = get_type_hints(kind, include_extras=True)[field]
-    # A number that may be left out is one of a union.
-    kinds = (hint, *get_args(hint))
-    notes = (note for kind in kinds for note in getattr(kind, "__metadata__", ()))
-    return next((note for note in notes if isinstance(note, Range)), None)
+    # An optional number is a union, whose arguments have the annotations.
+    for part in (hint, *get_args(hint)):
+        for note in getattr(part, "__metadata__", ()):
+            if isinstance(note, Range):
+                return note
+    return None

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, and a folder that nobody else can write to."""
+"""Files that are written whole or not at all, and the private cache folder."""
 
 from __future__ import annotations
 
@@ -12,37 +12,39 @@ from pathlib import Path
 
 from grosmc_mj.errors import SetupError
 
-_OWN = "grosmc_mj"
-# What only its owner may enter, and what lets others change it.
-_PRIVATE, _WRITABLE_BY_OTHERS = 0o700, 0o022
-# What a write fails with that does not name its file.
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+_CACHE_NAME = "grosmc_mj"
+# Mode of a folder that only its owner may enter.
+_PRIVATE = 0o700
+# Bits of a mode that let other users change a folder.
+_WRITABLE_BY_OTHERS = 0o022
+# Errors of a full or broken disk; the system raises them without the name of a file.
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
 @contextlib.contextmanager
 def written_aside(path: Path) -> Iterator[Path]:
-    """A path to write to, renamed to the real one at the end and removed if that is not reached.
+    """Yield a temporary path; rename it to ``path`` after the block, remove it after an error.
 
-    Its name cannot be foretold and it is a new file: no link that somebody has put there is
-    followed, and several processes may write the same file, of which the last one to end counts.
-    A link at the real path is replaced; a device, a pipe or a socket there is not.
+    The temporary file is new and its name is random, so no link that another user has put there
+    is followed. Several processes may write the same file: the last one to end counts.
+    A link at ``path`` is replaced; a folder, a device, a pipe or a socket there is not.
 
     Raises:
-        SetupError: If it cannot be written. Other errors of the block pass as they are.
+        SetupError: If the file cannot be written. Other errors of the block pass unchanged.
     """
-    opened = False
     part = path.with_name(f".{path.stem}.{secrets.token_hex(8)}.part{path.suffix}")
+    opened = False
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
             raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
         os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         opened = True
+
         yield part
         part.replace(path)
     except OSError as error:
-        own = error.errno in _DISK if error.filename is None else str(error.filename) == str(part)
-        if opened and not own:
+        if opened and not _is_from_writing(part, error):
             raise
         raise cannot_write(path, error) from error
     finally:
@@ -50,35 +52,45 @@ def written_aside(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def _is_from_writing(part: Path, error: OSError) -> bool:
+    """True if an error of the block is about this file, and not about another one."""
+    if error.filename is None:
+        return error.errno in _DISK_ERRORS
+    return str(error.filename) == str(part)
+
+
 def cannot_write(path: Path, error: OSError) -> SetupError:
-    """One line about a file that cannot be written."""
+    """Return the error of a file that cannot be written."""
     return SetupError(
         f"cannot write {path}: {error.strerror or error}; free the disk or choose another place"
     )
 
 
 def private_cache(base: str | None = None) -> Path | None:
-    """The package's own cache, which only this user may enter; None if there can be none.
+    """Return the package's cache folder, which only this user may enter; None if impossible.
 
     Args:
-        base: Where it lies; by default in ``XDG_CACHE_HOME`` or ``~/.cache``.
+        base: Folder that it lies in; by default ``XDG_CACHE_HOME`` or ``~/.cache``.
 
     Raises:
-        SetupError: If it is somebody else's, a link, or one that others could have written to.
+        SetupError: If it belongs to another user, is a link, or is writable by other users.
     """
     base = base or os.environ.get("XDG_CACHE_HOME")
     try:
-        folder = (Path(base) if base else Path.home() / ".cache") / _OWN
+        parent = Path(base) if base else Path.home() / ".cache"
+        folder = parent / _CACHE_NAME
         folder.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
+
         status = folder.lstat()
         mode = stat.S_IMODE(status.st_mode)
-        own = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
-        if own and not mode & _WRITABLE_BY_OTHERS:
+        is_own_folder = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+        if is_own_folder and not mode & _WRITABLE_BY_OTHERS:
             folder.chmod(_PRIVATE)
             return folder
     except (OSError, RuntimeError):
-        # A user without a home, or a place that cannot be written: nothing is kept.
+        # A user without a home, or a place that cannot be written: there is no cache.
         return None
+
     raise SetupError(
         f"{folder} must be a folder of your own with mode 700, since what lies there is executed: "
         f"its owner is user {status.st_uid} and its mode {mode:o}; remove it, or name another "

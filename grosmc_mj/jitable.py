@@ -1,4 +1,4 @@
-"""Functions written once and run twice: as plain Python and inside compiled code."""
+"""Functions that run both as plain Python and inside compiled code."""
 
 from __future__ import annotations
 
@@ -12,77 +12,82 @@ from numba.core.registry import cpu_target
 
 Function = TypeVar("Function")
 
-# Nobody calls these from outside of compiled code: wrappers for that would take a sixth of the time
-# of a compilation. Division by zero gives an infinity: no exception can leave a C callback.
-# Inlined, for structures of arrays are slow to hand over.
+# Options of numba for functions that only compiled code calls.
 OPTIONS = {
-    "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "error_model": "numpy",
+    # Wrappers for calls from Python would take a sixth of the time of a compilation.
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    # Division by zero gives an infinity: no exception can leave a C callback.
+    "error_model": "numpy",
+    # Passing structures of arrays to a function is slow.
     "forceinline": True,
-}  # fmt: skip
+}
 
-# What numba compiles for each function; numba itself refers to it weakly. A function's attribute
-# would travel with it to other processes, which know nothing of it.
+# Numba's dispatcher of each jitable function. Numba itself refers to it weakly, and an attribute
+# of the function would be pickled with it, to processes that have no such dispatcher.
 _compiled: dict[Any, Any] = {}
 
 
 def jitable(function: Function) -> Function:
     """Let compiled code call ``function``; it stays an ordinary Python function.
 
-    The function must keep to what both Python and numba understand in the same way: floats,
-    tuples of floats, 1-D arrays, the ``math`` module. ``math`` (not NumPy) gives both engines
-    the same libm, so that their results agree to the last bit.
+    The function may use what Python and numba understand in the same way: floats, tuples of
+    floats, 1-D arrays, the ``math`` module. ``math`` (not NumPy) gives both engines the same
+    libm, so that their results agree to the last bit.
 
-    Of a function of the user's own compiled code checks every index, as Python does: else it
-    reads whatever lies there. The package's own are tested, and not slowed down.
+    Compiled code checks every index of a user's function, as Python does: a wrong index would
+    read foreign memory. The package's own functions are tested, and not slowed down by checks.
 
     Returns:
         The function, or its source if numba has compiled it already.
     """
     function = source_of(function)
-    # What is no function numba cannot compile: it says so where it is called.
-    if isinstance(function, FunctionType) and function not in _compiled:
-        own = is_own(function)
-        if own:
-            _check_helpers(function)
-        compiled = cast(Any, numba.njit)(boundscheck=own, **OPTIONS)(function)
-        _stand_for(function, compiled)
+    # Numba refuses whatever is not a function, where compiled code calls it.
+    if not isinstance(function, FunctionType) or function in _compiled:
+        return function
+
+    is_users = is_own(function)
+    if is_users:
+        _check_helpers(function)
+    compiled = cast(Any, numba.njit)(boundscheck=is_users, **OPTIONS)(function)
+    _register(function, compiled)
     return function
 
 
 def compiled_as(function: Function, other: Any) -> Function:
     """Let compiled code call the jitable function ``other`` where Python calls ``function``."""
-    if (compiled := compiled_of(other)) is not None:
-        _stand_for(function, compiled)
+    compiled = compiled_of(other)
+    if compiled is not None:
+        _register(function, compiled)
     return function
 
 
-def _stand_for(function: Any, compiled: Any) -> None:
-    """Let numba take a Python function for what it has compiled."""
+def _register(function: Any, compiled: Any) -> None:
+    """Let numba call a dispatcher where compiled code names a Python function."""
     _compiled[function] = compiled
     cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
 
 
 def compiled_of(function: Any) -> Any:
-    """What numba compiles where compiled code calls a jitable function; None of another one."""
-    return _compiled.get(function) if isinstance(function, FunctionType) else None
+    """Return numba's dispatcher of a jitable function; None for any other object."""
+    if not isinstance(function, FunctionType):
+        return None
+    return _compiled.get(function)
 
 
 def source_of(function: Any) -> Any:
-    """A function that numba has compiled stands for its source."""
+    """Return the Python function of a compiled function; any other object is returned as it is."""
     return getattr(function, "py_func", function)
 
 
 def _check_helpers(function: Any) -> None:
-    """Have the compiled functions that one of the user's own calls check their indices too."""
-    block = getattr(function, "__code__", None)
-    if block is None:
+    """Let the compiled functions that a user's function calls check their indices, too."""
+    if not hasattr(function, "__code__"):
         return
-    helpers = [function.__globals__.get(name) for name in block.co_names]
-    for cell in function.__closure__ or ():
-        with contextlib.suppress(ValueError):  # a cell that is still empty
-            helpers.append(cell.cell_contents)
-    for helper in helpers:
-        options, source = getattr(helper, "targetoptions", None), source_of(helper)
+
+    for helper in _referenced_objects(function):
+        options = getattr(helper, "targetoptions", None)
+        source = source_of(helper)
         if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
             options["boundscheck"] = True
             if helper.signatures:
@@ -90,6 +95,17 @@ def _check_helpers(function: Any) -> None:
             _check_helpers(source)
 
 
+def _referenced_objects(function: Any) -> list[Any]:
+    """Return the global and enclosed objects that a Python function refers to."""
+    objects = [function.__globals__.get(name) for name in function.__code__.co_names]
+    for cell in function.__closure__ or ():
+        # A cell is empty until the enclosing function has bound its variable.
+        with contextlib.suppress(ValueError):
+            objects.append(cell.cell_contents)
+    return objects
+
+
 def is_own(function: Any) -> bool:
-    """Whether a function was written outside this package."""
-    return str(getattr(function, "__module__", "")).split(".")[0] != __name__.split(".")[0]
+    """Return True if a function is the user's own, written outside this package."""
+    module = str(getattr(function, "__module__", ""))
+    return module.split(".")[0] != __name__.split(".")[0]

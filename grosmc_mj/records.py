@@ -1,4 +1,4 @@
-"""Dataclasses of numbers as C structures: what compiled code sees of parameters and memory."""
+"""Dataclasses of numbers as C structures, which compiled code reads as parameters and memory."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from grosmc_mj.errors import ArgumentError, shown
 
 
 def record_dtype(value: Any) -> np.dtype[np.void]:
-    """Structured dtype of a dataclass of numbers, arrays and further such dataclasses.
+    """Return the structured dtype of a dataclass of numbers, arrays and such dataclasses.
 
-    Every field is a float64, so that the structure is also a flat run of numbers.
+    Every field is a float64, so the structure is also a flat array of numbers.
 
     Raises:
-        ArgumentError: If a field is of another kind.
+        ArgumentError: If a field has another type.
     """
     if not is_dataclass(value) or isinstance(value, type):
         raise ArgumentError(
             f"a law's numbers are {shown(value)}, must be a dataclass of numbers and arrays"
         )
+
     members = []
     for item in fields(value):
         member = getattr(value, item.name)
@@ -38,18 +39,16 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
                 f"{type(value).__name__}.{item.name} is a {type(member).__name__}; laws take "
                 "numbers, arrays and dataclasses of them"
             )
-    # A structure without members is none that compiled code could have.
-    return np.dtype(members or [("nothing", np.float64)])
+
+    # Compiled code cannot have a structure without members.
+    if not members:
+        members.append(("nothing", np.float64))
+    return np.dtype(members)
 
 
 def pack(value: Any) -> Array:
-    """The numbers of such a dataclass in the order of its fields, flat."""
+    """Return the numbers of a dataclass in the order of its fields, flat, as in its dtype."""
     return np.array(_flat(value), float)
-
-
-@cache
-def _names(kind: Any) -> list[str]:
-    return [item.name for item in fields(kind)]
 
 
 def _flat(value: Any) -> list[float]:
@@ -58,26 +57,39 @@ def _flat(value: Any) -> list[float]:
         member = getattr(value, name)
         if isinstance(member, (int, float, np.floating)):
             numbers.append(float(member))
+        elif isinstance(member, np.ndarray):
+            numbers += member.ravel().tolist()
         else:
-            numbers += member.ravel().tolist() if isinstance(member, np.ndarray) else _flat(member)
-    return numbers or [0.0]
+            numbers += _flat(member)
+
+    # The member of a structure that has no other; see `record_dtype`.
+    if not numbers:
+        numbers.append(0.0)
+    return numbers
+
+
+@cache
+def _names(kind: Any) -> list[str]:
+    """Return the names of a dataclass's fields; cached, since every run packs several."""
+    return [item.name for item in fields(kind)]
 
 
 def extended(value: Any, **extra: Any) -> Any:
-    """A dataclass with further fields at its end: whoever knows the others finds them there."""
+    """Copy of a dataclass with further fields at its end; the fields before keep their places."""
     if not extra:
         return value
-    kind = _extended(type(value), tuple(extra))
+
+    kind = _extended_class(type(value), tuple(extra))
     longer = kind.__new__(kind)
-    # Past __init__ and __post_init__: the value has been checked already.
+    # Without __init__ and __post_init__: the value has been checked already.
     for name, item in {**vars(value), **extra}.items():
         object.__setattr__(longer, name, item)
     return longer
 
 
 @cache
-def _extended(kind: Any, names: tuple[str, ...]) -> Any:
-    """A dataclass with further fields."""
+def _extended_class(kind: Any, names: tuple[str, ...]) -> Any:
+    """Return the dataclass with further fields; cached, so equal extensions share one class."""
     return make_dataclass(
         f"Extended{kind.__name__}",
         [(name, Any, field(default=None)) for name in names],

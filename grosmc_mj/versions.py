@@ -1,4 +1,4 @@
-"""This package's version, and those of the packages that its numbers depend on."""
+"""Versions of this package and of the packages that its numbers depend on."""
 
 from __future__ import annotations
 
@@ -12,24 +12,35 @@ __version__ = "0.1.0"
 
 # Packages whose version may change a bit of a run.
 DECISIVE = ("grosmc_mj", "mujoco", "numba", "numpy", "scipy")
+# Packages whose version every document records.
 _REPORTED = (
-    "python", "grosmc_mj", "mujoco", "dm_control", "numpy", "scipy", "control", "numba",
+    "python",
+    "grosmc_mj",
+    "mujoco",
+    "dm_control",
+    "numpy",
+    "scipy",
+    "control",
+    "numba",
     "matplotlib",
-)  # fmt: skip
+)
 
 
 def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
-    """Versions of Python, this package and others; ``not installed`` where there is none.
+    """Return versions by name; ``not installed`` for a package that is missing.
 
     Args:
-        of: Names of packages, or ``python``; by default what every document records.
+        of: Names of packages, or ``python``; by default those that every document records.
     """
     return {name: _version(name) for name in of}
 
 
 @functools.cache
 def source_digest() -> str:
-    """SHA-256 of this package's own Python, which a checkout changes without another version."""
+    """Return the SHA-256 of this package's source, which a checkout changes between versions.
+
+    Cached: it reads every file of the package.
+    """
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(file.read_bytes())
@@ -38,12 +49,16 @@ def source_digest() -> str:
 
 @functools.cache
 def _version(name: str) -> str:
-    """The version of one."""
-    # Here, for it loads slowly, and the number of this package is asked for first.
+    """Return the version of one package; cached, since it reads the package's metadata."""
+    if name == "python":
+        return platform.python_version()
+    if name == "grosmc_mj":
+        return __version__
+
+    # Imported here because it loads slowly.
     from importlib.metadata import PackageNotFoundError, version
 
-    own = {"python": platform.python_version(), "grosmc_mj": __version__}
     try:
-        return own.get(name) or version(name)
+        return version(name)
     except PackageNotFoundError:
         return "not installed"

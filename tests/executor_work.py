@@ -14,7 +14,7 @@ def square(index: int) -> int:
 
 
 def die_once(folder: Path, index: int) -> int:
-    """Shard 3 kills its worker the first time."""
+    """Kill the worker the first time that shard 3 is run."""
     marker = folder / "killed"
     if index == 3 and not marker.exists():
         marker.touch()
@@ -35,7 +35,7 @@ def divide(index: int) -> float:
 
 
 def leave_pid(folder: Path, seconds: float, index: int) -> int:
-    """Says which process has begun which shard, and takes its time."""
+    """Leave a file named by shard and process, and take some time."""
     (folder / f"{index}.{os.getpid()}").touch()
     time.sleep(seconds)
     return index * index
@@ -49,7 +49,7 @@ def unpicklable(index: int) -> object:
     return threading.Lock()
 
 
-# Work, a shard of it, and the error that it ends with in every executor.
+# Work, a shard of it, and the type and message of the error that it raises in every executor.
 REFUSALS = [
     (refuse, 2, GainError, r"^G B is singular in shard 2$"),
     (divide, 0, SetupError, r"^shard 0 failed: ZeroDivisionError: division by zero$"),

@@ -1,4 +1,4 @@
-"""Results of every form that the page shows, and files of them."""
+"""Documents of every form that the page shows, and files of them."""
 
 from __future__ import annotations
 
@@ -24,12 +24,18 @@ from grosmc_mj.results.result import (
 from grosmc_mj.results.tables import numbers, table, words
 
 CLAIM = {
-    "id": "servo-index", "system": "servo", "source": "eq. (12)", "statement": "J is least",
-    "equation": r"\frac{a}{b}", "criterion": "J of every other law is larger", "threshold": 1.0,
-    "verdict": "refuted", "cause": "a misprint",
+    "id": "servo-index",
+    "system": "servo",
+    "source": "eq. (12)",
+    "statement": "J is least",
+    "equation": r"\frac{a}{b}",
+    "criterion": "J of every other law is larger",
+    "threshold": 1.0,
+    "verdict": "refuted",
+    "cause": "a misprint",
     "plants": {"physics": {"value": 2.0, "note": "n", "verdict": "refuted"}},
     "expected": {"verdicts": {"physics": "refuted"}, "reason": "as recorded"},
-}  # fmt: skip
+}
 
 
 def _document(kind: str, **parts: Any) -> dict[str, Any]:
@@ -76,58 +82,90 @@ REGION = _document(
             table=table("Region", words("map"), [("lqr",)]),
             charts=[
                 GridChart(
-                    name="lqr", axes=(("angle [rad]", 1.5), ("rate [rad/s]", 2.0)),
+                    name="lqr",
+                    axes=(("angle [rad]", 1.5), ("rate [rad/s]", 2.0)),
                     grid=["cc", "cl"],
-                    legend=[Letter(letter="c", name="converges", colour="#0072B2"),
-                            Letter(letter="l", name="leaves", colour="#E69F00")],
+                    legend=[
+                        Letter(letter="c", name="converges", colour="#0072B2"),
+                        Letter(letter="l", name="leaves", colour="#E69F00"),
+                    ],
                 ),
                 LineChart(
-                    name="bandwidth", titles=("bandwidth [rad/s]", "J"), limit=1.5, marks=[62.5],
+                    name="bandwidth",
+                    titles=("bandwidth [rad/s]", "J"),
+                    limit=1.5,
+                    marks=[62.5],
                     lines=[Series(name="J", x=[50.0, 100.0], y=[2.0, None], good=[False, True])],
                 ),
             ],
         )
     ],
-)  # fmt: skip
+)
 CLAIMS = _document(
     "claims",
     answers=[Answer(question="Claims", verdict="kept", words="1 of 1 as expected")],
     claims=[CLAIM],
 )
 CURVES = {
-    "schema_version": 1, "system": "servo", "case": "case1", "title": "with a load",
-    "duration": 3.0, "disturbances": [{"start": 1.0, "stop": 2.0, "label": "load"}],
+    "schema_version": 1,
+    "system": "servo",
+    "case": "case1",
+    "title": "with a load",
+    "duration": 3.0,
+    "disturbances": [{"start": 1.0, "stop": 2.0, "label": "load"}],
     "laws": {"lqr": {"label": "LQR", "colour": "#D55E00"}},
     "panels": [
-        {"label": "angle [rad]", "reference": {"t": [0.0, 3.0], "y": [0.0, 0.0]},
-         "limits": [{"words": "stays within", "t": [0.0, 3.0], "y": [2.0, 2.0]}],
-         "curves": [{"law": "lqr", "plant": "physics", "t": [0.0, 1.5, 3.0],
-                     "y": [0.5, 1.0, 0.0]}]},
-        {"label": "input [V]", "play": 0.5,
-         "curves": [{"law": "lqr", "plant": "physics", "t": [0.0, 3.0], "y": [0.0, 0.0],
-                     "range": [[-1.0, -1.0], [1.0, 1.0]]}]},
+        {
+            "label": "angle [rad]",
+            "reference": {"t": [0.0, 3.0], "y": [0.0, 0.0]},
+            "limits": [{"words": "stays within", "t": [0.0, 3.0], "y": [2.0, 2.0]}],
+            "curves": [
+                {"law": "lqr", "plant": "physics", "t": [0.0, 1.5, 3.0], "y": [0.5, 1.0, 0.0]}
+            ],
+        },
+        {
+            "label": "input [V]",
+            "play": 0.5,
+            "curves": [
+                {
+                    "law": "lqr",
+                    "plant": "physics",
+                    "t": [0.0, 3.0],
+                    "y": [0.0, 0.0],
+                    "range": [[-1.0, -1.0], [1.0, 1.0]],
+                }
+            ],
+        },
     ],
-}  # fmt: skip
+}
 FILM = {
-    "schema_version": 1, "drawn_from": "ab", "sha256": "cd",
-    "configuration": {"case": {"system": "servo", "case": "case1"},
-                      "film": {"speed": 0.5, "start": 0.25}},
-}  # fmt: skip
+    "schema_version": 1,
+    "drawn_from": "ab",
+    "sha256": "cd",
+    "configuration": {
+        "case": {"system": "servo", "case": "case1"},
+        "film": {"speed": 0.5, "start": 0.25},
+    },
+}
 DOCUMENTS = {
-    "run": RUN, "ladder": LADDER, "region": REGION, "claims": CLAIMS, "curves": CURVES,
+    "run": RUN,
+    "ladder": LADDER,
+    "region": REGION,
+    "claims": CLAIMS,
+    "curves": CURVES,
     "film": FILM,
-}  # fmt: skip
+}
 
 
 def write_documents(folder: Path, *kinds: str) -> Path:
-    """Write documents of these kinds, or of all."""
+    """Write documents of these kinds, by default of all."""
     for kind in kinds or DOCUMENTS:
         write_document(folder / f"{kind}.json", copy.deepcopy(DOCUMENTS[kind]))
     return folder
 
 
 def write_document(path: Path, content: Any) -> Path:
-    """Write one document."""
+    """Write a document as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content), encoding="utf-8")
     return path
@@ -140,5 +178,5 @@ def write_film(folder: Path, film: bytes) -> None:
 
 
 def valued(values: Iterable[Value], **fields: Any) -> dict[str, Any]:
-    """A run's document with these values and other fields."""
+    """Return a run's document with these values and fields."""
     return {**RUN, "values": [value.model_dump() for value in values], **fields}

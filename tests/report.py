@@ -1,8 +1,8 @@
-"""Put the stored results of ``make test`` together: a line a part; exit code 1 if one is missing.
+"""Summary of the stored results of ``make test``: a line a part; exit code 1 if one is missing.
 
-Each run stores its results in build/tests: of all folders, of one (``PART=tests/control``), of the
-tests that run apart, or of the portable ones. Of a part its newest result counts, unless the code
-is newer. A run that was interrupted stores none.
+Each run stores its results in build/tests: those of all folders, of one (``PART=tests/control``),
+of the tests that run apart, or of the portable ones. The newest result of a part counts, unless the
+code is newer. A run that was interrupted stores none.
 """
 
 from __future__ import annotations
@@ -16,51 +16,82 @@ ROOT = Path(__file__).resolve().parents[1]
 TOP = "top level"
 # Runs that are a part as a whole, whatever folders their tests come from.
 RUNS = ("apart", "portable")
+FAILURES = ("failure", "error")
 
 
 def part_of(name: str) -> str:
-    """A folder of tests, or the files that lie in none."""
-    return TOP if name.startswith("test_") or not name else name
+    """Return the part of a folder of tests, or of a file at their top."""
+    if not name or name.startswith("test_"):
+        return TOP
+    return name
 
 
 def parts() -> list[str]:
-    """All that must have passed; of the folder ``hostile`` everything runs apart."""
-    files = (file.relative_to(ROOT / "tests") for file in (ROOT / "tests").rglob("test_*.py"))
-    return sorted({part_of(file.parts[0]) for file in files} - {"hostile"} | {*RUNS})
+    """Return all parts that must have passed."""
+    tests = ROOT / "tests"
+    names = {part_of(file.relative_to(tests).parts[0]) for file in tests.rglob("test_*.py")}
+    names.update(RUNS)
+    # All tests of this folder run apart.
+    names.discard("hostile")
+    return sorted(names)
 
 
 def changed() -> float:
-    """When the code or a test was changed last."""
-    files = [f for top in ("grosmc_mj", "models", "tests") for f in (ROOT / top).rglob("*")]
-    return max(f.stat().st_mtime for f in files if f.is_file() and f.parent.name != "__pycache__")
+    """Return the time of the last change of the code or of a test."""
+    times = []
+    for top in ("grosmc_mj", "models", "tests"):
+        files = [path for path in (ROOT / top).rglob("*") if path.is_file()]
+        times += [path.stat().st_mtime for path in files if path.parent.name != "__pycache__"]
+    return max(times)
 
 
 def results(folder: Path, since: float) -> dict[str, Counter[str]]:
-    """How many tests of each part passed, were skipped or failed, by its newest result."""
+    """Return the newest result of each part: how many tests passed, were skipped or failed."""
     newest: dict[str, Counter[str]] = {}
     for file in sorted(folder.glob("*.xml"), key=lambda file: file.stat().st_mtime):
-        if file.stat().st_mtime < since:
-            continue
-        ends: dict[str, Counter[str]] = {}
-        for case in ElementTree.parse(file).iter("testcase"):
-            part = part_of(f"{case.get('classname')}.".split(".")[1])
-            end = next((x.tag for x in case if x.tag in ("failure", "error", "skipped")), "passed")
-            ends.setdefault(file.stem if file.stem in RUNS else part, Counter())[end] += 1
-        newest |= ends
+        if file.stat().st_mtime >= since:
+            newest.update(results_of(file))
     return newest
 
 
-def report(found: dict[str, Counter[str]], needed: list[str]) -> tuple[str, bool]:
-    """A line a part, and whether all passed."""
-    lines, bad = [], 0
-    for part in needed:
-        ends = found.get(part, Counter())
-        wrong = not ends or ends["failure"] + ends["error"] > 0
-        counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items())) or "missing"
-        lines.append(f"{'FAILED' if wrong else 'ok':6}  {part:14}  {counts}")
-        bad += wrong
-    lines.append(f"{bad} of {len(needed)} parts failed or are missing" if bad else "All passed")
-    return "\n".join(lines), not bad
+def results_of(file: Path) -> dict[str, Counter[str]]:
+    """Return the results of each part in a file."""
+    ends: dict[str, Counter[str]] = {}
+    for case in ElementTree.parse(file).iter("testcase"):
+        part = file.stem
+        if part not in RUNS:
+            # Such as tests.control.test_lqr.
+            part = part_of(f"{case.get('classname')}.".split(".")[1])
+        ends.setdefault(part, Counter())[end_of(case)] += 1
+    return ends
+
+
+def end_of(case: ElementTree.Element) -> str:
+    """Return the end of a test, which its first child with such a name has."""
+    for child in case:
+        if child.tag in (*FAILURES, "skipped"):
+            return child.tag
+    return "passed"
+
+
+def report(newest: dict[str, Counter[str]], required: list[str]) -> tuple[str, bool]:
+    """Return a line for each part, and True if all passed."""
+    lines = []
+    failed = 0
+    for part in required:
+        ends = newest.get(part, Counter())
+        counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
+        verdict = "ok"
+        if not ends or any(ends[end] for end in FAILURES):
+            verdict = "FAILED"
+            failed += 1
+        lines.append(f"{verdict:6}  {part:14}  {counts or 'missing'}")
+
+    if failed:
+        lines.append(f"{failed} of {len(required)} parts failed or are missing")
+    else:
+        lines.append("All passed")
+    return "\n".join(lines), not failed
 
 
 if __name__ == "__main__":

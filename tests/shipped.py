@@ -1,4 +1,7 @@
-"""The package's experiments as tests ask for them: a case, a plant, a law, a number of its file."""
+"""Shipped experiments for tests: their cases, plants and laws, and numbers of their files.
+
+A design is a system, or a further task of it: ``servo``, ``two_link_arm regulation``.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.references import Setpoints
@@ -28,16 +32,18 @@ TWO_LINK_TARGET = Setpoints(math.pi / 3, -math.pi / 2)
 
 
 def of_design(design: str) -> Experiment:
-    """The nominal experiment of a system, or of a further task of it."""
-    system, _, further = design.partition(" ")
-    return find_experiment(system, further or "nominal")
+    """Return the nominal experiment of a design."""
+    system, _, further_task = design.partition(" ")
+    return find_experiment(system, further_task or "nominal")
 
 
 def of_case(case: Case, settings: Settings | None = None) -> Experiment:
-    """A case under the package's laws for it; of a plant of one's own it has no laws."""
-    known = find_experiments(case.system if "/" not in case.system else "servo")
-    base = next((one for one in known if one.case.design == case.design), known[0])
-    return replace(base, case=case).with_settings(**vars(settings or Settings()))
+    """Return a case under the shipped laws of its design; a user's own plant has no laws."""
+    system = "servo" if "/" in case.system else case.system
+    experiments = find_experiments(system)
+    same_design = [item for item in experiments if item.case.design == case.design]
+    experiment = replace((same_design or experiments)[0], case=case)
+    return experiment.with_settings(**vars(settings or Settings()))
 
 
 def cases(system: str) -> list[Case]:
@@ -59,9 +65,9 @@ def run_case(case: Case, plant: PlantName, law: str, settings: Settings) -> RunR
 def run_on(
     case: Case, name: PlantName, law: Controller, plant: Plant, settings: Settings
 ) -> RunResult:
-    """Any law on any plant."""
-    anything = replace(find_experiment("servo", "nominal"), case=case, settings=settings)
-    return runs.run_on(anything, name, law, plant)
+    """Run any law on any plant."""
+    experiment = replace(find_experiment("servo", "nominal"), case=case, settings=settings)
+    return runs.run_on(experiment, name, law, plant)
 
 
 def case_plant(case: Case, name: PlantName, settings: Settings) -> Plant:
@@ -79,37 +85,62 @@ def nominal_controller(
 
 
 def task_of(design: str, plant: AnalyticPlant | None = None) -> Task:
-    """What the laws of a design are designed for."""
-    law = of_design(design).law("corrected", "lqr")
-    nominal: Any = plant or of_design(design).nominal.equations("corrected")
+    """Return the task of a design's laws, on its nominal plant or on another one."""
+    experiment = of_design(design)
+    law = experiment.law("corrected", "lqr")
+    nominal: Any = plant or experiment.nominal.equations("corrected")
     error: Any = law.designed.error
     return Task(nominal, error, law.parameters.reference, law.designed.lqr.Q, law.designed.lqr.R)
 
 
-_DESIGNS = {
-    "SERVO": "servo", "PENDULUM": "cart_pendulum", "ARM": "arm", "TWO_LINK": REGULATION,
-}  # fmt: skip
+def error_of(design: str) -> Any:
+    return task_of(design).error
+
+
+def reference_of(design: str) -> Any:
+    return task_of(design).reference
+
+
+def weights_of(design: str) -> tuple[Any, Any]:
+    """Return Q and R of a design's LQR."""
+    task = task_of(design)
+    return task.Q, task.R
+
+
+def uncertainty_of(design: str) -> Any:
+    """Return the uncertainty that a design declares."""
+    return of_design(design).uncertainty
+
+
+def surface_of(design: str) -> Array:
+    """Return G of a design's sliding surface, (m, n)."""
+    return of_design(design).law("corrected", "grosmc").parameters.G
+
+
+# Numbers of the case files by the names that tests import.
+_NUMBERS = {
+    "SERVO_ERROR": (error_of, "servo"),
+    "SERVO_UNCERTAINTY": (uncertainty_of, "servo"),
+    "PENDULUM_ERROR": (error_of, "cart_pendulum"),
+    "PENDULUM_UNCERTAINTY": (uncertainty_of, "cart_pendulum"),
+    "ARM_ERROR": (error_of, "arm"),
+    "ARM_G": (surface_of, "arm"),
+    "ARM_REFERENCE": (reference_of, "arm"),
+    "ARM_WEIGHTS": (weights_of, "arm"),
+    "TWO_LINK_JOINTS": (error_of, REGULATION),
+    "TWO_LINK_TIP": (error_of, "two_link_arm"),
+    "TWO_LINK_G": (surface_of, REGULATION),
+    "TWO_LINK_UNCERTAINTY": (uncertainty_of, REGULATION),
+    "TWO_LINK_WEIGHTS": (weights_of, REGULATION),
+}
 
 
 def __getattr__(name: str) -> Any:
-    """A number of the case files, such as ARM_ERROR, SERVO_UNCERTAINTY, TWO_LINK_G."""
-    prefix, _, part = name.rpartition("_")
-    if prefix not in _DESIGNS:
+    """Return a number when a test imports it: all of them together take seconds."""
+    if name not in _NUMBERS:
         raise AttributeError(name)
-    design = "two_link_arm" if part == "TIP" else _DESIGNS[prefix]
-    match part:
-        case "UNCERTAINTY":
-            return of_design(design).uncertainty
-        case "G":
-            return of_design(design).law("corrected", "grosmc").parameters.G
-        case "WEIGHTS":
-            return task_of(design).Q, task_of(design).R
-        case "ERROR" | "TIP" | "JOINTS":
-            return task_of(design).error
-        case "REFERENCE" | "STEP" | "UPRIGHT":
-            return task_of(design).reference
-        case _:
-            raise AttributeError(name)
+    number_of, design = _NUMBERS[name]
+    return number_of(design)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Workers do not run what lies in the folder that the user happens to be in."""
+"""Workers do not import modules from the working folder."""
 
 import subprocess
 import sys
@@ -16,19 +16,25 @@ if __name__ == "__main__":
     executor = make_executor(sys.argv[1], workers=1)
     print([finished.report for finished in executor.run(partial(add, 1), range(2), print)])
 """
-# What an interpreter that starts a worker imports before any code of ours.
+# Modules that a worker imports before any code of this package.
 NAMES = ("json", "pickle", "random", "threading", "multiprocessing", "loky", "distributed")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("executor", ["processes", pytest.param("dask", marks=pytest.mark.apart)])
-def test_modules_in_the_working_folder_are_not_taken_for_libraries(executor, tmp_path: Path):
-    folder, program = tmp_path / "folder", tmp_path / "program.py"
+def test_modules_in_the_working_folder_are_not_taken_for_libraries(
+    executor: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "folder"
     folder.mkdir()
-    program.write_text(PROGRAM)
     for name in NAMES:
-        (folder / f"{name}.py").write_text(f"open({str(folder / name)!r} + '.ran', 'w').close()\n")
+        marker = folder / f"{name}.ran"
+        (folder / f"{name}.py").write_text(f"open({str(marker)!r}, 'w').close()\n")
+
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
     command = [sys.executable, str(program), executor]
-    done = subprocess.run(command, cwd=folder, capture_output=True, timeout=120, check=False)
+    finished = subprocess.run(command, cwd=folder, capture_output=True, timeout=120, check=False)
     assert list(folder.glob("*.ran")) == []
-    assert (done.stdout, done.returncode) == (b"[1, 2]\n", 0)
+    assert finished.stdout == b"[1, 2]\n"
+    assert finished.returncode == 0

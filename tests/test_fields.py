@@ -1,4 +1,4 @@
-"""Fields that check themselves: every mistake is told by the field's name, value and bound."""
+"""Checked fields: the message of every mistake has the field's name, value and bound."""
 
 from __future__ import annotations
 
@@ -47,38 +47,60 @@ class Spring:
         ({"stifness": 1.0}, "there is no argument stifness; valid: joint, stiffness"),
     ],
 )
-def test_a_mistake_is_told_by_name_value_and_bound(arguments: dict[str, Any], message: str) -> None:
-    make: Any = Spring
+def test_a_mistake_has_name_value_and_bound(arguments: dict[str, Any], message: str) -> None:
+    valid = {"joint": "hinge", "stiffness": 1.0}
     with pytest.raises(ModelError, match=message):
-        make(**{"joint": "hinge", "stiffness": 1.0} | arguments)
+        Spring(**{**valid, **arguments})
 
 
-def test_numbers_of_any_kind_are_floats_and_the_value_is_a_dataclass() -> None:
-    spring = Spring("hinge", np.int64(3), np.float32(0.5))  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize("stiffness", [3, np.int64(3), np.float32(3.0), np.array(3.0)])
+def test_a_number_of_any_kind_becomes_a_float(stiffness: Any) -> None:
+    spring = Spring("hinge", stiffness)
     assert type(spring.stiffness) is float
-    assert pickle.loads(pickle.dumps(spring)) == spring == replace(spring, turns=1)
+    assert spring.stiffness == 3.0
+
+
+def test_a_checked_class_is_a_dataclass() -> None:
+    spring = Spring("hinge", 3.0, 0.5)
+    assert pickle.loads(pickle.dumps(spring)) == spring
+    assert replace(spring, turns=1) == spring
+
+
+def test_bounds_and_unit_of_a_field_are_read_back() -> None:
     assert range_of(Spring, "play") == Range(0, 1, unit="rad", below=True)
     assert range_of(Spring, "joint") is None
 
 
-def test_a_function_checks_its_arguments() -> None:
-    @checked_call
-    def weigh(gain: Positive, matrix: Annotated[Array, Reals((None, 2))]) -> Array:
-        return gain * matrix
+@checked_call
+def weigh(gain: Positive, matrix: Annotated[Array, Reals((None, 2))]) -> Array:
+    return gain * matrix
 
+
+def test_a_function_converts_its_arguments() -> None:
     assert weigh(2, [[1, 2]]).tolist() == [[2.0, 4.0]]
+
+
+def test_a_function_checks_its_arguments() -> None:
     words = r"gain = -1 must be .*; matrix = \[\[1, 2, 3\]\] must be"
     with pytest.raises(ArgumentError, match=words):
         weigh(-1, [[1, 2, 3]])
 
 
-def test_a_value_that_only_looks_like_a_whole_number_is_none() -> None:
-    assert [whole(value) for value in (True, 1.0, "1", None, np.array([1]))] == [None] * 5
-    numbers = [whole(value) for value in (1, np.int32(1), np.array(1))]
-    assert (numbers, {*map(type, numbers)}) == ([1] * 3, {int})
+@pytest.mark.parametrize("value", [True, 1.0, "1", None, np.array([1])])
+def test_a_value_that_only_looks_like_a_whole_number_is_none(value: Any) -> None:
+    assert whole(value) is None
 
 
-def test_a_name_that_is_none_of_the_valid_ones_is_refused_with_the_nearest() -> None:
-    for name, words in (("lqq", "unknown law 'lqq': did you mean 'lqr'"), (3, "unknown law 3")):
-        with pytest.raises(ArgumentError, match=words):
-            require_known("law", name, ["lqr", "grosmc"])
+@pytest.mark.parametrize("value", [1, np.int32(1), np.array(1)])
+def test_a_whole_number_of_any_kind_becomes_an_int(value: Any) -> None:
+    assert type(whole(value)) is int
+    assert whole(value) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("lqq", "unknown law 'lqq': did you mean 'lqr'"), (3, "unknown law 3")],
+)
+def test_an_unknown_name_is_refused_with_the_nearest(name: Any, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        require_known("law", name, ["lqr", "grosmc"])

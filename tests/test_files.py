@@ -2,40 +2,67 @@
 
 import errno
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from commands import Patch
 
 from grosmc_mj.errors import SetupError
 from grosmc_mj.files import private_cache, written_aside
 
+# The number of no user.
+NOBODY = 4_000_000_000
 
-def test_a_link_that_is_in_the_way_is_replaced_and_never_followed(tmp_path: Path, monkeypatch):
-    elsewhere, target = tmp_path / "elsewhere", tmp_path / "results.json"
+
+def test_a_link_at_the_path_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
     elsewhere.write_text("somebody's")
+    target = tmp_path / "results.json"
     target.symlink_to(elsewhere)
     with written_aside(target) as part:
         part.write_text("ours")
     assert not target.is_symlink()
-    # One that was planted where the file aside will be is an error.
+    assert target.read_text() == "ours"
+    assert elsewhere.read_text() == "somebody's"
+
+
+def test_a_link_at_the_temporary_path_is_an_error(tmp_path: Path, monkeypatch: Patch) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("somebody's")
+    target = tmp_path / "results.json"
+    target.write_text("ours")
     monkeypatch.setattr("grosmc_mj.files.secrets.token_hex", lambda size: "foretold")
     (tmp_path / ".results.foretold.part.json").symlink_to(elsewhere)
     with pytest.raises(SetupError, match="File exists"), written_aside(target) as part:
         part.write_text("others")
-    assert (target.read_text(), elsewhere.read_text()) == ("ours", "somebody's")
+    assert target.read_text() == "ours"
+    assert elsewhere.read_text() == "somebody's"
 
 
-def test_of_two_writers_the_one_that_ends_last_counts(tmp_path: Path):
+def test_of_two_writers_the_one_that_ends_last_counts(tmp_path: Path) -> None:
     target = tmp_path / "results.json"
-    before = os.umask(0o027)
     with written_aside(target) as first, written_aside(target) as second:
-        assert (first != second, first.parent, second.parent) == (True, tmp_path, tmp_path)
+        assert first != second
+        assert first.parent == second.parent == tmp_path
         first.write_text("first")
         second.write_text("second")
     assert target.read_text() == "first"
-    os.umask(before)
     assert list(tmp_path.iterdir()) == [target]
-    # It has the mode that the user's mask leaves.
+
+
+@pytest.fixture
+def mask() -> Iterator[None]:
+    before = os.umask(0o027)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("mask")
+def test_a_file_has_the_mode_that_the_user_s_mask_leaves(tmp_path: Path) -> None:
+    target = tmp_path / "results.json"
+    with written_aside(target) as part:
+        part.write_text("ours")
     assert target.stat().st_mode & 0o777 == 0o640
 
 
@@ -43,7 +70,9 @@ def test_of_two_writers_the_one_that_ends_last_counts(tmp_path: Path):
     "error",
     [ConnectionResetError(errno.ECONNRESET, "reset"), FileNotFoundError(2, "none", "ffmpeg")],
 )
-def test_an_error_that_is_not_of_its_writing_keeps_its_words(tmp_path: Path, error: OSError):
+def test_an_error_that_is_not_of_its_writing_keeps_its_words(
+    tmp_path: Path, error: OSError
+) -> None:
     with pytest.raises(type(error)) as raised, written_aside(tmp_path / "results.json"):
         raise error
     assert raised.value is error
@@ -55,7 +84,7 @@ def test_an_error_that_is_not_of_its_writing_keeps_its_words(tmp_path: Path, err
     [lambda part: Path("/dev/full").write_text("1"), Path.unlink],
     ids=["full", "gone"],
 )
-def test_an_error_of_its_writing_names_the_file(tmp_path: Path, harm):
+def test_an_error_of_its_writing_names_the_file(tmp_path: Path, harm) -> None:
     target = tmp_path / "results.json"
     line = rf"cannot write {target}: No s.*; free the disk"
     with pytest.raises(SetupError, match=line), written_aside(target) as part:
@@ -63,39 +92,56 @@ def test_an_error_of_its_writing_names_the_file(tmp_path: Path, harm):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_cache_is_for_its_owner_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    folder = private_cache(str(tmp_path))
-    assert folder is not None
-    # What others could only read is made private; what they could write to is not believed.
-    folder.chmod(0o755)
-    assert private_cache(str(tmp_path)) == folder
-    assert folder.stat().st_mode & 0o777 == 0o700
-    (tmp_path / "linked").mkdir()
-    (tmp_path / "linked" / "grosmc_mj").symlink_to(folder)
-    with pytest.raises(SetupError, match="must be a folder of your own"):
-        private_cache(str(tmp_path / "linked"))
-    folder.chmod(0o770)
-    with pytest.raises(SetupError, match=r"must be a folder of your own with mode 700.*mode 770"):
-        private_cache(str(tmp_path))
-    folder.chmod(0o700)
-    monkeypatch.setattr(os, "getuid", lambda: 4_000_000_000)
-    with pytest.raises(SetupError, match=r"must be a folder of your own.*its owner is user \d+"):
-        private_cache(str(tmp_path))
-
-
-def test_without_a_home_there_is_no_cache(tmp_path: Path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("HOME", raising=False)
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr(os, "getuid", lambda: 4_000_000_000)  # no such user
-    assert private_cache() is None
-    assert not list(tmp_path.iterdir())
-
-
-def test_what_is_no_file_is_never_replaced(tmp_path: Path):
+def test_a_pipe_is_not_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(SetupError, match="a device, a pipe or a socket"), written_aside(pipe):
         pass
     assert pipe.is_fifo()
     assert list(tmp_path.iterdir()) == [pipe]
+
+
+# The cache.
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Path:
+    folder = private_cache(str(tmp_path))
+    assert folder is not None
+    return folder
+
+
+def test_a_cache_that_others_could_read_is_made_private(cache: Path, tmp_path: Path) -> None:
+    cache.chmod(0o755)
+    assert private_cache(str(tmp_path)) == cache
+    assert cache.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_cache_that_others_could_write_to_is_refused(cache: Path, tmp_path: Path) -> None:
+    cache.chmod(0o770)
+    with pytest.raises(SetupError, match=r"must be a folder of your own with mode 700.*mode 770"):
+        private_cache(str(tmp_path))
+
+
+def test_a_cache_that_is_a_link_is_refused(cache: Path, tmp_path: Path) -> None:
+    linked = tmp_path / "linked"
+    linked.mkdir()
+    (linked / "grosmc_mj").symlink_to(cache)
+    with pytest.raises(SetupError, match="must be a folder of your own"):
+        private_cache(str(linked))
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_cache_of_another_user_is_refused(tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: NOBODY)
+    with pytest.raises(SetupError, match=r"must be a folder of your own.*its owner is user \d+"):
+        private_cache(str(tmp_path))
+
+
+def test_without_a_home_there_is_no_cache(tmp_path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os, "getuid", lambda: NOBODY)
+    assert private_cache() is None
+    assert not list(tmp_path.iterdir())

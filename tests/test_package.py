@@ -7,8 +7,10 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from commands import Patch, Screen
 
 import grosmc_mj
 from grosmc_mj.chapter.validation import results_markdown, results_table
@@ -21,21 +23,20 @@ README = Path(__file__).parents[1] / "README.md"
 
 
 def example(language: str) -> str:
-    """The README's first block of a language."""
+    """Return the README's first block of a language."""
     text = README.read_text(encoding="utf-8")
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[0]
 
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_the_readme_s_example_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_readme_s_example_runs(tmp_path: Path, monkeypatch: Patch, capsys: Screen) -> None:
     monkeypatch.chdir(tmp_path)
-    # The film is a small one: how one looks by default does not depend on who asks for it.
+    # A small film is quick to render.
     small = Format(width=320, height=240, fps=2, stop=1.0)
     monkeypatch.setattr("grosmc_mj.experiments.films.Format", lambda: small)
     exec(example("python"), {})
+
     first, *requirements, last = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"\S+ rad from the nominal optimum", first)
     assert requirements
@@ -49,20 +50,51 @@ def test_the_readme_s_example_file_is_kept(tmp_path: Path) -> None:
     assert all(judgement.kept for judgement in grosmc_mj.judge(tmp_path / "mine.toml"))
 
 
-def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None:
+PAGE = """\
+before
+<!-- results -->
+old
+<!-- /results -->
+after
+"""
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    """Return the parts of a validation document that the README's table comes from."""
     (experiment,) = select_experiments(["servo"], "case1")
-    table = results_table([experiment.run(plant, "lqr") for plant in ("physics", "corrected")])
-    document = {"sheets": [{"table": table.model_dump(), "charts": []}]}
+    runs = [experiment.run(plant, "lqr") for plant in ("physics", "corrected")]
+    return {"sheets": [{"table": results_table(runs).model_dump(), "charts": []}]}
+
+
+@pytest.fixture
+def results(document: dict[str, Any], tmp_path: Path) -> Path:
+    path = tmp_path / "validation.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_the_readme_s_table_has_a_row_for_each_run_in_physics(document: dict[str, Any]) -> None:
     rows = results_markdown(document).splitlines()
     assert len(rows) == 3
     assert rows[2].startswith("| servo | case1 | lqr | 1.42 rad | 3.99 s |  | 13.4 | ")
-    readme, results = tmp_path / "README.md", tmp_path / "validation.json"
-    readme.write_text("before\n<!-- results -->\nold\n<!-- /results -->\nafter\n")
-    results.write_text(json.dumps(document))
-    for _ in range(2):
-        write_text("results", readme, results)
-    text = "\n".join(["before", "<!-- results -->", *rows, "<!-- /results -->", "after", ""])
-    assert readme.read_text() == text
+
+
+def test_the_readme_s_table_is_written_between_its_marks(
+    document: dict[str, Any], results: Path, tmp_path: Path
+) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(PAGE)
+    # The second time the table of the first is replaced.
+    write_text("results", readme, results)
+    write_text("results", readme, results)
+    rows = results_markdown(document).splitlines()
+    lines = ["before", "<!-- results -->", *rows, "<!-- /results -->", "after"]
+    assert readme.read_text().splitlines() == lines
+
+
+def test_a_page_without_marks_is_refused(results: Path, tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
     readme.write_text("nothing here")
     with pytest.raises(SetupError, match="has no <!-- results -->"):
         write_text("results", readme, results)
@@ -75,8 +107,8 @@ def test_the_readme_s_table_comes_from_a_validation_file(tmp_path: Path) -> None
         ("grosmc_mj.cli", ("mujoco", "numba")),
     ],
 )
-def test_what_an_import_leaves_out(module: str, heavy: tuple[str, ...]) -> None:
+def test_an_import_leaves_out_heavy_libraries(module: str, heavy: tuple[str, ...]) -> None:
     program = f"import sys, {module}; print([n for n in {heavy} if n in sys.modules])"
     command = [sys.executable, "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    finished = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert finished.stdout.strip() == "[]"

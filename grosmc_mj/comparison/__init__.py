@@ -1,1 +1,1 @@
-"""What changed from old results to new ones, and which of it is more than noise?"""
+"""Comparison of old and new results: the changes, and which of them are more than noise."""

@@ -1,11 +1,11 @@
-"""Two campaigns: pass rates and mean margins that differ by more than noise."""
+"""Comparison of two campaigns: pass rates and mean margins that differ by more than noise."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -27,19 +27,20 @@ from grosmc_mj.sweep.findings import Basis
 from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
+# Column of the least margin of each run.
 _LEAST_MARGIN = "relative"
 _NO_INTERVAL = "no interval: neither the same plants nor random ones"
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignRows:
-    """The runs of a campaign.
+    """Runs of a campaign.
 
     Attributes:
-        name: Of its folder.
-        rows: By law and column, (n,) each, in the order of the plants' numbers; a margin of -inf is
-            that of a run that ended early.
-        plants: The uncertain numbers of each plant, (n, k), by law.
+        name: Name of its folder.
+        rows: Columns by law and name, (n,) each, in the order of the plants' numbers; a run that
+            ended early has a margin of -inf.
+        plants: Uncertain numbers of each plant, (n, k), by law.
         basis: The sample.
     """
 
@@ -50,60 +51,74 @@ class CampaignRows:
 
     @property
     def margins(self) -> Mapping[str, tuple[str, str]]:
-        """Law and column of the margins that there are, by the name of each."""
-        return {
-            f"{self.name} {law}: "
-            + ("least margin" if column == _LEAST_MARGIN else column.removeprefix(MARGIN)): (
-                law,
-                column,
-            )
-            for law, columns in self.rows.items()
-            for column, values in columns.items()
-            if column != "id" and not np.isnan(values).all()
-        }
+        """Law and column of each margin that has numbers, by the name of the margin."""
+        margins = {}
+        for law, columns in self.rows.items():
+            for column, values in columns.items():
+                if column != "id" and not np.isnan(values).all():
+                    margins[f"{self.name} {law}: {_title(column)}"] = (law, column)
+        return margins
+
+
+def _title(column: str) -> str:
+    """Return the name of a margin for people."""
+    if column == _LEAST_MARGIN:
+        return "least margin"
+    return column.removeprefix(MARGIN)
 
 
 def campaign_folders(path: Path) -> dict[str, Path]:
-    """Folders of campaigns in a path, by where they are in it."""
-    files = path.rglob(MANIFEST) if path.is_dir() else ()
-    return {str(file.parent.relative_to(path)): file.parent for file in sorted(files)}
+    """Return the folders of campaigns in a path, by their relative paths."""
+    if not path.is_dir():
+        return {}
+    folders = [manifest.parent for manifest in sorted(path.rglob(MANIFEST))]
+    return {str(folder.relative_to(path)): folder for folder in folders}
 
 
 def campaign_rows(folder: Path) -> CampaignRows:
-    """The rows of a campaign; nothing in its folder is executed.
+    """Read the runs of a campaign; nothing in its folder is executed.
 
     Raises:
         ArgumentError: If a part or the manifest cannot be read.
     """
     manifest = read_manifest(folder)
     try:
-        configuration, rows, plants = manifest["configuration"], {}, {}
-        # pyarrow refuses a folder without parts.
-        parts = [pq.read_table(file) for file in (folder / "parts").glob("*.parquet")]
-        table = pa.concat_tables(parts).sort_by("id")
-        judged = [name for name in table.column_names if name.startswith(MARGIN)]
-        for law in table["controller"].unique().to_pylist():
-            own = table.filter(pc.field("controller") == law)
-            names = ("id", _LEAST_MARGIN, *judged)
-            rows[law] = {name: np.asarray(own[name], float) for name in names}
-            plants[law] = np.array([own[name] for name in configuration["uncertain"]], float).T
-        basis = Basis(
-            len(table) // len(rows), int(configuration["runs"]), str(configuration["sampler"]),
-            int(configuration["seed"]),
-        )  # fmt: skip
+        return _read_rows(folder, manifest["configuration"])
     except (OSError, KeyError, TypeError, ValueError, ArithmeticError, pa.ArrowException) as error:
         raise ArgumentError(f"{folder} cannot be read: {one_line(str(error))[:160]}") from None
+
+
+def _read_rows(folder: Path, configuration: Mapping[str, Any]) -> CampaignRows:
+    # pyarrow refuses a folder without parts.
+    parts = [pq.read_table(file) for file in (folder / "parts").glob("*.parquet")]
+    table = pa.concat_tables(parts).sort_by("id")
+    margins = [name for name in table.column_names if name.startswith(MARGIN)]
+
+    rows = {}
+    plants = {}
+    for law in table["controller"].unique().to_pylist():
+        runs = table.filter(pc.field("controller") == law)
+        columns = ("id", _LEAST_MARGIN, *margins)
+        rows[law] = {name: np.asarray(runs[name], float) for name in columns}
+        plants[law] = np.array([runs[name] for name in configuration["uncertain"]], float).T
+
+    basis = Basis(
+        runs=len(table) // len(rows),
+        planned=int(configuration["runs"]),
+        sampler=str(configuration["sampler"]),
+        seed=int(configuration["seed"]),
+    )
     return CampaignRows(folder.name, rows, plants, basis)
 
 
 class LawRuns(NamedTuple):
-    """The runs of one law in two campaigns.
+    """Runs of one law in two campaigns.
 
     Attributes:
         before: Columns of the old campaign, (n,) each.
-        after: Columns of the new one, (m,) each.
+        after: Columns of the new campaign, (m,) each.
         same_plants: Whether row i is the same plant on both sides.
-        comparable: Whether the runs allow an interval: on the same plants, or on random ones.
+        comparable: Whether the runs allow an interval: the plants are the same ones, or random.
     """
 
     before: Mapping[str, Array]
@@ -113,13 +128,13 @@ class LawRuns(NamedTuple):
 
 
 class ComparedNumber(NamedTuple):
-    """A pass rate or a mean margin of two campaigns.
+    """Pass rate or mean margin of two campaigns.
 
     Attributes:
-        name: With the law and the requirement.
+        name: Name, with the law and the requirement.
         before: Value in the old campaign; None if no run has one.
-        after: Value in the new one.
-        interval: Of the change; None if the runs allow none.
+        after: Value in the new campaign; None if no run has one.
+        interval: Interval of the change; None if the runs allow none.
     """
 
     name: str
@@ -128,7 +143,7 @@ class ComparedNumber(NamedTuple):
     interval: ChangeInterval | None
 
     def change(self, campaign: str) -> Change:
-        """The change, which is noise if its interval contains zero."""
+        """Return the change, which is noise if its interval contains zero."""
         name = f"{campaign} {self.name}"
         before, after, interval = self.before, self.after, self.interval
         if after is None:
@@ -138,12 +153,14 @@ class ComparedNumber(NamedTuple):
         if interval is None:
             return Change("campaign", name, before, after, Effect.CHANGED, note=_NO_INTERVAL)
 
-        effect = effect_of(after - before) if interval.excludes_zero else Effect.NOISE
+        effect = Effect.NOISE
+        if interval.excludes_zero:
+            effect = effect_of(after - before)
         return Change("campaign", name, before, after, effect, note=interval.words)
 
 
 def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
-    """Changes of pass rates and mean margins, and how many of these both campaigns have."""
+    """Return the changes of pass rates and mean margins, and how many both campaigns have."""
     before = old.margins
     after = new.margins
     changes = [gone_or_new(name, gone=name in before) for name in before.keys() ^ after.keys()]
@@ -160,14 +177,14 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
 
 
 def gone_or_new(name: str, *, gone: bool) -> Change:
-    """A campaign, a law or a requirement that one side has alone: worse if it is gone."""
+    """Return the change of a campaign or a margin that one side lacks: worse if it is gone."""
     if gone:
         return Change("campaign", name, "there", None, Effect.WORSE, note=GONE)
     return Change("campaign", name, None, "there", Effect.NEW)
 
 
 def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
-    """The runs that both campaigns have if these are the same plants; else all runs of both."""
+    """Return the runs that both campaigns have if they are on the same plants; else all runs."""
     before = old.rows[law]
     after = new.rows[law]
     shared, in_old, in_new = np.intersect1d(before["id"], after["id"], return_indices=True)
@@ -191,7 +208,7 @@ def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
 
 
 def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[ComparedNumber]:
-    """Pass rate and mean margin of a requirement under a law.
+    """Yield pass rate and mean margin of a requirement under a law.
 
     Before those of the least margin comes the share of runs that complete.
     """
@@ -202,13 +219,12 @@ def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[Compared
 
     completed_before = runs.before[_LEAST_MARGIN] > -np.inf
     completed_after = runs.after[_LEAST_MARGIN] > -np.inf
-    title = column.removeprefix(MARGIN)
+    title = _title(column)
     if column == _LEAST_MARGIN:
-        title = "least margin"
         yield _rate(f"{law}: runs completed", runs, completed_before, completed_after)
     yield _rate(f"{law}: {title}, pass rate", runs, before >= 0, after >= 0)
 
-    # A run that ended early has no margin: it counts in the rates.
+    # A run that ended early has no margin: it counts in the rates only.
     comparable = runs.comparable
     if runs.same_plants:
         completed_on_both = completed_before & completed_after
@@ -226,7 +242,7 @@ def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[Compared
 def _rate(
     name: str, runs: LawRuns, before: NDArray[np.bool_], after: NDArray[np.bool_]
 ) -> ComparedNumber:
-    """Share of runs, (n,) before and (m,) after."""
+    """Return the share of runs, (n,) before and (m,) after."""
     interval = None
     if runs.comparable:
         interval_of = same_plants_rate if runs.same_plants else other_plants_rate
@@ -235,7 +251,7 @@ def _rate(
 
 
 def _mean(name: str, runs: LawRuns, before: Array, after: Array) -> ComparedNumber:
-    """Mean margin of the runs that completed, (n,) before and (m,) after."""
+    """Return the mean margin of the runs that completed, (n,) before and (m,) after."""
     interval = None
     if runs.comparable and len(before) and len(after):
         interval_of = same_plants_mean if runs.same_plants else other_plants_mean
@@ -244,5 +260,7 @@ def _mean(name: str, runs: LawRuns, before: Array, after: Array) -> ComparedNumb
 
 
 def _mean_of(margins: Array) -> float | None:
-    """The mean; None without margins."""
-    return float(margins.mean()) if len(margins) else None
+    """Return the mean; None without margins."""
+    if len(margins) == 0:
+        return None
+    return float(margins.mean())

@@ -1,4 +1,4 @@
-"""What changed between the values of two sets of results, and which of it is more than noise."""
+"""Changes between the values of two sets of results, and which of them are more than noise."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from grosmc_mj.versions import DECISIVE
 
 # Note on a value that the new results do not have.
 GONE = "gone"
-# What rounding changes on one machine: relative, absolute.
+# Changes by rounding on one machine: relative, and absolute in the unit of the value.
 _ROUNDING = (1e-6, 1e-9)
 # Words that are better, or worse, than any other.
 _GOOD = ("kept", "completed", "as recorded", "as expected", "agree", "holds")
 _BAD = ("not kept", "diverged", "not as recorded", "not as expected", "disagree", "fails")
-# Kinds of results whose seeds do not matter.
+# Kinds of results that no seed changes.
 _SEEDLESS = ("validation", "claims")
 
 
 class Effect(Enum):
-    """What a change is.
+    """Effect of a change.
 
-    A value that is gone is ``WORSE``. ``UNJUDGED`` is of a single run whose chance had another
-    seed: it has no spread to judge by.
+    A value that is gone is ``WORSE``. ``UNJUDGED`` is a change between single runs with other
+    seeds: they do not show how much such runs scatter.
     """
 
     WORSE = "worse"
@@ -38,16 +38,16 @@ class Effect(Enum):
 
 
 class Change(NamedTuple):
-    """A value that is not what it was.
+    """A value that has changed.
 
     Attributes:
-        kind: Of result.
-        name: Of the value.
-        before: The old value, None for none.
-        after: The new one.
-        effect: What the change is.
-        unit: Of both.
-        note: What it was judged by.
+        kind: Kind of result.
+        name: Name of the value.
+        before: Old value; None for none.
+        after: New value; None for none.
+        effect: Effect of the change.
+        unit: Unit of both.
+        note: What the effect was judged by.
     """
 
     kind: str
@@ -60,80 +60,118 @@ class Change(NamedTuple):
 
     @property
     def order(self) -> tuple[int, float, str, str]:
-        """The worst effects and, of these, the largest relative changes come first."""
-        before, after, relative = self.before, self.after, math.inf
-        if isinstance(before, float | int) and isinstance(after, float | int) and before:
+        """Key to sort by: the worst effects first and, of these, the largest relative changes."""
+        before, after = self.before, self.after
+        relative = math.inf
+        if isinstance(before, float | int) and isinstance(after, float | int) and before != 0:
             relative = abs(after / before - 1)
         return list(Effect).index(self.effect), -relative, self.kind, self.name
 
 
+class _Conditions(NamedTuple):
+    """Conditions that two sets of results of one kind were made under.
+
+    Attributes:
+        one_machine: Whether machine and decisive versions are the same: runs repeat to rounding.
+        other_seeds: Whether the runs drew other random numbers: single runs cannot be compared.
+    """
+
+    one_machine: bool
+    other_seeds: bool
+
+
 def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Change], int]:
-    """The values that are not as they were, and how many both sides have."""
-    before, after = _values(old), _values(new)
+    """Return the changed values, and the number of values that both sides have."""
+    before = _values(old)
+    after = _values(new)
     shared = before.keys() & after.keys()
-    repeats = {kind: _repeats(kind, old, new) for kind, _ in shared}
-    compared = [
-        Change(*key, before[key].value, after[key].value, effect, after[key].unit, note)
-        for key in shared
-        if before[key].value != after[key].value
-        for effect, note in [_judged(before[key], after[key], *repeats[key[0]])]
-    ]
-    gone = [
-        Change(*key, before[key].value, None, Effect.WORSE, before[key].unit, GONE)
-        for key in before.keys() - shared
-    ]
-    added = [
-        Change(*key, None, after[key].value, Effect.NEW, after[key].unit)
-        for key in after.keys() - shared
-    ]
-    return compared + gone + added, len(shared)
+
+    changed = []
+    for kind, name in before.keys() | after.keys():
+        old_value = before.get((kind, name))
+        new_value = after.get((kind, name))
+        if old_value is None:
+            assert new_value is not None
+            effect = Effect.NEW
+            changed.append(Change(kind, name, None, new_value.value, effect, new_value.unit))
+        elif new_value is None:
+            effect = Effect.WORSE
+            changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit, GONE))
+        elif old_value.value != new_value.value:
+            conditions = _conditions(kind, old, new)
+            changed.append(_judged(kind, old_value, new_value, conditions))
+    return changed, len(shared)
 
 
 def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:
-    """Values by kind of result and name; of two of one name the newer one."""
-    return {
-        (document.kind, value.name): value
-        for document in documents
-        if isinstance(document.content, Result)
-        for value in document.content.values
-    }
+    """Return values by kind of result and name; a newer value replaces an older one."""
+    values: dict[tuple[str, str], Value] = {}
+    for document in documents:
+        if isinstance(document.content, Result):
+            for value in document.content.values:
+                values[document.kind, value.name] = value
+    return values
 
 
-def _repeats(kind: str, old: Sequence[Document], new: Sequence[Document]) -> tuple[bool, bool]:
-    """Whether machine and decisive versions are one, and whether runs drew other numbers.
+def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> _Conditions:
+    """Return the conditions that the results of a kind were made under."""
+    before = [document.content for document in old if document.kind == kind]
+    after = [document.content for document in new if document.kind == kind]
 
-    On one machine a run repeats to rounding; single runs of other seeds cannot be told apart.
-    """
-    sides = [
-        [document.content for document in side if document.kind == kind] for side in (old, new)
-    ]
-    machines = {
-        (content.machine, *(content.versions.get(name) for name in DECISIVE))
-        for content in (*sides[0], *sides[1])
-    }
-    seeds = [{content.seed for content in side} for side in sides]
-    same = len(machines) == 1 and all(machine for machine, *_ in machines)
-    return same, kind not in _SEEDLESS and seeds[0] != seeds[1]
+    machines = {content.machine for content in before + after}
+    versions = {tuple(map(content.versions.get, DECISIVE)) for content in before + after}
+    # A result without a machine may come from any.
+    one_machine = len(machines) == 1 and all(machines) and len(versions) == 1
+
+    old_seeds = {content.seed for content in before}
+    new_seeds = {content.seed for content in after}
+    other_seeds = kind not in _SEEDLESS and old_seeds != new_seeds
+    return _Conditions(one_machine, other_seeds)
 
 
-def _judged(old: Value, new: Value, same: bool, chance: bool) -> tuple[Effect, str]:
-    """The effect of a change, and what it was judged by."""
-    before, after = old.value, new.value
+def _judged(kind: str, old: Value, new: Value, conditions: _Conditions) -> Change:
+    """Return the change of a value with its effect."""
+    effect, note = _effect(old, new, conditions)
+    return Change(kind, new.name, old.value, new.value, effect, new.unit, note)
+
+
+def _effect(old: Value, new: Value, conditions: _Conditions) -> tuple[Effect, str]:
+    """Return the effect of a change, and what it was judged by."""
+    before = old.value
+    after = new.value
     if after is None:
         return Effect.WORSE, GONE
-    if chance:
+    if conditions.other_seeds:
         return Effect.UNJUDGED, "single runs of other seeds"
+    if isinstance(before, str) and isinstance(after, str):
+        return effect_of(_rank(after) - _rank(before)), ""
     if before is None or isinstance(before, str) or isinstance(after, str):
-        ranks = [(word in _GOOD) - (word in _BAD) for word in (before, after)]
-        words = isinstance(before, str) and isinstance(after, str)
-        return effect_of(ranks[1] - ranks[0] if words else 0), ""
-    relative, absolute = _ROUNDING if same else (new.relative, new.absolute)
-    sizes = [x if y is None else y for x, y in ((before, old.size), (after, new.size))]
-    if abs(after - before) <= max(absolute, relative * max(map(abs, sizes))):
+        return Effect.CHANGED, ""
+
+    relative, absolute = new.relative, new.absolute
+    if conditions.one_machine:
+        relative, absolute = _ROUNDING
+    old_size = before if old.size is None else old.size
+    new_size = after if new.size is None else new.size
+    tolerance = max(absolute, relative * max(abs(old_size), abs(new_size)))
+    if abs(after - before) <= tolerance:
         return Effect.NOISE, f"within {relative:g}, {absolute:g}"
     return effect_of(new.better * (after - before)), ""
 
 
+def _rank(word: str) -> int:
+    """Return 1 for a word that is good, -1 for one that is bad, else 0."""
+    if word in _GOOD:
+        return 1
+    if word in _BAD:
+        return -1
+    return 0
+
+
 def effect_of(better: float) -> Effect:
-    """The effect of a change for the better (> 0), for the worse (< 0) or of neither (0)."""
-    return Effect.BETTER if better > 0 else Effect.WORSE if better < 0 else Effect.CHANGED
+    """Return the effect of a change for the better (> 0), the worse (< 0) or neither (0)."""
+    if better > 0:
+        return Effect.BETTER
+    if better < 0:
+        return Effect.WORSE
+    return Effect.CHANGED

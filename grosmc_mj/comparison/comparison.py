@@ -1,4 +1,4 @@
-"""The comparison of two places with results, as a result of its own."""
+"""Comparison of the results in two files or folders, as a result."""
 
 from __future__ import annotations
 
@@ -20,19 +20,24 @@ from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
 from grosmc_mj.sweep.store import flat
 
+# Fields of a document that say what it was made from.
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
+_UNJUDGED = (
+    "differences cannot be judged: they are of single runs with another random seed, which do not "
+    "show the scatter. Compare campaigns of both, or runs with one seed."
+)
 
 
 class ResultComparison(NamedTuple):
-    """What changed between two places with results.
+    """Changes between the results in two files or folders.
 
     Attributes:
-        old: The first place.
-        new: The second.
-        changes: What is not as it was, the worst first.
-        compared: How many numbers, words and tests both have.
-        sources: What they were made from, where that differs.
-        notices: What could not be read.
+        old: Path of the old results.
+        new: Path of the new results.
+        changes: Changes, the worst first.
+        compared: Number of values that both have.
+        sources: A line for each difference of what they were made from.
+        notices: A line for each file that could not be read.
     """
 
     old: Path
@@ -44,12 +49,12 @@ class ResultComparison(NamedTuple):
 
     @property
     def counts(self) -> Counter[Effect]:
-        """How many changes are of which effect."""
+        """Number of changes of each effect."""
         return Counter(change.effect for change in self.changes)
 
     @property
     def worse(self) -> list[Change]:
-        """Values that are worse beyond noise, or gone."""
+        """Changes for the worse beyond noise, and values that are gone."""
         return [change for change in self.changes if change.effect is Effect.WORSE]
 
 
@@ -61,85 +66,84 @@ def compare(old: Path, new: Path) -> ResultComparison:
         new: Another one.
 
     Raises:
-        ArgumentError: If one is not there, or they have nothing in common.
+        ArgumentError: If a path does not exist, or the two have nothing in common.
     """
-    before, after = read_results([old]), read_results([new])
+    before = read_results([old])
+    after = read_results([new])
     listed, compared = changes(before.documents, after.documents)
-    there, now = campaign_folders(old), campaign_folders(new)
-    for key in there.keys() & now.keys():
-        more, tests = campaign_changes(campaign_rows(there[key]), campaign_rows(now[key]))
-        listed += more
-        compared += tests
-    listed += [gone_or_new(key, gone=key in there) for key in there.keys() ^ now.keys()]
-    notices = [*before.notices, *after.notices]
-    if not compared:
-        unread = [
-            side.notices[0] for side in (before, after) if not side.documents and side.notices
-        ]
+
+    old_campaigns = campaign_folders(old)
+    new_campaigns = campaign_folders(new)
+    for key in old_campaigns.keys() & new_campaigns.keys():
+        old_rows = campaign_rows(old_campaigns[key])
+        new_rows = campaign_rows(new_campaigns[key])
+        in_campaign, compared_in_campaign = campaign_changes(old_rows, new_rows)
+        listed += in_campaign
+        compared += compared_in_campaign
+    on_one_side = old_campaigns.keys() ^ new_campaigns.keys()
+    listed += [gone_or_new(key, gone=key in old_campaigns) for key in on_one_side]
+
+    if compared == 0:
+        for side in (before, after):
+            if side.notices and not side.documents:
+                raise ArgumentError(f"no results: {side.notices[0]}")
         raise ArgumentError(
-            f"no results: {unread[0]}"
-            if unread
-            else f"{old} and {new} have no results in common: name two files or folders with "
+            f"{old} and {new} have no results in common: name two files or folders with "
             "results of the same command and target"
         )
-    listed.sort(key=lambda change: change.order)
-    sources = _source_differences(before.documents, after.documents)
-    return ResultComparison(old, new, listed, compared, sources, notices)
+    return ResultComparison(
+        old=old,
+        new=new,
+        changes=sorted(listed, key=lambda change: change.order),
+        compared=compared,
+        sources=_source_differences(before.documents, after.documents),
+        notices=[*before.notices, *after.notices],
+    )
 
 
 def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:
-    """A line for each difference of revision, versions, machine, seed and configuration."""
-    before, after = _sources(old), _sources(new)
-    lines = [
-        f"{name}: " + " -> ".join(shown(side.get(key, "nothing"), str) for side in (before, after))
-        for key in dict.fromkeys([*before, *after])
-        if key[0] in {kind for kind, _ in before} & {kind for kind, _ in after}
-        and before.get(key) != after.get(key)
-        for name in [": ".join(key) if key[1].startswith("configuration") else key[1]]
-    ]
-    return list(dict.fromkeys(lines))
+    """Write a line for each difference of revision, versions, machine, seed and configuration."""
+    before = _sources(old)
+    after = _sources(new)
+    shared_kinds = {kind for kind, _ in before} & {kind for kind, _ in after}
+
+    # Several kinds of results may have one difference, such as the machine: it is written once.
+    lines: dict[str, None] = {}
+    for kind, key in before | after:
+        old_value = before.get((kind, key))
+        new_value = after.get((kind, key))
+        if kind in shared_kinds and old_value != new_value:
+            name = f"{kind}: {key}" if key.startswith("configuration") else key
+            lines[f"{name}: {_source(old_value)} -> {_source(new_value)}"] = None
+    return list(lines)
 
 
 def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
-    """By kind of result and key, of the oldest document of each kind."""
-    return {
-        (document.kind, key): value
-        for document in reversed(documents)
-        for key, value in flat(document.content.model_dump(include=_SOURCES))
-        if value is not None
-    }
+    """Return what the oldest document of each kind was made from, by kind and key."""
+    sources: dict[tuple[str, str], Any] = {}
+    for document in reversed(documents):
+        for key, value in flat(document.content.model_dump(include=_SOURCES)):
+            if value is not None:
+                sources[document.kind, key] = value
+    return sources
+
+
+def _source(value: Any) -> str:
+    return shown("nothing" if value is None else value, str)
 
 
 def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
-    """The content of diff.json."""
-    counts, worse = comparison.counts, comparison.worse
+    """Return the content of diff.json."""
+    columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
     rows = [
         (change.effect.value, change.name, _value(change.before), _value(change.after), change.unit)
         for change in comparison.changes
         if change.effect not in (Effect.NOISE, Effect.UNJUDGED)
     ]
-    columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
-    verdict = f"{len(worse)} got worse beyond noise" if worse else "Nothing got worse beyond noise"
-    others = ", ".join(
-        f"{counts[effect]} {effect.value}"
-        for effect in Effect
-        if effect is not Effect.WORSE and counts[effect]
-    )
-    unjudged = (
-        f"{counts[Effect.UNJUDGED]} differences cannot be judged: they are of single runs with "
-        "another random seed, which do not show the scatter. Compare campaigns of both, or runs "
-        "with one seed."
-    )
-    answer = Answer(
-        question=f"What changed from {comparison.old} to {comparison.new}",
-        verdict=NOT_KEPT if worse else KEPT,
-        words=f"{verdict}, of {comparison.compared} compared" + (others and f"; {others}"),
-        more=unjudged if counts[Effect.UNJUDGED] else "",
-    )
     return result(
         "diff",
         None,
-        answers=[answer],
+        answers=[_answer(comparison)],
         sheets=[Sheet(table=table("What changed", columns, rows))],
         old=str(comparison.old),
         new=str(comparison.new),
@@ -153,7 +157,30 @@ def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
     )
 
 
+def _answer(comparison: ResultComparison) -> Answer:
+    """Return the answer: how much got worse, and the number of other changes."""
+    counts = comparison.counts
+    worse = counts[Effect.WORSE]
+
+    subject = str(worse) if worse else "Nothing"
+    sentence = f"{subject} got worse beyond noise, of {comparison.compared} compared"
+    other_effects = [effect for effect in Effect if effect is not Effect.WORSE and counts[effect]]
+    if other_effects:
+        other_changes = [f"{counts[effect]} {effect.value}" for effect in other_effects]
+        sentence += f"; {', '.join(other_changes)}"
+
+    unjudged = counts[Effect.UNJUDGED]
+    return Answer(
+        question=f"What changed from {comparison.old} to {comparison.new}",
+        verdict=NOT_KEPT if worse else KEPT,
+        words=sentence,
+        more=f"{unjudged} {_UNJUDGED}" if unjudged else "",
+    )
+
+
 def _value(value: float | str | None) -> str:
     if value is None:
         return "none"
-    return value if isinstance(value, str) else f"{value:.6g}"
+    if isinstance(value, str):
+        return value
+    return f"{value:.6g}"

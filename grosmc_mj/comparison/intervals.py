@@ -11,9 +11,9 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 
-# Of each interval by itself.
+# Confidence of each interval.
 CONFIDENCE = 0.99
-# Differences that rounding makes, of the largest margin.
+# Differences by rounding, as a share of the largest margin.
 _ROUNDING = 1e-9
 
 
@@ -23,7 +23,7 @@ class ChangeInterval(NamedTuple):
     Attributes:
         low: Lower end, in the unit of the number.
         high: Upper end.
-        counts: Plants behind it, in words; empty for a mean.
+        counts: Words for the numbers of plants that it comes from; empty for a mean.
     """
 
     low: float
@@ -37,21 +37,23 @@ class ChangeInterval(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The counts, and the interval."""
+        """Counts and interval in words."""
         interval = f"change {self.low:.2g} to {self.high:.2g} ({100 * CONFIDENCE:g} % interval)"
-        return f"{self.counts}; {interval}" if self.counts else interval
+        if not self.counts:
+            return interval
+        return f"{self.counts}; {interval}"
 
 
 def same_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> ChangeInterval:
-    """Change of the pass rate on the same plants, from the plants that were lost and won.
+    """Return the interval of a pass rate's change on the same plants, from those lost and won.
 
-    Of the plants whose verdict changed, the share that was won has an interval of Clopper and
+    The share of won plants among those whose verdict changed has an interval of Clopper and
     Pearson. It excludes one half where McNemar's exact test finds a difference, and it needs no
     random plants: each plant is compared with itself.
 
     Args:
-        before: Whether each plant kept the requirement, (n,).
-        after: Whether it does now, (n,).
+        before: Whether each plant kept the requirement in the old campaign, (n,).
+        after: Whether it keeps the requirement in the new campaign, (n,).
     """
     plants = len(before)
     lost = int(np.count_nonzero(before & ~after))
@@ -69,10 +71,14 @@ def same_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> Cha
 
 
 def other_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> ChangeInterval:
-    """Change of the pass rate between independent random plants, (n,) before and (m,) after.
+    """Return the interval of a pass rate's change between independent random plants.
 
     The interval is conservative: both rates have an interval of Clopper and Pearson at
     1 - alpha / 2 with alpha = 1 - confidence, so that both hold together with the confidence.
+
+    Args:
+        before: Whether each plant kept the requirement in the old campaign, (n,).
+        after: Whether each plant keeps the requirement in the new campaign, (m,).
     """
     kept_before = int(np.count_nonzero(before))
     kept_after = int(np.count_nonzero(after))
@@ -84,7 +90,12 @@ def other_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> Ch
 
 
 def same_plants_mean(before: Array, after: Array) -> ChangeInterval:
-    """Change of the mean margin on the same plants: Student's interval of their changes, (n,)."""
+    """Return Student's interval of a mean margin's change on the same plants.
+
+    Args:
+        before: Margins in the old campaign, (n,).
+        after: Margins of the same plants in the new campaign, (n,).
+    """
     scale = max(float(np.abs(before).max()), float(np.abs(after).max()))
     changes = after - before
     changes[np.abs(changes) <= _ROUNDING * scale] = 0.0
@@ -97,23 +108,29 @@ def same_plants_mean(before: Array, after: Array) -> ChangeInterval:
 
 
 def other_plants_mean(before: Array, after: Array) -> ChangeInterval:
-    """Change of the mean margin between independent plants, (n,) and (m,): Welch's interval."""
+    """Return Welch's interval of a mean margin's change between independent plants.
+
+    Args:
+        before: Margins in the old campaign, (n,).
+        after: Margins in the new campaign, (m,).
+    """
     if min(len(before), len(after)) < 2:
         return ChangeInterval(-math.inf, math.inf)
 
     change = float(after.mean() - before.mean())
-    variances = [float(margins.var(ddof=1)) / len(margins) for margins in (before, after)]
-    variance = sum(variances)
+    variance_before = float(before.var(ddof=1)) / len(before)
+    variance_after = float(after.var(ddof=1)) / len(after)
+    variance = variance_before + variance_after
     if variance == 0:
         return ChangeInterval(change, change)
 
     # Degrees of freedom by Welch and Satterthwaite.
-    parts = variances[0] ** 2 / (len(before) - 1) + variances[1] ** 2 / (len(after) - 1)
+    parts = variance_before**2 / (len(before) - 1) + variance_after**2 / (len(after) - 1)
     return _about(change, math.sqrt(variance), variance**2 / parts)
 
 
 def _about(change: float, error: float, degrees_of_freedom: float) -> ChangeInterval:
-    """Student's interval about a change with a standard error."""
+    """Return Student's interval about a change with a standard error."""
     quantile: Any = stats.t.isf((1 - CONFIDENCE) / 2, degrees_of_freedom)
     half = float(quantile) * error
     return ChangeInterval(change - half, change + half)

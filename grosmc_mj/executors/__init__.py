@@ -1,4 +1,4 @@
-"""Where parts of some work are done: in this process, in worker processes, on a Dask cluster."""
+"""Executors run parts of some work: in this process, in worker processes, on a Dask cluster."""
 
 from importlib.util import find_spec
 from typing import Annotated
@@ -20,12 +20,15 @@ __all__ = [
     "executor_for",
     "make_executor",
 ]
+
 EXECUTORS = ("batch", "processes", "dask")
 
 
 def executor_for(parts: int) -> Executor:
-    """The executor for so many parts of some work: this process for one, processes for several."""
-    return Batch() if parts == 1 else Processes(cpu_count())
+    """Return the executor for so many parts: this process for one, processes for several."""
+    if parts == 1:
+        return Batch()
+    return Processes(cpu_count())
 
 
 @checked_call
@@ -35,12 +38,12 @@ def make_executor(
     workers: Annotated[int, Range(1, 1024, whole=True)] | None = None,
     scheduler: str | None = None,
 ) -> Executor:
-    """The executor of a name.
+    """Return the executor of a name.
 
     Args:
         name: `batch`: this process, on all cores. `processes`: spawned workers. `dask`: the
             workers of a Dask scheduler, or of a cluster on this machine.
-        workers: How many processes, for `processes` and for `dask` without a scheduler; None for
+        workers: Number of processes, for `processes` and for `dask` without a scheduler; None for
             one a core.
         scheduler: Address of a running Dask scheduler, for instance `tcp://10.0.0.1:8786`, or the
             file that `dask scheduler --scheduler-file` writes.
@@ -51,16 +54,20 @@ def make_executor(
     """
     if scheduler is not None and name != "dask":
         raise ArgumentError(f"executor {name!r} takes no scheduler; only 'dask' does")
-    if workers is not None and (scheduler is not None or name == "batch"):
-        whose = "a scheduler has workers of its own"
-        words = whose if scheduler else "executor 'batch' is one process on all cores"
-        raise ArgumentError(f"{words}: leave workers out")
     if name == "batch":
+        if workers is not None:
+            raise ArgumentError("executor 'batch' is one process on all cores: leave workers out")
         return Batch()
+    if scheduler is not None and workers is not None:
+        raise ArgumentError("a scheduler has workers of its own: leave workers out")
+
+    count = workers or cpu_count()
     if name == "processes":
-        return Processes(workers or cpu_count())
+        return Processes(count)
+
     if find_spec("distributed") is None:
         raise SetupError("executor 'dask' needs Dask: pip install 'grosmc_mj[dask]'")
+    # Imported here because Dask is optional and loads slowly.
     from grosmc_mj.executors.dask_cluster import DaskWorkers
 
-    return DaskWorkers(workers or cpu_count(), scheduler)
+    return DaskWorkers(count, scheduler)

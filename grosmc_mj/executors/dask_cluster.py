@@ -1,4 +1,4 @@
-"""On Dask's workers: of a scheduler that is running already, or of a cluster on this machine."""
+"""Executor of Dask's workers: those of a running scheduler, or of a cluster on this machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,29 +38,29 @@ from grosmc_mj.executors.pools import (
 )
 from grosmc_mj.versions import DECISIVE, versions
 
-# How long a scheduler may take to answer [s].
+# Time within which a scheduler must answer [s].
 _PATIENCE = 10.0
 
+# Key of the environment that a worker starts with.
 _ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
 _SETTINGS = {
-    # Deaths that a shard survives.
+    # Number of workers that may die while they run one shard.
     "distributed.scheduler.allowed-failures": ATTEMPTS - 1,
-    # Once there are many shards a worker holds the one that it runs and no other: the death of a
-    # worker counts against all that it holds.
+    # A worker holds no shard but the one that it runs: its death counts against all that it holds.
     "distributed.scheduler.worker-saturation": 1.0,
 }
-# Parts with the scheduler, for each thread of its workers: enough to keep them busy while reports
-# travel, few enough that a million of them do not sit there.
+# Parts that the scheduler holds for each thread of its workers: enough to keep them busy while
+# reports travel, and not all parts of a large campaign.
 _AHEAD = 4
 
 
 @dataclass(frozen=True)
 class DaskWorkers:
-    """The executor of a Dask cluster; Dask replaces workers and moves their parts.
+    """Executor of a Dask cluster; Dask replaces workers that die, and moves their parts.
 
     Attributes:
-        workers: Processes on this machine, without a scheduler.
-        scheduler: Address of a running one, or its file.
+        workers: Number of processes on this machine, if there is no scheduler.
+        scheduler: Address of a running scheduler, or its file; None for a cluster of its own.
     """
 
     workers: int
@@ -68,7 +68,7 @@ class DaskWorkers:
 
     @property
     def threads_per_worker(self) -> int:
-        """One: a cluster is divided into cores, not machines."""
+        """Threads that the work may use: one, for each core of a cluster is a worker."""
         return 1
 
     def run(
@@ -79,51 +79,65 @@ class DaskWorkers:
 
     @contextlib.contextmanager
     def _pool(self, work: Work, parts: int, notice: Notice) -> Iterator[Pool]:
-        """Dask's own executor of a client; it lasts as long as the context."""
+        """Open Dask's own executor of a client; it lasts as long as the context."""
         with cluster_client(min(self.workers, parts), self.scheduler) as client:
-            scheduler = client.scheduler and client.scheduler.address
-            # Any: the client's methods are typed for its blocking and its asynchronous face.
+            address = client.scheduler and client.scheduler.address
+            connection = _Connection(client, notice)
+            connection.require()
+
+            # Any: the client's methods are typed for its blocking and its asynchronous use.
             executor: Any = client.get_executor(pure=False)
             threads: Any = client.nthreads()
             submit = partial(executor.submit, _attempt, work, needed=decisive_versions())
-
-            def require() -> None:
-                if client.status != "running":
-                    raise ClosedClientError
-                if not client.nthreads():
-                    warn_once("no Dask worker is connected to the scheduler: waiting for one")
-
-            warn_once = cache(notice)
-            require()
+            ahead = _AHEAD * max(1, sum(threads.values()))
             try:
-                yield Pool(submit, _AHEAD * max(1, sum(threads.values())), require)
+                yield Pool(submit, ahead, connection.require)
             except (CancelledError, ClosedClientError, OSError):
                 raise SetupError(
-                    f"the Dask scheduler at {scheduler} has gone: finished parts are kept, start "
+                    f"the Dask scheduler at {address} has gone: finished parts are kept, start "
                     "it again and resume"
                 ) from None
             finally:
                 executor.shutdown(wait=False)
 
 
-@cache
+class _Connection:
+    """Connection of a client to its scheduler."""
+
+    def __init__(self, client: Client, notice: Notice) -> None:
+        self._client = client
+        self._notice = notice
+        self._noticed = False
+
+    def require(self) -> None:
+        """Raise an error without a scheduler; notice once if it has no workers."""
+        if self._client.status != "running":
+            raise ClosedClientError
+        # This call also finds a scheduler that no longer answers.
+        threads = self._client.nthreads()
+        if not threads and not self._noticed:
+            self._noticed = True
+            self._notice("no Dask worker is connected to the scheduler: waiting for one")
+
+
 def decisive_versions() -> dict[str, str]:
-    """Versions on which results depend, here and on a worker; of Python 3.11, not 3.11.2."""
-    return {"python": platform.python_version().rpartition(".")[0], **versions(DECISIVE)}
+    """Return the versions that results depend on; of Python 3.11, not 3.11.2."""
+    python = platform.python_version().rpartition(".")[0]
+    return {"python": python, **versions(DECISIVE)}
 
 
 def _attempt(work: Work, index: int, needed: dict[str, str]) -> Outcome:
-    """On a worker: run a part, if this worker computes as the others do."""
-    here = decisive_versions()
-    differ = [
-        f"{name} {here.get(name, 'not installed')} instead of {value}"
-        for name, value in needed.items()
-        if here.get(name) != value
+    """Run a part on a worker; refuse if the worker has other versions than this machine."""
+    installed = decisive_versions()
+    differences = [
+        f"{name} {installed.get(name, 'not installed')} instead of {version}"
+        for name, version in needed.items()
+        if installed.get(name) != version
     ]
-    if differ:
+    if differences:
         message = (
-            f"the Dask worker on {socket.gethostname()} has {', '.join(differ)}: its results would "
-            "not be those of this machine, install the same versions there"
+            f"the Dask worker on {socket.gethostname()} has {', '.join(differences)}: its results "
+            "would not be those of this machine, install the same versions there"
         )
         return Outcome(error=SetupError, message=message)
     return attempt(work, index)
@@ -131,17 +145,17 @@ def _attempt(work: Work, index: int, needed: dict[str, str]) -> Outcome:
 
 @contextlib.contextmanager
 def cluster_client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """A client of the scheduler, or of a cluster on this machine that lasts as long as it.
+    """Yield a client of the scheduler, or of a cluster on this machine that ends with it.
 
     Args:
-        workers: Processes of one thread each, without a scheduler.
-        scheduler: Its address or its file, or None.
+        workers: Number of processes of one thread each, if there is no scheduler.
+        scheduler: Address or file of a running scheduler, or None.
 
     Raises:
         SetupError: If no scheduler answers there.
     """
     with contextlib.ExitStack() as stack:
-        # What happens to workers is told by notices; Dask's own lines would come between.
+        # The user gets notices about workers, without Dask's own lines.
         stack.enter_context(silence_logging_cmgr(logging.CRITICAL))
         if scheduler is None:
             cluster = stack.enter_context(_local_cluster(workers))
@@ -152,10 +166,10 @@ def cluster_client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 
 def _local_cluster(workers: int) -> LocalCluster:
-    """Workers on this machine.
+    """Start workers on this machine.
 
-    Whoever reaches a scheduler's port can run code in its workers, and loopback is open to every
-    user of the machine: both sides show certificates that were made for this cluster alone.
+    Who reaches a scheduler's port can run code in its workers, and loopback is open to every user
+    of the machine: both sides show certificates that were made for this cluster alone.
     """
     try:
         security = Security.temporary()
@@ -163,7 +177,7 @@ def _local_cluster(workers: int) -> LocalCluster:
         raise SetupError(
             "workers on this machine need cryptography: pip install 'grosmc_mj[dask]'"
         ) from None
-    # Before they start, so that no module of the folder that they start in comes before others.
+    # Workers then import no modules from the working folder.
     environment = {**dask.config.get(_ENVIRONMENT), "PYTHONSAFEPATH": "1"}
     try:
         with dask.config.set({**_SETTINGS, _ENVIRONMENT: environment}), interrupts_held():
@@ -183,12 +197,13 @@ def _local_cluster(workers: int) -> LocalCluster:
 
 
 def _connect(address: str) -> Client:
-    """A client of a running scheduler."""
+    """Return a client of a running scheduler."""
     try:
-        # In a thread: a notebook has an event loop of its own in this one.
+        # In another thread, because a notebook has an event loop in this one.
         with ThreadPoolExecutor(1) as thread:
             thread.submit(asyncio.run, _greet(address)).result()
-        # Versions that matter are compared shard by shard, so that workers may come later.
+
+        # `_attempt` compares the versions that matter, also those of workers that come later.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", VersionMismatchWarning)
             return Client(address, timeout=_PATIENCE, set_as_default=False)
@@ -200,7 +215,7 @@ def _connect(address: str) -> Client:
 
 
 async def _greet(address: str) -> None:
-    """Shake hands with a scheduler in bounded time, which a client does not."""
+    """Connect to a scheduler within a time limit, which a client does not have."""
     arguments = Security().get_connection_args("client")
     greeting = connect(address, timeout=_PATIENCE, **arguments)
     comm = await asyncio.wait_for(greeting, _PATIENCE)
@@ -208,7 +223,7 @@ async def _greet(address: str) -> None:
 
 
 def _address(scheduler: str) -> str:
-    """The address that is meant; a scheduler's file holds it."""
+    """Return the address of a scheduler, which its file holds."""
     if not scheduler.endswith(".json"):
         return scheduler
     try:

@@ -1,4 +1,4 @@
-"""Executors: parts of some work as tasks of a pool, which is rebuilt if a worker breaks it."""
+"""Executors that run parts as tasks of a pool; a pool that a worker breaks is replaced."""
 
 from __future__ import annotations
 
@@ -17,34 +17,33 @@ from loky import cpu_count
 from grosmc_mj.child_processes import interrupts_held, worker_pool
 from grosmc_mj.errors import GrosmcError, SetupError
 
-# How often a part is under way while its pool breaks, before that is no accident any more.
+# Number of times that a part may be under way while its pool breaks.
 ATTEMPTS = 3
-# How often to look whether a pool that reports nothing is still there [s].
-_LOOK = 2.0
-# The numerical libraries would start a thread for every core in every worker.
+# Interval at which a pool without news is checked [s].
+_CHECK_INTERVAL = 2.0
+# Variables that limit the threads of numerical libraries: by default each worker has one a core.
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
-# Called with one line about workers that died or are not there.
+# Function that is called with one line about workers that died or are missing.
 Notice = Callable[[str], None]
 
-
-# The work, by the number of a part: a module-level function or a `functools.partial` of one, which
-# leaves its results in storage and returns a small report. It may be run again, even if a part of
-# it was done, so that its results must not depend on that.
+# Function that runs the part of a number: a module-level function or a `functools.partial` of one.
+# It keeps its results in storage and returns a small report. It may run a part again after an
+# unfinished attempt, so its results must not depend on that.
 Work = Callable[[int], Any]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A report, or the error that took its place.
+    """Report or error of a part.
 
     An error is kept as its type and its message: an exception may hold an object that cannot be
-    pickled, and libraries that carry exceptions log tracebacks.
+    pickled, and libraries that transport exceptions log tracebacks.
 
     Attributes:
-        report: Of the work; None after an error.
+        report: Report of the work; None after an error.
         error: Type of the error; None without one.
-        message: Its message.
+        message: Message of the error.
     """
 
     report: Any = None
@@ -52,19 +51,19 @@ class Outcome:
     message: str = ""
 
     def result(self) -> Any:
-        """The report.
+        """Return the report.
 
         Raises:
-            GrosmcError: Of the type and with the message of the error.
+            GrosmcError: The error, of its type and with its message.
         """
         if self.error is None:
             return self.report
-        # Not by a call: some types take more arguments than a message.
+        # Without a call of the type: some types take more arguments than a message.
         raise self.error.__new__(self.error, self.message)
 
 
 def attempt(work: Work, index: int) -> Outcome:
-    """Run a part; its error is data, an interrupt is not."""
+    """Run a part and return its report or its error; an interrupt is raised."""
     try:
         return Outcome(work(index))
     except GrosmcError as error:
@@ -74,24 +73,27 @@ def attempt(work: Work, index: int) -> Outcome:
 
 
 def unexpected(error: BaseException, index: int) -> str:
-    """One line about an error that is not the package's own."""
+    """Write one line about an error that is not one of this package."""
     return f"shard {index} failed: {error_line(error)}"
 
 
 def error_line(error: BaseException) -> str:
-    """Type of an error and the first line of its message."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return ": ".join([type(error).__name__, *lines[:1]])
+    """Write the type of an error and the first line of its message."""
+    name = type(error).__name__
+    lines = str(error).strip().splitlines()
+    if not lines:
+        return name
+    return f"{name}: {lines[0].strip()}"
 
 
 @dataclass(frozen=True)
 class Finished:
-    """A part that is done.
+    """A finished part.
 
     Attributes:
         index: Number of the part.
-        report: Of the work.
-        attempts: How often it was submitted; more than 1 if a pool broke meanwhile.
+        report: Report of the work.
+        attempts: Number of times it was submitted; more than 1 if a pool broke meanwhile.
     """
 
     index: int
@@ -103,9 +105,9 @@ class Pool(NamedTuple):
     """Workers that wait for parts.
 
     Attributes:
-        submit: Submits a part to a worker; its future has an ``Outcome``.
-        ahead: Parts that are submitted at a time.
-        require: Raises a ``SetupError`` if the workers can no longer be reached.
+        submit: Function that submits a part to a worker; its future has an ``Outcome``.
+        ahead: Number of parts that are submitted at a time.
+        require: Function that raises an error if the workers can no longer be reached.
     """
 
     submit: Callable[[int], Future]
@@ -114,7 +116,7 @@ class Pool(NamedTuple):
 
 
 class Executor(Protocol):
-    """Runs parts, in an order of its own."""
+    """Runner of parts, in any order."""
 
     @property
     def threads_per_worker(self) -> int:
@@ -124,30 +126,30 @@ class Executor(Protocol):
     def run(
         self, work: Work, indices: Sequence[int], notice: Notice
     ) -> Generator[Finished, None, None]:
-        """Run the work on each index once, and yield each as it finishes.
+        """Run the work on each index, and yield each part as it finishes.
 
         Closing the iterator, an error and Ctrl-C stop the workers; parts under way are given up.
 
         Args:
             work: The work.
-            indices: Numbers of the parts; a range of any length is never unrolled.
-            notice: Called with a line about workers that died.
+            indices: Numbers of the parts; a long range is never copied to a list.
+            notice: Function that is called with a line about workers that died.
 
         Raises:
-            GrosmcError: As the work raised it, with its type and message; other errors of the
-                work are a SetupError that names the part.
-            SetupError: If a part has cost its last attempt, or the workers cannot be reached.
+            GrosmcError: An error of this package, as the work raised it; another error of the
+                work is a SetupError that names the part.
+            SetupError: If a part has used up its attempts, or the workers cannot be reached.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Batch:
-    """The executor of this process: one part after another, each on all cores."""
+    """Executor of this process: one part after another, each on all cores."""
 
     @property
     def threads_per_worker(self) -> int:
-        """As many as there are cores for this process."""
+        """Threads that the work may use: one for each core."""
         return cpu_count()
 
     def run(
@@ -160,17 +162,17 @@ class Batch:
 
 @dataclass(frozen=True)
 class Processes:
-    """The executor of spawned workers.
+    """Executor of spawned workers.
 
     Attributes:
-        workers: How many; each is kept from part to part.
+        workers: Number of workers; each of them runs many parts.
     """
 
     workers: int
 
     @property
     def threads_per_worker(self) -> int:
-        """The cores of this machine, divided among the workers; at least 1."""
+        """Threads that the work may use: the cores divided by the workers; at least 1."""
         return max(1, cpu_count() // self.workers)
 
     def run(
@@ -182,9 +184,11 @@ class Processes:
 
     @contextlib.contextmanager
     def _pool(self, work: Work, workers: int) -> Iterator[Pool]:
-        """loky's pool; it lasts as long as the context."""
-        pool = worker_pool(workers, dict.fromkeys(_THREADS, str(self.threads_per_worker)))
+        """Open loky's pool; it lasts as long as the context."""
+        threads = str(self.threads_per_worker)
+        pool = worker_pool(workers, dict.fromkeys(_THREADS, threads))
 
+        # Nested, for it needs the pool and the work.
         def submit(index: int) -> Future:
             with interrupts_held():
                 return pool.submit(attempt, work, index)
@@ -200,55 +204,79 @@ def run_in(
     indices: Sequence[int],
     notice: Notice,
 ) -> Generator[Finished, None, None]:
-    """Run parts in a pool; if it breaks, in a new one all those that were under way again.
+    """Run parts in a pool; if it breaks, run those that were under way again in a new pool.
 
     Args:
-        opened: Opens a pool.
+        opened: Function that opens a pool.
         indices: Numbers of the parts.
-        notice: Called with a line about each pool that broke.
+        notice: Function that is called with a line about each pool that broke.
     """
-    left, attempts = iter(indices), Counter[int]()
-    while (first := next(left, None)) is not None:
-        left, under_way = itertools.chain([first], left), dict[int, Future]()
+    waiting = iter(indices)
+    attempts = Counter[int]()
+    while True:
+        # No pool is opened without a part.
+        first = next(waiting, None)
+        if first is None:
+            return
+        waiting = itertools.chain([first], waiting)
+
+        under_way: dict[int, Future] = {}
         try:
             with opened() as pool:
-                yield from _run_until_broken(pool, left, under_way, attempts)
+                yield from _run_until_broken(pool, waiting, under_way, attempts)
         except BrokenExecutor as death:
-            # loky has the exit code in its message only: SIGKILL(-9) or EXIT(7).
-            code = re.search(r"\w+\(-?\d+\)", str(death))
-            fate = f"a worker ended by {code[0]}" if code else "a worker ended without an exit code"
-            parts = f"shard {', '.join(map(str, sorted(under_way)))}"
-            if max(attempts[index] for index in under_way) >= ATTEMPTS:
+            interrupted = sorted(under_way)
+            fate = _fate(death)
+            parts = f"shard {', '.join(map(str, interrupted))}"
+            if max(attempts[index] for index in interrupted) >= ATTEMPTS:
                 raise SetupError(
                     f"{fate}, the {ATTEMPTS}. time while {parts} ran: it may need more memory "
                     "than there is, or crash the engine"
                 ) from None
             notice(f"{fate} while {parts} ran: the workers are replaced, {parts} is run again")
-            left = itertools.chain(sorted(under_way), left)
+            waiting = itertools.chain(interrupted, waiting)
+
+
+def _fate(death: BrokenExecutor) -> str:
+    """Write how a worker ended, by the error of its pool."""
+    # loky has the exit code in its message only: SIGKILL(-9) or EXIT(7).
+    code = re.search(r"\w+\(-?\d+\)", str(death))
+    if code is None:
+        return "a worker ended without an exit code"
+    return f"a worker ended by {code[0]}"
 
 
 def _run_until_broken(
-    pool: Pool, left: Iterator[int], under_way: dict[int, Future], attempts: Counter[int]
+    pool: Pool, waiting: Iterator[int], under_way: dict[int, Future], attempts: Counter[int]
 ) -> Generator[Finished, None, None]:
-    """Parts as they finish; those that have not are left in ``under_way`` if the pool breaks."""
+    """Yield parts as they finish; if the pool breaks, ``under_way`` has the unfinished ones."""
     while True:
-        for index in itertools.islice(left, max(0, pool.ahead - len(under_way))):
+        for index in itertools.islice(waiting, max(0, pool.ahead - len(under_way))):
             attempts[index] += 1
+            # The part is under way even if the pool breaks while it is submitted.
             under_way[index] = Future()
             under_way[index] = pool.submit(index)
         if not under_way:
             return
-        done = wait(under_way.values(), _LOOK, FIRST_COMPLETED).done
+
+        done = wait(under_way.values(), _CHECK_INTERVAL, FIRST_COMPLETED).done
         if not done:
             pool.require()
         finished = [index for index, future in under_way.items() if future in done]
-        # Of a pool that breaks, the parts that were finished before come first.
+
+        # If the pool has broken, the parts that finished before come first.
         for index in sorted(finished, key=lambda index: bool(under_way[index].exception())):
-            try:
-                report = under_way[index].result().result()
-            except (GrosmcError, BrokenExecutor):
-                raise
-            except Exception as error:  # the report cannot travel
-                raise SetupError(unexpected(error, index)) from None
+            report = _report(under_way[index], index)
             del under_way[index]
             yield Finished(index, report, attempts.pop(index))
+
+
+def _report(future: Future, index: int) -> Any:
+    """Return the report of a part, or raise its error."""
+    try:
+        return future.result().result()
+    except (GrosmcError, BrokenExecutor):
+        raise
+    except Exception as error:
+        # The report cannot be pickled.
+        raise SetupError(unexpected(error, index)) from None

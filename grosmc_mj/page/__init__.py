@@ -1,5 +1,5 @@
 """One HTML file of results: it opens offline, and begins with the answer.
 
-What lies in a path is read as documents (`reading`, `documents`), told as answers (`answers`) and
-charts (`charts`, `campaigns`), and written with one script of Plotly's (`write`, `page.html`).
+`reading` reads the documents in files and folders, `charts` turns their charts into Plotly's data,
+`write` fills the template `page.html`.
 """

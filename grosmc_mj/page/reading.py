@@ -1,4 +1,4 @@
-"""The results in files and folders; a file that cannot be read is named, and stops nothing."""
+"""Reading of results in files and folders; a file that cannot be read is listed and left out."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from pydantic import Field, ValidationError
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.results.result import Number, Part, Provenance, Result, Text
 
-# Kinds of results that have claims of the chapter with their measurements.
+# Kinds of results that have claims of the chapter.
 _WITH_CLAIMS = ("claims", "validation")
-# Bytes of a document, and of all of them; letters of a reason.
-_LARGEST, _ALL, _REASON = 40 * 2**20, 200 * 2**20, 160
+# Largest size of a document, and of all documents of a page [byte].
+_LARGEST_DOCUMENT = 40 * 2**20
+_LARGEST_PAGE = 200 * 2**20
+# Largest number of letters of the reason why a file cannot be read.
+_LONGEST_REASON = 160
 
 
 class Measured(Part):
-    """A claim's value on one plant."""
+    """Value of a claim on one plant."""
 
     value: Number = None
     note: Text = ""
@@ -29,7 +32,7 @@ class Measured(Part):
 
 
 class Expected(Part):
-    """The verdicts that are expected of a claim."""
+    """Expected verdicts of a claim, by plant."""
 
     verdicts: dict[str, Text] = Field(default={})
     reason: Text = ""
@@ -63,20 +66,20 @@ class ClaimsResult(Result):
 
 
 class Line(Part):
-    """Values over time [s]."""
+    """Values y over time t [s]."""
 
     t: list[float]
     y: list[float]
 
 
 class Limit(Line):
-    """The limit of a requirement."""
+    """Limit of a requirement over time."""
 
     words: Text
 
 
 class Curve(Line):
-    """A curve of a run; ``range`` is of one that jumps, which y is the mean of then."""
+    """Curve of a run; if it jumps at every sample, y is its mean and ``range`` its range."""
 
     law: Text
     plant: Text
@@ -95,7 +98,7 @@ class Panel(Part):
 
 
 class Window(Part):
-    """When a disturbance acts [s]."""
+    """Time window of a disturbance [s]."""
 
     start: float
     stop: float
@@ -103,14 +106,14 @@ class Window(Part):
 
 
 class LawStyle(Part):
-    """How a law is drawn."""
+    """Name and colour of a law in charts."""
 
     label: Text
     colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
 class Curves(Provenance):
-    """The curves of a case."""
+    """Curves of a case."""
 
     system: Text
     case: Text
@@ -122,28 +125,28 @@ class Curves(Provenance):
 
 
 class FilmedCase(Part):
-    """The case of a film."""
+    """Case that a film shows."""
 
     system: Text = ""
     case: Text = ""
 
 
 class FilmClock(Part):
-    """A film's time: ``start`` [s] of the run, and run seconds in a second of the film."""
+    """Time of a film: its ``start`` in the run [s], and seconds of the run in one of the film."""
 
     speed: Annotated[float, Field(gt=0)] = 1.0
     start: float = 0.0
 
 
 class FilmConfiguration(Part):
-    """What a film was made from."""
+    """Configuration of a film: its case and its time."""
 
     case: FilmedCase = FilmedCase()
     film: FilmClock = FilmClock()
 
 
 class Film(Provenance):
-    """The document beside a film."""
+    """Document beside a film."""
 
     configuration: FilmConfiguration = FilmConfiguration()
     drawn_from: Text
@@ -154,10 +157,10 @@ class Document(NamedTuple):
     """A document of results.
 
     Attributes:
-        path: Its file.
-        content: Its fields that are shown.
-        sha256: Of its file.
-        modified: When its file was written [s].
+        path: Path of its file.
+        content: Fields of it that the page shows.
+        sha256: SHA-256 of its file.
+        modified: Time at which its file was written [s].
     """
 
     path: Path
@@ -167,55 +170,71 @@ class Document(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The kind of result."""
+        """Kind of result; ``curves`` and ``film`` for the documents that are not results."""
         content = self.content
-        return content.kind if isinstance(content, Result) else type(content).__name__.lower()
+        if isinstance(content, Result):
+            return content.kind
+        return type(content).__name__.lower()
 
 
 class Results(NamedTuple):
-    """The documents, the newest last, and a line for each file that cannot be read."""
+    """Documents, the newest last, and a line for each file that cannot be read."""
 
     documents: list[Document]
     notices: list[str]
 
 
 def read_results(paths: Sequence[Path]) -> Results:
-    """The results in files and folders, each once.
+    """Read the results in files and folders, each file once.
 
     Raises:
-        ArgumentError: If a path is not there.
+        ArgumentError: If a path does not exist, or is a device.
     """
     for path in paths:
-        # A device is read without end.
+        if not path.exists():
+            raise ArgumentError(f"{path} does not exist")
+        # Reading a device may never end.
         if not path.is_dir() and not path.is_file():
-            raise ArgumentError(
-                f"{path} {'is neither a file nor a folder' if path.exists() else 'does not exist'}"
-            )
-    results = Results([], [])
-    size, seen = 0, set[Path]()
-    for file in (file for path in paths for file in _files(path)):
-        if (real := file.resolve()) in seen:
-            continue
-        seen.add(real)
+            raise ArgumentError(f"{path} is neither a file nor a folder")
+
+    documents: list[Document] = []
+    notices: list[str] = []
+    size = 0
+    for file in _distinct_files(paths):
         try:
             size += file.stat().st_size
-            if size > _ALL:
-                results.notices.append(f"{file} and the next ones: too much for one page")
+            if size > _LARGEST_PAGE:
+                notices.append(f"{file} and the next ones: too much for one page")
                 break
-            if (document := _document(file)) is not None:
-                results.documents.append(document)
+            document = _document(file)
+            if document is not None:
+                documents.append(document)
         except (OSError, ValueError, RecursionError, ArithmeticError) as error:
-            results.notices.append(f"{file}: {_reason(error)}")
-    results.documents.sort(key=lambda document: document.modified)
-    return results
+            notices.append(f"{file}: {_reason(error)}")
+
+    documents.sort(key=lambda document: document.modified)
+    return Results(documents, notices)
+
+
+def _distinct_files(paths: Sequence[Path]) -> Iterator[Path]:
+    """Yield the files of all paths; one that several paths lead to only once."""
+    targets: set[Path] = set()
+    for path in paths:
+        for file in _files(path):
+            target = file.resolve()
+            if target not in targets:
+                targets.add(target)
+                yield file
 
 
 def _files(path: Path) -> Iterator[Path]:
-    """The JSON files of a path in order of their names; links to folders are not followed."""
+    """Yield the JSON files of a path by name; links to folders are not followed."""
     if not path.is_dir():
         yield path
         return
+
     for folder, folders, files in os.walk(path):
+        # `os.walk` descends into the folders that remain in its list.
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
             file = Path(folder, name)
@@ -224,38 +243,50 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 def _document(file: Path) -> Document | None:
-    """A document; None for a file of another program, or one that only programs read.
+    """Read a document; None for a file of another program, or one that the page does not show.
 
     Raises:
-        ValueError: If it is one of ours that cannot be read.
+        ValueError: If a document of this package cannot be read.
     """
-    if file.stat().st_size > _LARGEST:
-        raise ValueError(f"is larger than {_LARGEST >> 20} MB")
+    if file.stat().st_size > _LARGEST_DOCUMENT:
+        raise ValueError(f"is larger than {_LARGEST_DOCUMENT >> 20} MB")
     text = file.read_bytes()
-    content = json.loads(text)
+    model = _model_of(json.loads(text))
+    if model is None:
+        return None
+    return Document(
+        path=file,
+        content=model.model_validate_json(text),
+        sha256=hashlib.sha256(text).hexdigest(),
+        modified=file.stat().st_mtime,
+    )
+
+
+def _model_of(content: Any) -> type[Result | Curves | Film] | None:
+    """Return the class of a document's content by the keys that it has."""
     if not isinstance(content, dict) or "schema_version" not in content:
         return None
-    if {"panels", "laws"} <= content.keys():
-        model: type[Result | Curves | Film] = Curves
-    elif {"drawn_from", "sha256"} <= content.keys():
-        model = Film
-    elif "answers" in content:
-        model = ClaimsResult if content.get("kind") in _WITH_CLAIMS else Result
-    else:
+    if "panels" in content and "laws" in content:
+        return Curves
+    if "drawn_from" in content and "sha256" in content:
+        return Film
+    if "answers" not in content:
         return None
-    shown = model.model_validate_json(text)
-    return Document(file, shown, hashlib.sha256(text).hexdigest(), file.stat().st_mtime)
+    if content.get("kind") in _WITH_CLAIMS:
+        return ClaimsResult
+    return Result
 
 
 def _reason(error: Exception) -> str:
-    """Why a document cannot be read, in short."""
+    """Write in short why a document cannot be read."""
     if isinstance(error, ValidationError):
-        first: Any = error.errors(include_url=False, include_input=False)[0]
-        reason = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        mistake: Any = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, mistake["loc"]))
+        reason = f"{place}: {mistake['msg']}"
     elif isinstance(error, UnicodeDecodeError | json.JSONDecodeError):
         reason = "is no whole JSON"
     elif isinstance(error, RecursionError):
         reason = "is nested too deeply"
     else:
         reason = str(error) or type(error).__name__
-    return one_line(reason)[:_REASON]
+    return one_line(reason)[:_LONGEST_REASON]

@@ -1,15 +1,14 @@
-"""The page as one file: a template, one style, two scripts by their hashes, and the figures."""
+"""Writing of the page as one file: a template with its style, two scripts and the figures."""
 
 from __future__ import annotations
 
 import base64
-import functools
 import gzip
 import hashlib
 import json
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +19,15 @@ from plotly.offline import get_plotlyjs
 
 from grosmc_mj.files import written_aside
 from grosmc_mj.page.charts import Figure, chart_figure, curves_figure
-from grosmc_mj.page.reading import ClaimsResult, Curves, Document, Film, Results
+from grosmc_mj.page.reading import (
+    Claim,
+    ClaimsResult,
+    Curves,
+    Document,
+    Film,
+    FilmClock,
+    Results,
+)
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import label_of
@@ -28,21 +35,22 @@ from grosmc_mj.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
-# Letters of a configuration and of a formula; a longer formula is shown in LaTeX.
+# Largest number of letters of a configuration; the page cuts a longer one off.
 _LONGEST_CONFIGURATION = 20_000
+# Largest number of letters of a formula; the page shows a longer one in LaTeX.
 _LONGEST_FORMULA = 2000
-# Results that stand in the table of every law in every case.
-_OF_CASES = ("run", "validation")
+# Kinds of results in the table of every law in every case.
+_KINDS_IN_MATRIX = ("run", "validation")
 
 
 class Page(NamedTuple):
     """A page that was written.
 
     Attributes:
-        path: Its file.
-        size: In bytes.
-        answers: Its answers, what is not kept first.
-        notices: What is left out, a line each.
+        path: Path of its file.
+        size: Size of its file [byte].
+        answers: Answers, those that are not kept first.
+        notices: A line for each file that is left out.
     """
 
     path: Path
@@ -56,19 +64,20 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
 
     Args:
         reading: The results.
-        paths: Where they were looked for.
-        path: The HTML file.
+        paths: Files and folders that the results were read from.
+        path: Path of the HTML file.
 
     Raises:
         SetupError: If it cannot be written.
     """
-    figures = list[Figure]()
-    notices = list(reading.notices)
     documents = reading.documents
     results = [document for document in documents if isinstance(document.content, Result)]
     answers = _answers(results)
     laws, cases = _matrix(results)
 
+    # The functions below append figures and notices to these lists.
+    figures: list[Figure] = []
+    notices = list(reading.notices)
     content = {
         "title": "Results of grosmc-mj",
         "summary": _summary(answers, laws, cases, results),
@@ -93,33 +102,34 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
 
 
 def _answers(results: Sequence[Document]) -> list[Answer]:
-    """The answers of all results, those that are not kept first."""
+    """Return the answers of all results, those that are not kept first."""
     answers = [answer for document in results for answer in _result(document).answers]
     return sorted(answers, key=lambda answer: VERDICTS.index(answer.verdict))
 
 
 def _standings(results: Sequence[Document]) -> list[tuple[str, Standing]]:
-    """Kind of study and standing of each law in it."""
-    return [
-        (document.kind, standing)
-        for document in results
-        if document.kind not in _OF_CASES
-        for standing in _result(document).standings
-    ]
+    """Return the kind of study and the standing of each law in the studies."""
+    standings = []
+    for document in results:
+        if document.kind not in _KINDS_IN_MATRIX:
+            standings += [(document.kind, standing) for standing in _result(document).standings]
+    return standings
 
 
 def _result(document: Document) -> Result:
+    """Return the content of a document that is known to be a result."""
     assert isinstance(document.content, Result)
     return document.content
 
 
 def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, Standing]]]:
-    """The laws, and how each stands in each case."""
+    """Return the laws, and the standing of each law in each case."""
     cases: dict[str, dict[str, Standing]] = {}
-    for result in results:
-        if result.kind in _OF_CASES:
-            for standing in _result(result).standings:
+    for document in results:
+        if document.kind in _KINDS_IN_MATRIX:
+            for standing in _result(document).standings:
                 cases.setdefault(standing.case, {})[standing.law] = standing
+
     laws = dict.fromkeys(law for case in cases.values() for law in case)
     return list(laws), dict(sorted(cases.items()))
 
@@ -130,102 +140,114 @@ def _summary(
     cases: Mapping[str, Mapping[str, Standing]],
     results: Sequence[Document],
 ) -> list[str]:
-    """What was tested and what came out, in sentences."""
+    """Write in sentences what was tested, and what came out."""
     if not answers:
         return ["No results here answer anything."]
+
     sentences = []
     if cases:
-        scores = []
-        for law in laws:
-            own = [case[law] for case in cases.values() if law in case and case[law].required]
-            kept = sum(not item.breaks_at for item in own)
-            scores += [f"{label_of(law)} in {kept} of {len(own)}"] if own else []
+        scores = ", ".join(_scores(laws, cases))
         sentences.append(
             f"{len(laws)} control laws were run in {len(cases)} cases and judged by the "
-            f"requirements of each. All requirements are kept by {', '.join(scores)}."
+            f"requirements of each. All requirements are kept by {scores}."
         )
+
     counts = Counter(answer.verdict for answer in answers)
-    verdicts = ", ".join(f"{counts[item]} {item}" for item in VERDICTS if counts[item])
-    sentences.append(f"Answers: {verdicts}.")
-    if unfinished := sum(not _result(item).complete for item in results):
-        sentences.append(f"{unfinished} of the results were interrupted and are not complete.")
+    verdicts = [f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]]
+    sentences.append(f"Answers: {', '.join(verdicts)}.")
+
+    interrupted = sum(not _result(document).complete for document in results)
+    if interrupted:
+        sentences.append(f"{interrupted} of the results were interrupted and are not complete.")
     return sentences
 
 
+def _scores(laws: Sequence[str], cases: Mapping[str, Mapping[str, Standing]]) -> Iterator[str]:
+    """Write for each law in how many of its cases it keeps all requirements."""
+    for law in laws:
+        standings = [case[law] for case in cases.values() if law in case]
+        required = [standing for standing in standings if standing.required]
+        if required:
+            kept = sum(not standing.breaks_at for standing in required)
+            yield f"{label_of(law)} in {kept} of {len(required)}"
+
+
 def _cases(documents: Sequence[Document], figures: list[Figure]) -> list[dict[str, Any]]:
-    """The curves of each case with the number of its film, and the tables of its run."""
-    newest = {
-        (document.content.system, document.content.case): document.content
-        for document in documents
-        if isinstance(document.content, Curves) and document.content.panels
-    }
-    clocks = {
-        (document.content.configuration.case.system, document.content.configuration.case.case):
-            document.content.configuration.film
-        for document in documents
-        if isinstance(document.content, Film)
-    }  # fmt: skip
+    """Return the newest curves of each case, with the time of its film."""
+    newest: dict[tuple[str, str], Curves] = {}
+    clocks: dict[tuple[str, str], FilmClock] = {}
+    for document in documents:
+        content = document.content
+        if isinstance(content, Curves) and content.panels:
+            newest[content.system, content.case] = content
+        elif isinstance(content, Film):
+            clocks[_case_of_film(content)] = content.configuration.film
+
     return [
         {
-            "name": "/".join(key),
+            "name": "/".join(case),
             "title": curves.title,
-            "film": key if key in clocks else None,
-            "clock": clocks.get(key),
+            "film": case if case in clocks else None,
+            "clock": clocks.get(case),
             "figure": _numbered(curves_figure(curves), figures),
         }
-        for key, curves in sorted(newest.items())
+        for case, curves in sorted(newest.items())
     ]
 
 
+def _case_of_film(film: Film) -> tuple[str, str]:
+    """Return system and case of a film."""
+    case = film.configuration.case
+    return case.system, case.case
+
+
 def _numbered(figure: Figure, figures: list[Figure]) -> int:
-    """The number of a figure, which joins the others."""
+    """Add a figure to those of the page; return its number."""
     figures.append(figure)
     return len(figures) - 1
 
 
 def _study(document: Document, figures: list[Figure]) -> dict[str, Any]:
-    """The tables and charts of a result."""
+    """Return the tables and charts of a result."""
     content = _result(document)
     name = content.answers[0].question if content.answers else document.path.stem
-    sheets = [
-        {"table": sheet.table,
-         "charts": [(x.name, _numbered(chart_figure(x), figures)) for x in sheet.charts]}
-        for sheet in content.sheets
-        if sheet.table.rows or sheet.charts
-    ]  # fmt: skip
+    sheets = []
+    for sheet in content.sheets:
+        charts = [(chart.name, _numbered(chart_figure(chart), figures)) for chart in sheet.charts]
+        if sheet.table.rows or charts:
+            sheets.append({"table": sheet.table, "charts": charts})
     return {"name": name, "kind": document.kind, "sheets": sheets}
 
 
-def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Any, str]]]:
-    """The claims by system, each once and with its equation."""
-    claims = {
-        claim.id: claim
-        for result in results
-        if isinstance(result.content, ClaimsResult)
-        for claim in result.content.claims
-    }
-    systems: dict[str, list[tuple[Any, str]]] = {}
-    for claim in claims.values():
+def _claims(results: Sequence[Document]) -> dict[str, list[tuple[Claim, str]]]:
+    """Return the newest version of each claim with its equation, by system."""
+    newest: dict[str, Claim] = {}
+    for document in results:
+        if isinstance(document.content, ClaimsResult):
+            newest.update((claim.id, claim) for claim in document.content.claims)
+
+    systems: dict[str, list[tuple[Claim, str]]] = {}
+    for claim in newest.values():
         systems.setdefault(claim.system, []).append((claim, _equation(claim.equation)))
     return systems
 
 
 def _equation(formula: str) -> str:
-    """A formula in LaTeX as a line of text, or as it is if it cannot be read."""
+    """Write a LaTeX formula as a line of text; unchanged if it cannot be read."""
     if len(formula) > _LONGEST_FORMULA:
         return formula
     try:
         text = in_text(formula)
-    # A parser of other people's texts has errors of every kind.
+    # A user's formula may raise any error in the parser.
     except Exception:
         return formula
     return text or formula
 
 
 def _films(documents: Sequence[Document], notices: list[str]) -> dict[tuple[str, str], str]:
-    """The newest film of each case whose curves are on the page, by system and case, in base 64.
+    """Return the newest film of each case with curves on the page, in base 64.
 
-    A line of ``notices`` for each film that is left out.
+    A film that is left out adds a line to ``notices``.
     """
     cases = {
         (document.content.system, document.content.case)
@@ -236,15 +258,14 @@ def _films(documents: Sequence[Document], notices: list[str]) -> dict[tuple[str,
     for document in documents:
         if not isinstance(document.content, Film):
             continue
-        case = document.content.configuration.case
-        key = (case.system, case.case)
-        if key in cases:
-            newest[key] = (document.path.with_suffix(".mp4"), document.content)
+        case = _case_of_film(document.content)
+        if case in cases:
+            newest[case] = (document.path.with_suffix(".mp4"), document.content)
         else:
             notices.append(f"{_text(document.path)}: its case has no curves here")
 
     films: dict[tuple[str, str], str] = {}
-    for key, (file, description) in newest.items():
+    for case, (file, description) in newest.items():
         try:
             film = file.read_bytes()
         except OSError as error:
@@ -253,12 +274,12 @@ def _films(documents: Sequence[Document], notices: list[str]) -> dict[tuple[str,
         if hashlib.sha256(film).hexdigest() != description.sha256:
             notices.append(f"{_text(file)}: is not the film that the document beside it is of")
             continue
-        films[key] = base64.b64encode(film).decode()
+        films[case] = base64.b64encode(film).decode()
     return films
 
 
 def _origin(document: Document) -> dict[str, Any]:
-    """Where a document comes from."""
+    """Return the provenance of a document."""
     configuration = document.content.model_dump(include={"configuration"})["configuration"]
     text = json.dumps(plain(configuration), indent=1, ensure_ascii=True)
     if len(text) > _LONGEST_CONFIGURATION:
@@ -273,46 +294,43 @@ def _origin(document: Document) -> dict[str, Any]:
 
 
 def _text(path: Path) -> str:
-    """A path as text that can be printed."""
+    """Write a path as text that can be printed."""
     return str(path).encode("utf-8", "replace").decode()
 
 
 def _render(content: Mapping[str, Any], figures: Sequence[Figure]) -> str:
-    """The template with its content; scripts run by their hashes alone."""
-    home = files("grosmc_mj.page")
-    css, js = (home.joinpath(f"page.{end}").read_text(encoding="utf-8") for end in ("css", "js"))
-    plotly = _plotly()
+    """Fill the template; the page runs no script but the two whose hashes its policy names."""
+    js = _page_file("page.js")
+    plotly = get_plotlyjs()
+    policy = (
+        f"default-src 'none'; script-src {_hash(plotly)} {_hash(js)}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; media-src data:; base-uri 'none'; form-action 'none'"
+    )
+
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    template = environment.from_string(home.joinpath("page.html").read_text(encoding="utf-8"))
-    hashes = " ".join(f"'sha256-{_sha256(script)}'" for script in (plotly, js))
-    return template.render(
+    return environment.from_string(_page_file("page.html")).render(
         **content,
-        policy=(
-            f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; "
-            "img-src data: blob:; media-src data:; base-uri 'none'; form-action 'none'"
-        ),
-        css=markupsafe.Markup(css),
+        policy=policy,
+        css=markupsafe.Markup(_page_file("page.css")),
         js=js,
         plotly=plotly,
         figures=_packed(figures),
     )
 
 
-@functools.cache
-def _plotly() -> str:
-    """Plotly's script."""
-    return get_plotlyjs()
+def _page_file(name: str) -> str:
+    return files("grosmc_mj.page").joinpath(name).read_text(encoding="utf-8")
 
 
-@functools.cache
-def _sha256(script: str) -> str:
-    """Of a script, as a content security policy has it."""
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+def _hash(script: str) -> str:
+    """Return the hash of a script as a content security policy writes it."""
+    digest = hashlib.sha256(script.encode()).digest()
+    return f"'sha256-{base64.b64encode(digest).decode()}'"
 
 
 def _packed(figures: Sequence[Figure]) -> str:
-    """JSON, compressed and in letters that end no element of HTML."""
+    """Return the figures as compressed JSON, in letters that cannot end an element of HTML."""
     text = json.dumps(plain(figures), separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()

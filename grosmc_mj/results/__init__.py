@@ -1,1 +1,1 @@
-"""How results look: tables, the style of figures, colours, JSON documents."""
+"""Form of results: tables, figures and their style, colours, JSON documents."""

@@ -1,9 +1,8 @@
-"""JSON documents: where they come from, what stands for infinity, written whole or not at all."""
+"""JSON documents: their origin, numbers that JSON does not have, and how they are written."""
 
 from __future__ import annotations
 
 import functools
-import itertools
 import json
 import math
 import os
@@ -21,24 +20,25 @@ from grosmc_mj.files import written_aside
 from grosmc_mj.versions import versions
 
 SCHEMA_VERSION = 1
-# What this process carries out, if it is a command of the command line.
+# The command line that this process carries out; None in a library call.
 _COMMAND: ContextVar[str | None] = ContextVar("command", default=None)
 
 
 def carried_out(program: str, arguments: Sequence[str]) -> None:
-    """Note the command that the documents written from here on come from.
+    """Record the command that the documents written from now on come from.
 
-    Whether it went on with what was there makes no difference to a result.
+    ``--resume`` is left out: a resumed command gives the same result.
     """
-    _COMMAND.set(shlex.join([program, *(word for word in arguments if word != "--resume")]))
+    words = [word for word in arguments if word != "--resume"]
+    _COMMAND.set(shlex.join([program, *words]))
 
 
 def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, Any]:
-    """What a document needs to be understood and repeated; no seed where nothing is random.
+    """Return the fields of a document that say how to repeat it.
 
     Args:
-        seed: Of what is random.
-        schema_version: Of this kind of document.
+        seed: Seed of the random numbers; None if there are none.
+        schema_version: Version of this kind of document.
     """
     return {
         "schema_version": schema_version,
@@ -52,13 +52,14 @@ def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, 
 
 @functools.cache
 def git_revision() -> str | None:
-    """The checkout's revision, with ``-dirty`` if it has changes; None outside a checkout.
+    """Return the checkout's revision, with ``-dirty`` if it has changes; None outside a checkout.
 
-    As it was when this process first asked: that is the code that it runs.
+    Cached: the first call, not a later one, finds the revision of the code that is running.
     """
     package = Path(__file__).resolve().parents[1]
     try:
-        if Path(_git(package, "rev-parse", "--show-toplevel")).resolve() != package.parent:
+        checkout = Path(_git(package, "rev-parse", "--show-toplevel")).resolve()
+        if checkout != package.parent:
             return None
         return _git(package, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     except (OSError, subprocess.CalledProcessError):
@@ -66,21 +67,21 @@ def git_revision() -> str | None:
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """One line that git answers."""
+    """Return the output of git, a line."""
     command = ["git", "-C", str(folder), *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def json_text(content: Any) -> str:
-    """Values as JSON, which has neither infinities nor NaN: null stands for them.
+    """Write values as JSON, with null for infinities and NaN, which JSON does not have.
 
-    What a null means stands beside it: a note, a status, or a count of runs that ended early.
+    The meaning of a null stands beside it: a note, a status, or a count of runs that ended early.
     """
     return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON aside and rename it, so that a file is either whole or not there.
+    """Write a JSON file, whole or not at all.
 
     Raises:
         SetupError: If it cannot be written.
@@ -91,41 +92,46 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
-    """Put a document with another ``part`` aside before it is replaced.
+    """Rename an older document that has another ``part``, before a new one replaces it.
 
-    It becomes NAME.previous.json or, if there is one, NAME.previous2.json and so on. What cannot be
-    read is another one, too.
+    It becomes NAME.previous.json or, if there is one, NAME.previous2.json and so on. A document
+    that cannot be read is renamed, too.
 
     Args:
-        path: Where the new document will be.
+        path: Path of the new document.
         content: The new document.
-        part: Key of what tells one from another, such as ``configuration``.
+        part: Key of the part to compare, such as ``configuration``.
 
     Returns:
-        Where the older one is now; None if there is none, or it has the same part.
+        New path of the older document; None if there is none, or it has the same part.
     """
     if not path.is_file():
         return None
     try:
         older = json.loads(path.read_text(encoding="utf-8"))
-        same = older[part] == json.loads(json_text(content[part]))
+        if older[part] == json.loads(json_text(content[part])):
+            return None
     except (OSError, ValueError, KeyError, TypeError):
-        same = False
-    if same:
-        return None
-    ends = ("" if number == 1 else str(number) for number in itertools.count(1))
-    names = (path.with_name(f"{path.stem}.previous{end}{path.suffix}") for end in ends)
-    aside = next(name for name in names if not name.exists())
+        # An unreadable document is renamed.
+        pass
+
+    aside = path.with_name(f"{path.stem}.previous{path.suffix}")
+    number = 2
+    while aside.exists():
+        aside = path.with_name(f"{path.stem}.previous{number}{path.suffix}")
+        number += 1
     path.replace(aside)
     return aside
 
 
 def plain(value: Any) -> Any:
-    """Values that JSON has: null stands for infinities and NaN."""
+    """Return values that JSON has, with None for infinities and NaN."""
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,4 +1,4 @@
-"""The still figures' one style, and how they are written: PNG and SVG, whole or not at all."""
+"""Style of the figures, and their files: PNG and SVG, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,10 +17,15 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 from grosmc_mj.results.palette import DISTURBANCE, GRID
 
+# Sizes of letters [point].
+TITLE_SIZE = 11.5
 _LEGEND_SIZE = 8.5
-# What a legend's line and the space around its label take, in letters.
+# Width of a letter over its size, rounded up.
+_LETTER = 0.54
+# Width of a legend's line and of the space around its label, in letters.
 _HANDLE = 7
-# matplotlib's own settings, whatever a matplotlibrc says: one in the working folder comes first.
+_ENDINGS = (".png", ".svg")
+# matplotlib's own settings: without them a matplotlibrc, such as one in the working folder, counts.
 DEFAULTS: dict[Any, Any] = {
     name: value for name, value in mpl.rcParamsDefault.items() if not name.startswith("backend")
 }
@@ -39,22 +44,18 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "grosmc_mj",
     "figure.constrained_layout.use": True,
 }
-TITLE_SIZE = 11.5
-_ENDINGS = (".png", ".svg")
-# Width of a letter over its size, on the safe side.
-_LETTER = 0.54
 
 
 @contextlib.contextmanager
 def figure_written(
     path: Path, size: tuple[float, float], suffixes: Sequence[str] = _ENDINGS
 ) -> Iterator[Figure]:
-    """A figure to draw in, written when the block ends.
+    """Yield a figure to draw in; it is written when the block ends.
 
     Args:
-        path: The PNG; the SVG lies beside it.
+        path: Path of the PNG; the SVG lies beside it.
         size: Width and height [inch].
-        suffixes: Which of the two.
+        suffixes: Kinds of files to write, of ``.png`` and ``.svg``.
 
     Raises:
         SetupError: If a file cannot be written.
@@ -66,9 +67,9 @@ def figure_written(
 
 
 def write_figure(figure: Figure, files: Sequence[Path]) -> None:
-    """Write a figure to each file by its ending, all of them or none.
+    """Write a figure to PNG and SVG files, to all of them or to none.
 
-    Without a date in it: the same data give the same bytes.
+    The files have no date in them: the same data give the same bytes.
 
     Raises:
         ArgumentError: If a file is neither a PNG nor an SVG.
@@ -77,56 +78,81 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
     for file in files:
         if file.suffix not in _ENDINGS:
             raise ArgumentError(f"{file.name}: a figure ends in {' or '.join(_ENDINGS)}")
-    with mpl.rc_context(STYLE), contextlib.ExitStack() as parts:
-        for part in [parts.enter_context(written_aside(file)) for file in files]:
-            metadata = {"Date": None} if part.suffix == ".svg" else {"Software": None}
-            figure.savefig(part, format=part.suffix[1:], metadata=metadata)
-            # The layout of the first file is that of all.
+
+    with mpl.rc_context(STYLE), contextlib.ExitStack() as stack:
+        parts = [stack.enter_context(written_aside(file)) for file in files]
+        for part in parts:
+            dated_by = "Date" if part.suffix == ".svg" else "Software"
+            figure.savefig(part, format=part.suffix[1:], metadata={dated_by: None})
+            # All files have the layout of the first.
             figure.set_layout_engine("none")
 
 
 def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
-    """One legend for all panels, below them, where it hides nothing, no wider than the figure.
+    """Draw one legend for all panels below them, no wider than the figure.
 
     Args:
-        figure: The whole.
-        axes: The panels.
-        columns: Of the legend, at most.
+        figure: The figure.
+        axes: Its panels.
+        columns: Largest number of columns of the legend.
     """
     entries = {}
     for panel in axes:
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+        handles, labels = panel.get_legend_handles_labels()
+        for handle, label in zip(handles, labels, strict=True):
             entries.setdefault(label, handle)
-    labels = list(entries)
+
+    letters = letters_in(figure.get_figwidth(), _LEGEND_SIZE)
     figure.legend(
-        list(entries.values()), labels, loc="outside lower center", markerscale=8,
-        ncols=_columns_in(labels, letters_in(figure.get_figwidth(), _LEGEND_SIZE), columns),
-    )  # fmt: skip
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        markerscale=8,
+        ncols=_columns_in(list(entries), letters, columns),
+    )
 
 
 def _columns_in(labels: Sequence[str], letters: int, most: int) -> int:
-    """In how many columns, filled one after the other, labels fit into so many letters."""
+    """Return the number of columns, filled one after the other, that fit into so many letters."""
+    widths = [len(label) + _HANDLE for label in labels]
     for count in range(most, 1, -1):
-        columns = np.array_split([len(label) + _HANDLE for label in labels], count)
+        columns = np.array_split(widths, count)
         if sum(int(column.max(initial=0)) for column in columns) <= letters:
             return count
     return 1
 
 
 def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:
-    """Shade the time in which a disturbance acts [s]."""
+    """Shade the time in which a disturbance acts.
+
+    Args:
+        axes: The panel.
+        start: Start of the disturbance [s].
+        stop: End of the disturbance [s].
+        label: Label in the legend; empty for none.
+    """
     axes.axvspan(start, stop, color=DISTURBANCE, alpha=0.13, lw=0, label=label)
 
 
 def in_lines(text: str, letters: int = 44) -> str:
-    """A text in as few lines as fit, of about one length, so that none has a word alone."""
+    """Wrap a text into as few lines as possible, of about equal length.
+
+    Args:
+        text: The text.
+        letters: Largest number of letters in a line.
+    """
     lines = textwrap.wrap(text, letters)
-    longest = max(map(len, text.split()), default=letters)
-    while letters > longest and len(narrower := textwrap.wrap(text, letters - 1)) == len(lines):
-        lines, letters = narrower, letters - 1
+    longest_word = max(map(len, text.split()), default=letters)
+
+    # The narrowest lines that are not more of them leave no word alone in the last.
+    for width in range(letters - 1, longest_word - 1, -1):
+        narrower = textwrap.wrap(text, width)
+        if len(narrower) != len(lines):
+            break
+        lines = narrower
     return "\n".join(lines)
 
 
 def letters_in(width: float, size: float) -> int:
-    """How many letters of a size [point] fit into a width [inch]; at least one."""
+    """Return how many letters of a size [point] fit into a width [inch]; at least one."""
     return max(1, int(width * 72 / (_LETTER * size)))

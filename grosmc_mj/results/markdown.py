@@ -1,4 +1,4 @@
-"""Pages that are kept in Markdown, and what is generated within them."""
+"""Generated texts in Markdown pages that people write."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from grosmc_mj.errors import SetupError
 
 
 def replace_marked(page: Path, name: str, make: Callable[[], str]) -> None:
-    """Put a text between the two marks of a name in a page that people write.
+    """Replace the text between the marks ``<!-- name -->`` and ``<!-- /name -->`` of a page.
 
     Args:
-        page: The page.
-        name: Of the text; ``<!-- name -->`` and ``<!-- /name -->`` stay where they are.
-        make: Makes the text, once the marks are found.
+        page: Path of the page.
+        name: Name of the text; its marks stay where they are.
+        make: Function that returns the text; called once the marks are found.
 
     Raises:
         SetupError: If the page or a mark is missing.
     """
-    begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
+    begin = f"<!-- {name} -->"
+    end = f"<!-- /{name} -->"
     text = page.read_text(encoding="utf-8") if page.is_file() else ""
-    before, begun, rest = text.partition(begin)
-    _, ended, after = rest.partition(end)
-    if not (begun and ended):
+
+    before, begin_found, remainder = text.partition(begin)
+    _, end_found, after = remainder.partition(end)
+    if not (begin_found and end_found):
         raise SetupError(f"{page} has no {begin} ... {end}")
+
     page.write_text(f"{before}{begin}\n{make()}\n{end}{after}", encoding="utf-8")

@@ -1,14 +1,24 @@
-"""Colours that figures and films share: Okabe and Ito's, then Tol's, for the colour-blind too."""
+"""Colours and line styles of figures and films.
+
+The colours are those of Okabe and Ito, then those of Tol: colour-blind readers can tell them apart.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-# Okabe and Ito's, with a softer black.
-BLACK, ORANGE, SKY, GREEN = "#222222", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+# The colours of Okabe and Ito, with a softer black.
+BLACK = "#222222"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+YELLOW = "#F0E442"
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
 
+# Colours of laws.
 COLOURS = {
     "lqr": VERMILION,
     "fl-lqr": PURPLE,
@@ -21,6 +31,7 @@ COLOURS = {
     "cart-ism": SKY,
     "cart-pfl": "#882255",
 }
+# Names of laws for people.
 LABELS = {
     "lqr": "LQR",
     "fl-lqr": "FL + LQR",
@@ -33,56 +44,65 @@ LABELS = {
     "cart-ism": "4-state ISM",
     "cart-pfl": "partial FL",
 }
-# Controllers that have no colour of their own, in turn.
+# Colours of all other laws, in turn.
 OTHERS = ("#332288", "#44AA99", "#AA4499", "#DDCC77")
 
-# Line styles that tell laws apart for those who see no colour, in turn.
+# Line styles of laws, in turn: they tell laws apart without colours.
 _DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 
-# Physics thick, the equations thin on top.
+# Line styles of plants: physics is thick, the equations lie thin on top of it.
 LINES: Mapping[str, Mapping[str, Any]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
     "corrected": {"lw": 1.1, "ls": "--"},
     "printed": {"lw": 1.1, "ls": ":"},
 }
+# Names of plants for people.
 PLANTS: Mapping[str, str] = {
     "physics": "MuJoCo",
     "corrected": "corrected equations",
     "printed": "printed equations",
 }
 
-# What was asked for: kept, not kept, or not decided.
-KEPT, FAILED, OPEN = GREEN, VERMILION, ORANGE
+# Colours of requirements: kept, not kept, or not decided.
+KEPT = GREEN
+FAILED = VERMILION
+OPEN = ORANGE
 # Colours of words that are verdicts, in lower case.
 VERDICT_COLOURS = {
-    "supported": KEPT, "kept": KEPT, "holds": KEPT,
-    "refuted": FAILED, "premise not met": FAILED, "not kept": FAILED, "fails": FAILED,
-    "undetermined": OPEN, "inconclusive": OPEN,
-}  # fmt: skip
+    "supported": KEPT,
+    "kept": KEPT,
+    "holds": KEPT,
+    "refuted": FAILED,
+    "premise not met": FAILED,
+    "not kept": FAILED,
+    "fails": FAILED,
+    "undetermined": OPEN,
+    "inconclusive": OPEN,
+}
 
 OPTIMUM = BLACK
 DISTURBANCE = GREEN
 GRID = "#dddddd"
-# The reference, or the nominal optimum, over all curves.
+# Line style of the reference or the nominal optimum, which lies above all curves.
 REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "zorder": 5}
 
 
 def label_of(controller: str) -> str:
-    """A controller's name for people."""
+    """Return a law's name for people."""
     return LABELS.get(controller, controller)
 
 
 def colour_of(controller: str, others: int = 0) -> str:
-    """The colour of a controller; one that has none takes the one numbered ``others``."""
+    """Return the colour of a law; one without a colour takes number ``others`` of ``OTHERS``."""
     return COLOURS.get(controller, OTHERS[others % len(OTHERS)])
 
 
 class LawStyle(NamedTuple):
-    """How a law is drawn.
+    """Name, colour and line style of a law in figures.
 
     Attributes:
-        label: Its name for people.
-        colour: #RRGGBB.
+        label: Name for people.
+        colour: Colour as #RRGGBB.
         line: Matplotlib's line style.
     """
 
@@ -92,17 +112,20 @@ class LawStyle(NamedTuple):
 
 
 def law_styles(laws: Iterable[str]) -> dict[str, LawStyle]:
-    """A style for each law; those without a colour of their own take the others in turn."""
+    """Return a style for each law; laws without a colour take those of ``OTHERS`` in turn."""
     styles: dict[str, LawStyle] = {}
-    others = 0
+    without_colour = 0
     for number, law in enumerate(dict.fromkeys(laws)):
         line = _DASHES[number % len(_DASHES)]
-        styles[law] = LawStyle(label_of(law), colour_of(law, others), line)
-        others += law not in COLOURS
+        styles[law] = LawStyle(label_of(law), colour_of(law, without_colour), line)
+        if law not in COLOURS:
+            without_colour += 1
     return styles
 
 
 def red_green_blue(colour: str) -> tuple[float, float, float]:
-    """#RRGGBB as three numbers from 0 to 1."""
-    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    """Return the three parts of a colour #RRGGBB as numbers from 0 to 1."""
+    red = int(colour[1:3], 16) / 255
+    green = int(colour[3:5], 16) / 255
+    blue = int(colour[5:7], 16) / 255
     return (red, green, blue)

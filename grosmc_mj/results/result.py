@@ -1,7 +1,7 @@
-"""One form for every result: what it answers, its tables and charts, and its comparable values.
+"""Form of every result: its answers, its tables and charts, and its comparable values.
 
-A command writes its own numbers beside these fields, for programs. The page and ``diff`` read
-nothing but what stands here, so that neither knows any study.
+A command writes its own numbers beside these fields, for programs. The page and ``diff`` read only
+these fields, so neither depends on a study.
 """
 
 from __future__ import annotations
@@ -15,35 +15,41 @@ from pydantic import BaseModel, ConfigDict, Field
 from grosmc_mj.results.document import origin
 from grosmc_mj.results.tables import Table
 
+# Version of this form.
 SCHEMA = 2
 Text = Annotated[str, Field(max_length=20_000)]
-# A value that JSON has no number for is null.
+# A number; null where JSON has none, for infinities and NaN.
 Number = float | None
 
 # Verdicts of answers, the worst first.
-NOT_KEPT, OPEN, MEASURED, KEPT = "not kept", "not decided", "measured", "kept"
+NOT_KEPT = "not kept"
+OPEN = "not decided"
+MEASURED = "measured"
+KEPT = "kept"
 VERDICTS = (NOT_KEPT, OPEN, MEASURED, KEPT)
 
 
 def finite(value: float | None) -> Number:
-    """The value, or None for one that JSON has no number for."""
-    return value if value is not None and math.isfinite(value) else None
+    """Return a finite number; None for infinities and NaN, which JSON does not have."""
+    if value is None or not math.isfinite(value):
+        return None
+    return value
 
 
 class Part(BaseModel):
-    """Part of a result; numbers are finite, and a text is no number."""
+    """Part of a result; its numbers are finite, and a text is not read as a number."""
 
     model_config = ConfigDict(allow_inf_nan=False, frozen=True, strict=True)
 
 
 class Answer(Part):
-    """The answer to a question.
+    """Answer to a question.
 
     Attributes:
-        question: Such as ``Run of servo/case1``.
+        question: The question, such as ``Run of servo/case1``.
         verdict: One of ``VERDICTS``.
         words: The answer.
-        more: The next sentence, such as the requirement that is nearest to its limit.
+        more: Next sentence, such as the requirement that is nearest to its limit.
     """
 
     question: Text
@@ -53,15 +59,15 @@ class Answer(Part):
 
 
 class Standing(Part):
-    """How a law stands in a case; of a run for every law, whether it keeps everything or not.
+    """Verdict on a law in a case: where it breaks, if it does.
 
     Attributes:
-        case: SYSTEM/CASE.
-        law: Its name.
-        breaks_at: Where it breaks first: rung, plant or imperfection; empty if it stands.
-        words: The number that decides with its limit, or how far it stands.
-        complete: Whether nothing was interrupted that may break it still.
-        required: Whether it stands by a requirement; else its run is compared with the record.
+        case: The case, SYSTEM/CASE.
+        law: Name of the law.
+        breaks_at: First rung, plant or imperfection that it fails on; empty if it fails nowhere.
+        words: Deciding number with its limit, or how far the law goes.
+        complete: False if an interrupted study may still find a failure.
+        required: True if a requirement decides; else the run is compared with the record.
     """
 
     case: Text
@@ -73,17 +79,17 @@ class Standing(Part):
 
 
 class Value(Part):
-    """One number or word that two results can be compared by.
+    """Number or word that two results are compared by.
 
     Attributes:
-        name: Of the quantity, the same in every result.
-        value: A number, a verdict, or None for none.
-        unit: Of a number.
-        better: 1 if more is better, -1 if less is, else 0; of verdicts ``diff`` knows it.
-        relative: How closely it repeats on another machine, as a share of ``size``; 0.1 of what
-            switching amplifies.
-        absolute: The same in its unit.
-        size: What ``relative`` is of; None for the value itself.
+        name: Name of the quantity, the same in every result.
+        value: A number, a verdict, or None.
+        unit: Unit of a number.
+        better: 1 if more is better, -1 if less is better, else 0; ``diff`` orders verdicts itself.
+        relative: Tolerance between machines as a share of ``size``; 0.1 for what switching
+            amplifies.
+        absolute: Tolerance between machines in the unit of the value.
+        size: Number that ``relative`` is a share of; None for the value itself.
     """
 
     name: Text
@@ -99,12 +105,12 @@ class Series(Part):
     """Points of a chart.
 
     Attributes:
-        name: In the legend.
+        name: Name in the legend.
         x: Numbers or words.
-        y: None where there is none.
-        texts: Of each point; empty for none.
-        good: Whether what is required holds at each point; empty where nothing is.
-        joined: Whether a line joins them.
+        y: Numbers; None where there is none.
+        texts: Text of each point; empty for none.
+        good: Whether the requirement holds at each point; empty if nothing is required.
+        joined: Whether a line joins the points.
     """
 
     name: Text
@@ -119,11 +125,11 @@ class LineChart(Part):
     """One quantity over another; an axis whose numbers are far apart is logarithmic.
 
     Attributes:
-        name: Of the chart.
-        titles: Of the axes.
+        name: Title of the chart.
+        titles: Titles of the two axes.
         lines: The curves.
-        limit: Dashed along the first axis.
-        marks: Dotted along the second one.
+        limit: Value of a line along the first axis; None for none.
+        marks: Values of lines along the second axis.
     """
 
     form: Literal["lines"] = "lines"
@@ -135,16 +141,16 @@ class LineChart(Part):
 
 
 class CellChart(Part):
-    """Rows by columns: a cell is blue below zero and red above it, as far as ``most``.
+    """Coloured cells: one colour below zero and another one above it.
 
     Attributes:
-        name: Of the chart.
+        name: Title of the chart.
         rows: Names of the rows.
         columns: Names of the columns.
-        values: Of each cell; None for no cell.
-        texts: In the cells.
-        whys: What more there is to say of each.
-        most: Of the values.
+        values: Value of each cell; None for no cell.
+        texts: Text in each cell.
+        whys: Explanation of each cell.
+        most: Value of the end of the colour scale, to both sides.
     """
 
     form: Literal["cells"] = "cells"
@@ -160,21 +166,36 @@ class CellChart(Part):
     def of(
         cls, name: str, cells: Mapping[tuple[str, str], tuple[float, str, str]], most: float
     ) -> CellChart:
-        """The chart of cells that are known by row and column: value, text and why."""
-        rows, columns = (list(dict.fromkeys(key[i] for key in cells)) for i in (0, 1))
+        """Return the chart of cells that are given by row and column.
 
-        def grid(part: int) -> list[list[Any]]:
-            known = [[cells.get((row, x)) for x in columns] for row in rows]
-            return [[None if cell is None else cell[part] for cell in line] for line in known]
+        Args:
+            name: Title of the chart.
+            cells: Value, text and explanation of each cell; rows and columns in their order.
+            most: Value of the end of the colour scale, to both sides.
+        """
+        rows = list(dict.fromkeys(row for row, _ in cells))
+        columns = list(dict.fromkeys(column for _, column in cells))
+
+        values, texts, whys = [], [], []
+        for row in rows:
+            entries = [cells.get((row, column), (None, None, None)) for column in columns]
+            values.append([value for value, _, _ in entries])
+            texts.append([text for _, text, _ in entries])
+            whys.append([why for _, _, why in entries])
 
         return cls(
-            name=name, rows=rows, columns=columns, values=grid(0), texts=grid(1), whys=grid(2),
+            name=name,
+            rows=rows,
+            columns=columns,
+            values=values,
+            texts=texts,
+            whys=whys,
             most=most,
-        )  # fmt: skip
+        )
 
 
 class Letter(Part):
-    """A letter of a grid, and its meaning."""
+    """Letter of a grid, with its name in the legend and its colour #RRGGBB."""
 
     letter: Text
     name: Text
@@ -185,10 +206,10 @@ class GridChart(Part):
     """A letter for each cell of a plane.
 
     Attributes:
-        name: Of the chart.
-        axes: Title of each, and the end that it has to both sides.
+        name: Title of the chart.
+        axes: Title of each axis, and its limit to both sides.
         grid: A string for each value of the second axis, from the lowest.
-        legend: Of the letters.
+        legend: The letters.
     """
 
     form: Literal["grid"] = "grid"
@@ -202,11 +223,11 @@ Chart = Annotated[LineChart | CellChart | GridChart, Field(discriminator="form")
 
 
 class Sheet(Part):
-    """A table and charts that belong together.
+    """A table and the charts of it.
 
     Attributes:
-        table: With its title and legend.
-        charts: To choose from; none where the table says it all.
+        table: The table.
+        charts: Charts to choose from; empty for none.
     """
 
     table: Table
@@ -214,15 +235,15 @@ class Sheet(Part):
 
 
 class Provenance(Part):
-    """Where a result comes from.
+    """Origin of a result.
 
     Attributes:
-        versions: Of the packages that decide.
-        git_revision: Of the checkout.
-        machine: Its system, processor and cores.
-        command: That made it.
-        seed: Of what is random; None where nothing is.
-        configuration: As resolved.
+        versions: Versions of the packages that its numbers depend on.
+        git_revision: Revision of the checkout.
+        machine: System, processor and cores of the machine.
+        command: Command that made it.
+        seed: Seed of the random numbers; None if there are none.
+        configuration: Configuration with all defaults.
     """
 
     versions: dict[str, Text] = {}
@@ -234,15 +255,15 @@ class Provenance(Part):
 
 
 class Result(Provenance):
-    """What page and ``diff`` read of a result; its other fields are for programs.
+    """Fields of a result that the page and ``diff`` read; its other fields are for programs.
 
     Attributes:
-        kind: Of result, such as ``run`` or ``ladder``.
-        complete: Whether it has all that was to be computed.
-        answers: Of the page's first screen.
-        standings: Where laws break.
+        kind: Kind of result, such as ``run`` or ``ladder``.
+        complete: False if an interruption left out a part.
+        answers: Answers on the page's first screen.
+        standings: Verdicts on the laws in their cases.
         sheets: Tables and charts.
-        values: What ``diff`` compares.
+        values: Values that ``diff`` compares.
     """
 
     kind: Text
@@ -266,25 +287,31 @@ def result(
     values: Iterable[Value] = (),
     **numbers: Any,
 ) -> dict[str, Any]:
-    """The content of a result's JSON file.
+    """Return the content of a result's JSON file.
 
     Args:
-        kind: Of result.
-        configuration: As resolved.
-        seed: Of what is random.
-        complete: Whether it has all that was to be computed.
-        answers: Of the page's first screen.
-        standings: Where laws break.
+        kind: Kind of result.
+        configuration: Configuration with all defaults.
+        seed: Seed of the random numbers; None if there are none.
+        complete: False if an interruption left out a part.
+        answers: Answers on the page's first screen.
+        standings: Verdicts on the laws in their cases.
         sheets: Tables and charts.
-        values: What ``diff`` compares.
-        numbers: The result's own fields, plain values.
+        values: Values that ``diff`` compares.
+        numbers: Further fields for programs, plain values.
     """
-    shown = {"answers": answers, "standings": standings, "sheets": sheets, "values": values}
     return {
         "kind": kind,
         **origin(seed, SCHEMA),
         "complete": complete,
         "configuration": configuration,
         **numbers,
-        **{name: [part.model_dump() for part in parts] for name, parts in shown.items()},
+        "answers": _plain(answers),
+        "standings": _plain(standings),
+        "sheets": _plain(sheets),
+        "values": _plain(values),
     }
+
+
+def _plain(parts: Iterable[Part]) -> list[dict[str, Any]]:
+    return [part.model_dump() for part in parts]

@@ -1,9 +1,9 @@
-"""Tables as plain values: for the terminal, for Markdown, and for the page."""
+"""Tables of texts: for the terminal, for Markdown, and for the page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
@@ -13,29 +13,38 @@ from rich.table import Table as RichTable
 
 from grosmc_mj.results.palette import VERDICT_COLOURS
 
-# Of a table that has text to wrap, and of a legend; the longest name that is not wrapped.
-WIDTH, _NAME = 100, 20
-# Units for people.
+# Columns of the terminal that a table with text to wrap takes, and a legend.
+WIDTH = 100
+# Width of a column of names: longer names wrap.
+_NAME_WIDTH = 20
+# Units for people, and the factor to them.
 _SHOWN = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
-# By the powers of a thousand below one.
+# Prefixes of units, by the negative power of a thousand.
 _PREFIXES = ("", "m", "µ")
-# A bar that is none of a Markdown table's.
+# An escaped bar, which does not end the cell of a Markdown table.
 BAR = "\\|"
 
 Kind = Literal["words", "numbers", "names", "phrases", "text", "verdict"]
-# How Rich shows a column of each kind.
-_SHOW: dict[Kind, dict[str, Any]] = {
+# Rich's options for a column of each kind.
+_RICH_OPTIONS: dict[Kind, dict[str, Any]] = {
     "words": {"no_wrap": True},
     "numbers": {"no_wrap": True, "justify": "right"},
-    "names": {"overflow": "fold", "max_width": _NAME},
+    "names": {"overflow": "fold", "max_width": _NAME_WIDTH},
     "phrases": {"overflow": "fold"},
-    "text": {"overflow": "fold", "ratio": 1, "min_width": _NAME},
+    "text": {"overflow": "fold", "ratio": 1, "min_width": _NAME_WIDTH},
     "verdict": {"no_wrap": True},
 }
 
 
 class Column(BaseModel):
-    """A column of a table; of a given width, words that are longer wrap, or are ``cut``."""
+    """A column of a table.
+
+    Attributes:
+        header: Title of the column.
+        kind: Kind of its cells.
+        width: Width in the terminal; None for as wide as the cells need.
+        cut: Whether texts beyond the width are cut off; else they wrap.
+    """
 
     model_config = ConfigDict(frozen=True)
     header: str
@@ -44,46 +53,51 @@ class Column(BaseModel):
     cut: bool = False
 
 
+def _columns(kind: Kind, headers: Iterable[str]) -> list[Column]:
+    return [Column(header=header, kind=kind) for header in headers]
+
+
 def words(*headers: str) -> list[Column]:
-    """Columns of words, at the left and never broken."""
-    return [Column(header=header, kind="words") for header in headers]
+    """Return columns of words, aligned left and never broken."""
+    return _columns("words", headers)
 
 
 def numbers(*headers: str) -> list[Column]:
-    """Columns of numbers, at the right and never broken."""
-    return [Column(header=header, kind="numbers") for header in headers]
+    """Return columns of numbers, aligned right and never broken."""
+    return _columns("numbers", headers)
 
 
 def names(*headers: str) -> list[Column]:
-    """Columns of names that somebody else chose and that may be of any length."""
-    return [Column(header=header, kind="names") for header in headers]
+    """Return columns of users' names, which may have any length."""
+    return _columns("names", headers)
 
 
 def phrases(*headers: str) -> list[Column]:
-    """Columns of words that wrap where the table would be too wide, the longest first."""
-    return [Column(header=header, kind="phrases") for header in headers]
+    """Return columns of words that wrap where the table would be too wide, the longest first."""
+    return _columns("phrases", headers)
 
 
 def text(header: str = "") -> list[Column]:
-    """A column of text, in what the others leave of 100 columns."""
+    """Return a column of text, which takes what the other columns leave of 100."""
     return [Column(header=header, kind="text")]
 
 
 def verdicts(header: str = "") -> list[Column]:
-    """A column of verdicts, in their colours."""
+    """Return a column of verdicts, in their colours."""
     return [Column(header=header, kind="verdict")]
 
 
 class Table(BaseModel):
-    """A table of texts; brackets and bars in them are brackets and bars.
+    """A table of texts; Rich and Markdown read no markup in them.
 
     Attributes:
-        title: Above it; empty for none.
-        columns: Of :func:`words`, :func:`numbers`, :func:`names`, :func:`text`, :func:`verdicts`.
-        rows: A cell a column each.
-        styles: A style a row for the terminal, such as ``red``; none by default.
-        grouped: Whether rows with the same first cell are a group, which names it once.
-        legend: Below it.
+        title: Title above the table; empty for none.
+        columns: The columns, of :func:`words`, :func:`numbers`, :func:`names`, :func:`text` and
+            :func:`verdicts`.
+        rows: Cells of each row, one for each column.
+        styles: Style of each row in the terminal, such as ``red``; empty for none.
+        grouped: Whether rows with the same first cell form a group, which shows it once.
+        legend: Text below the table.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -102,9 +116,9 @@ class Table(BaseModel):
         return self
 
     def __rich__(self) -> RichTable:
-        """For the terminal."""
+        """Return Rich's table for the terminal."""
         wraps = any(column.kind == "text" for column in self.columns)
-        shown = RichTable(
+        rich_table = RichTable(
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
             show_edge=False,
@@ -117,57 +131,74 @@ class Table(BaseModel):
             width=WIDTH if wraps else None,
         )
         for column in self.columns:
-            overflow = "ellipsis" if column.cut else "fold"
-            fixed = {"width": column.width, "no_wrap": column.cut, "overflow": overflow}
-            options = _SHOW[column.kind] | (fixed if column.width else {})
-            shown.add_column(escape(column.header), **options)
+            rich_table.add_column(escape(column.header), **_column_options(column))
+
+        styles = self.styles or [""] * len(self.rows)
         group: str | None = None
-        for (first, *others), style in zip(self.rows, self._styles(), strict=False):
-            same = self.grouped and first == group
-            if self.grouped and group is not None and not same:
-                shown.add_section()
-            group = first
-            cells = ("" if same else first, *others)
-            shown.add_row(*map(self._cell, self.columns, cells), style=style)
-        return shown
-
-    @staticmethod
-    def _cell(column: Column, cell: str) -> str:
-        colour = VERDICT_COLOURS.get(cell.rstrip(" *").lower()) if column.kind == "verdict" else ""
-        return f"[bold {colour}]{escape(cell)}[/]" if colour else escape(cell)
-
-    def _styles(self) -> Iterator[str]:
-        yield from self.styles or [""] * len(self.rows)
+        for row, style in zip(self.rows, styles, strict=False):
+            cells = [
+                _rich_cell(column, cell) for column, cell in zip(self.columns, row, strict=True)
+            ]
+            if self.grouped and row[0] == group:
+                cells[0] = ""
+            elif self.grouped and group is not None:
+                rich_table.add_section()
+            group = row[0]
+            rich_table.add_row(*cells, style=style)
+        return rich_table
 
     def markdown(self) -> list[str]:
-        """As Markdown, a line each; without title and legend."""
-        sides = ["---:" if column.kind == "numbers" else "---" for column in self.columns]
+        """Return the lines of the table in Markdown, without title and legend."""
         header = [column.header for column in self.columns]
-        return [_line(header), f"|{'|'.join(sides)}|", *map(_line, self.rows)]
+        sides = ["---:" if column.kind == "numbers" else "---" for column in self.columns]
+        rule = f"|{'|'.join(sides)}|"
+        return [_markdown_row(header), rule, *map(_markdown_row, self.rows)]
 
 
-def _line(cells: Iterable[str]) -> str:
+def _column_options(column: Column) -> dict[str, Any]:
+    """Return Rich's options for a column."""
+    options = dict(_RICH_OPTIONS[column.kind])
+    if column.width:
+        options["width"] = column.width
+        options["no_wrap"] = column.cut
+        options["overflow"] = "ellipsis" if column.cut else "fold"
+    return options
+
+
+def _rich_cell(column: Column, cell: str) -> str:
+    """Write a cell for Rich; a verdict has its colour."""
+    text = escape(cell)
+    if column.kind != "verdict":
+        return text
+    # A footnote's mark may follow the verdict.
+    colour = VERDICT_COLOURS.get(cell.rstrip(" *").lower())
+    if colour is None:
+        return text
+    return f"[bold {colour}]{text}[/]"
+
+
+def _markdown_row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
 
 
 def table(
     title: str, columns: Sequence[Column], rows: Iterable[Sequence[str]], **options: Any
 ) -> Table:
-    """A :class:`Table`; its ``styles``, ``grouped`` and ``legend`` are the options."""
+    """Return a :class:`Table`; the options are ``styles``, ``grouped`` and ``legend``."""
     return Table(title=title, columns=columns, rows=[list(row) for row in rows], **options)
 
 
 def markdown_table(columns: Sequence[Column], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A table in Markdown, a line each."""
+    """Return the lines of a table in Markdown."""
     return table("", columns, rows).markdown()
 
 
 def prefixed(unit: str, value: float) -> tuple[str, float]:
-    """The unit in which a number of this size is easily read, and the factor to it.
+    """Return the unit with a prefix in which a number is easily read, and the factor to it.
 
     Args:
-        unit: Such as rad.
-        value: Not negative; of 1 and above, zero and what is not finite the unit stays.
+        unit: Unit, such as rad.
+        value: The number, not negative; it has no prefix from 1 on, at zero and at infinity.
     """
     if not (value > 0 and math.isfinite(value)):
         return unit, 1.0
@@ -176,14 +207,17 @@ def prefixed(unit: str, value: float) -> tuple[str, float]:
 
 
 def number(value: float | None) -> str:
-    """A number in at most six characters, with three significant digits where they fit."""
+    """Write a number in at most six characters, with three significant digits where they fit."""
     if value is None:
         return "-"
-    if value == 0 or 0.01 <= abs(value) < 9999.5:
-        return f"{value:.3g}" if abs(value) < 999.5 else f"{value:.0f}"
+    size = abs(value)
+    if size == 0 or 0.01 <= size < 999.5:
+        return f"{value:.3g}"
+    if 999.5 <= size < 9999.5:
+        return f"{value:.0f}"
     return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def shown_unit(unit: str) -> tuple[str, float]:
-    """The unit that people read, and the factor to it."""
+    """Return the unit that people read, and the factor to it."""
     return _SHOWN.get(unit, (unit, 1.0))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import assert_one_line, run
+from commands import Screen, assert_one_line, run
 from page_documents import valued
 from scipy import stats
 
@@ -33,32 +33,56 @@ from grosmc_mj.sweep.findings import Basis
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
 RUNS = 400
 PLANTS = np.linspace(-1, 1, RUNS)[:, None]
-BETTER, WORSE, NOISE, CHANGED, NEW = (
-    Effect.BETTER, Effect.WORSE, Effect.NOISE, Effect.CHANGED, Effect.NEW
-)  # fmt: skip
+BETTER = Effect.BETTER
+WORSE = Effect.WORSE
+NOISE = Effect.NOISE
+CHANGED = Effect.CHANGED
+NEW = Effect.NEW
+UNJUDGED = Effect.UNJUDGED
+
+# Results.
 
 
-def run_document(**changes: Any) -> dict[str, Any]:
-    """A result of a switching law with other numbers; without those that are None."""
-    numbers = {"margin": 1.0, "deviation": 4e-3, "verdict": "kept", "machine": "here", "seed": None}
-    numbers |= changes
+def run_document(
+    *,
+    margin: float = 1.0,
+    deviation: float | None = 4e-3,
+    verdict: str = "kept",
+    premise: str = "completed",
+    without: str = "",
+    machine: str = "here",
+    seed: int | None = None,
+) -> dict[str, Any]:
+    """Return the result of a switching law, without the value of one name."""
     values = [
-        Value(name="x: settles", value=numbers["verdict"]),
-        Value(name="x: margin", value=numbers["margin"], unit="s", better=1, size=4.0,
-              relative=0.0, absolute=0.02),
-        Value(name="x: deviation", value=numbers["deviation"], unit="rad", relative=0.25,
-              absolute=1e-4),
-        Value(name="x: premise", value=changes.get("premise", "completed")),
-    ]  # fmt: skip
-    values = [value for value in values if value.name not in changes.get("without", ())]
-    own = {"versions": VERSIONS, "machine": numbers["machine"], "seed": numbers["seed"]}
-    return json.loads(json.dumps(valued(values, **own)))
+        Value(name="x: settles", value=verdict),
+        Value(
+            name="x: margin",
+            value=margin,
+            unit="s",
+            better=1,
+            size=4.0,
+            relative=0.0,
+            absolute=0.02,
+        ),
+        Value(name="x: deviation", value=deviation, unit="rad", relative=0.25, absolute=1e-4),
+        Value(name="x: premise", value=premise),
+    ]
+    kept = [value for value in values if value.name != without]
+    content = valued(kept, versions=VERSIONS, machine=machine, seed=seed)
+    return json.loads(json.dumps(content))
 
 
 def written(folder: Path, document: Mapping[str, Any]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "servo_case1.json").write_text(json.dumps(document), encoding="utf-8")
     return folder
+
+
+def effects(tmp_path: Path, old: dict[str, Any], new: dict[str, Any]) -> dict[str, Effect]:
+    """Return the effects of the changes between two documents, by the name of the value."""
+    comparison = compare(written(tmp_path / "old", old), written(tmp_path / "new", new))
+    return {change.name.removeprefix("x: "): change.effect for change in comparison.changes}
 
 
 @pytest.mark.parametrize(
@@ -76,86 +100,131 @@ def written(folder: Path, document: Mapping[str, Any]) -> Path:
         ({"deviation": 4.1e-3, "machine": "there"}, {"deviation": NOISE}),
         ({"deviation": 9e-3, "machine": "there"}, {"deviation": CHANGED}),
         # A single run of another seed tells nothing.
-        ({"margin": 0.5, "seed": 7}, {"margin": Effect.UNJUDGED}),
-        # A missing one is worse.
-        ({"without": ("x: margin",)}, {"margin": WORSE}),
+        ({"margin": 0.5, "seed": 7}, {"margin": UNJUDGED}),
+        # A missing value is worse.
+        ({"without": "x: margin"}, {"margin": WORSE}),
         ({"deviation": None}, {"deviation": WORSE}),
-        # Words of studies are ranked.
-        ({"premise": ("fails", "holds")}, {"premise": BETTER}),
-        ({"premise": ("holds", "fails")}, {"premise": WORSE}),
-        ({"premise": ("refuted", "open")}, {"premise": CHANGED}),
     ],
 )
 def test_a_change_is_told_from_noise(
     changes: dict[str, Any], expected: dict[str, Effect], tmp_path: Path
 ) -> None:
-    before, after = changes.get("premise", ("", ""))
-    old, new = run_document(premise=before), run_document(**changes | {"premise": after})
-    comparison = compare(written(tmp_path / "old", old), written(tmp_path / "new", new))
-    effects = {change.name.partition(": ")[2]: change.effect for change in comparison.changes}
-    assert effects == expected
+    assert effects(tmp_path, run_document(), run_document(**changes)) == expected
 
 
-def test_the_command_exits_1_if_something_got_worse(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("before", "after", "effect"),
+    [
+        ("fails", "holds", BETTER),
+        ("holds", "fails", WORSE),
+        ("refuted", "open", CHANGED),
+    ],
+)
+def test_words_of_studies_are_ranked(
+    before: str, after: str, effect: Effect, tmp_path: Path
 ) -> None:
-    old, new, out = written(tmp_path / "old", run_document()), tmp_path / "new", tmp_path / "out"
-    command = ("diff", old, new, "--out", out)
-    written(new, run_document(margin=0.985, machine="there", deviation=4.5e-3))
-    assert run(*command) == cli.DONE, "on another machine switching moves an instant"
-    written(new, run_document(margin=0.98, deviation=9e-3))
-    assert run(*command) == cli.DIFFERS
+    old = run_document(premise=before)
+    new = run_document(premise=after)
+    assert effects(tmp_path, old, new) == {"premise": effect}
+
+
+def test_the_command_exits_1_if_something_got_worse(tmp_path: Path, capsys: Screen) -> None:
+    old = written(tmp_path / "old", run_document())
+    new = written(tmp_path / "new", run_document(margin=0.98, deviation=9e-3))
+    out = tmp_path / "out"
+    assert run("diff", old, new, "--out", out) == cli.DIFFERS
     assert "1 got worse beyond noise, of 4 compared; 1 changed." in capsys.readouterr().out
     document = json.loads((out / "diff.json").read_text())
-    assert (document["counts"]["worse"], document["answers"][0]["verdict"]) == (1, "not kept")
-    assert run("diff", new, old, "--out", out) == cli.DONE
-    written(new, run_document(seed=2, margin=0.5))
-    assert run(*command) == cli.DONE
+    assert document["counts"]["worse"] == 1
+    assert document["answers"][0]["verdict"] == "not kept"
+
+
+def test_the_command_exits_0_if_something_got_better(tmp_path: Path) -> None:
+    old = written(tmp_path / "old", run_document(margin=0.98, deviation=9e-3))
+    new = written(tmp_path / "new", run_document())
+    assert run("diff", old, new, "--out", tmp_path / "out") == cli.DONE
+
+
+def test_the_command_exits_0_within_the_scatter_of_machines(tmp_path: Path) -> None:
+    """On another machine switching moves an instant."""
+    old = written(tmp_path / "old", run_document())
+    elsewhere = run_document(margin=0.985, machine="there", deviation=4.5e-3)
+    new = written(tmp_path / "new", elsewhere)
+    assert run("diff", old, new, "--out", tmp_path / "out") == cli.DONE
+
+
+def test_the_command_says_what_it_cannot_judge(tmp_path: Path, capsys: Screen) -> None:
+    old = written(tmp_path / "old", run_document())
+    new = written(tmp_path / "new", run_document(seed=2, margin=0.5))
+    assert run("diff", old, new, "--out", tmp_path / "out") == cli.DONE
     output = " ".join(capsys.readouterr().out.split())
     assert "1 not judged" in output
     assert "single runs with another random seed" in output
 
 
-def test_campaigns_that_are_gone_are_worse_and_other_sources_are_named(tmp_path: Path) -> None:
-    content = {"versions": {**VERSIONS, "mujoco": "3.18.0"}, "configuration": {"engine": "python"}}
+def test_other_sources_are_named(tmp_path: Path) -> None:
     old = written(tmp_path / "old", run_document())
-    new = written(tmp_path / "new", run_document(machine="there") | content)
+    content = {"versions": {**VERSIONS, "mujoco": "3.18.0"}, "configuration": {"engine": "python"}}
+    new = written(tmp_path / "new", {**run_document(machine="there"), **content})
+    sources = compare(old, new).sources
+    assert "machine: here -> there" in sources
+    assert "versions.mujoco: 3.17.0 -> 3.18.0" in sources
+    assert any("configuration.engine" in line for line in sources)
+
+
+def test_a_campaign_that_is_gone_is_worse(tmp_path: Path) -> None:
+    old = written(tmp_path / "old", run_document())
+    new = written(tmp_path / "new", run_document())
     (old / "campaigns" / "servo").mkdir(parents=True)
     (old / "campaigns" / "servo" / "manifest.json").write_text("{}")
-    comparison = compare(old, new)
-    (change,) = comparison.changes
-    assert (change.name, change.effect) == ("campaigns/servo", WORSE)
-    assert {"machine: here -> there", "versions.mujoco: 3.17.0 -> 3.18.0"} <= {*comparison.sources}
-    assert any("configuration.engine" in line for line in comparison.sources)
-    assert [change.effect for change in compare(new, old).changes] == [NEW]
+    (gone,) = compare(old, new).changes
+    assert gone.name == "campaigns/servo"
+    assert gone.effect is WORSE
+    (added,) = compare(new, old).changes
+    assert added.effect is NEW
 
 
-def test_files_that_cannot_be_compared_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(
+    "content",
+    [b"\x89PNG\r\n", b'{"runs": [', b"[" * 10**6],
+    ids=["picture", "torn", "deep"],
+)
+def test_a_file_that_cannot_be_read_is_one_line(
+    content: bytes, swapped: bool, tmp_path: Path, capsys: Screen
 ) -> None:
-    odd, empty, good = tmp_path / "odd.json", tmp_path / "empty", tmp_path / "good"
-    written(good, run_document())
+    odd = tmp_path / "odd.json"
+    odd.write_bytes(content)
+    good = written(tmp_path / "good", run_document())
+    sides = (good, odd) if swapped else (odd, good)
+    assert run("diff", *sides, "--out", tmp_path) == cli.WRONG
+    error = capsys.readouterr().err
+    assert f"no results: {odd}: " in error
+    assert_one_line(error)
+
+
+def test_results_without_a_common_value_are_refused(tmp_path: Path) -> None:
+    good = written(tmp_path / "good", run_document())
+    empty = tmp_path / "empty"
     empty.mkdir()
-    for content in (b"\x89PNG\r\n", b'{"runs": [', b"[" * 10**6):
-        odd.write_bytes(content)
-        for sides in ((odd, good), (good, odd)):
-            assert run("diff", *sides, "--out", tmp_path) == cli.WRONG
-            error = capsys.readouterr().err
-            assert f"no results: {odd}: " in error
-            assert_one_line(error)
-    for one, other, words in (
-        (good, empty, "no results in common"), (empty, tmp_path / "nowhere", "does not exist"),
-        (empty, Path("/dev/full"), "neither a file nor a folder"),
-    ):  # fmt: skip
-        with pytest.raises(ArgumentError, match=words):
-            compare(one, other)
+    with pytest.raises(ArgumentError, match="no results in common"):
+        compare(good, empty)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [("nowhere", "does not exist"), ("/dev/full", "neither a file nor a folder")],
+)
+def test_a_path_without_results_is_refused(path: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        compare(tmp_path, tmp_path / path)
 
 
 # Campaigns.
 
 
 def rows(margins: Array, plants: Array = PLANTS, sampler: str = "random") -> CampaignRows:
-    """A campaign of one law with one requirement; its seed is in its plants."""
+    """Return a campaign of one law with one requirement; other plants have another seed."""
     ids = np.arange(len(margins), dtype=float)
     columns = {"id": ids, "relative": margins, "margin settles_within": margins}
     basis = Basis(len(margins), len(margins), sampler, int(1e6 * plants[0, 0]))
@@ -163,35 +232,65 @@ def rows(margins: Array, plants: Array = PLANTS, sampler: str = "random") -> Cam
 
 
 def changes_of(old: CampaignRows, new: CampaignRows) -> dict[str, Change]:
+    """Return the changes between two campaigns by the name of the number."""
     changes, compared = campaign_changes(old, new)
     assert compared == 5
     return {change.name.partition(": ")[2]: change for change in changes}
 
 
-@pytest.mark.parametrize(
-    ("same", "sampler"), [(True, "random"), (True, "sobol"), (False, "random"), (False, "sobol")]
-)
-def test_equal_campaigns_raise_an_alarm_in_one_comparison_of_fifty_at_most(
-    same: bool, sampler: str
-) -> None:
-    """Margins depend on the plant, and on chance."""
-    random, alarms, comparisons = np.random.default_rng(1), 0, 100 if same else 40
-    for _ in range(comparisons):
-        one = random.uniform(-1, 1, (RUNS, 1))
-        plants = (one, one if same else random.uniform(-1, 1, (RUNS, 1)))
-        old, new = (
-            rows(0.3 - 0.5 * x[:, 0] ** 2 + 0.1 * random.standard_normal(RUNS), x, sampler)
-            for x in plants
-        )
-        changes = changes_of(old, new).values()
-        alarms += any(change.effect in (WORSE, BETTER) for change in changes)
-        if not same and sampler == "sobol":
-            # Other plants that are no random draws have no interval.
-            assert {change.effect for change in changes} == {CHANGED}
-            assert all(change.note.startswith("no interval: ") for change in changes)
-    # A rate and a mean; both requirements have the same. One such test in ten thousand would see
-    # more alarms than this, if each interval has its confidence.
-    assert alarms <= stats.binom.isf(1e-4, comparisons, 2 * (1 - CONFIDENCE))
+def random_rows(random: np.random.Generator, plants: Array, sampler: str) -> CampaignRows:
+    """Return a campaign whose margins depend on the plant, and on chance."""
+    margins = 0.3 - 0.5 * plants[:, 0] ** 2 + 0.1 * random.standard_normal(RUNS)
+    return rows(margins, plants, sampler)
+
+
+def random_plants(random: np.random.Generator) -> Array:
+    return random.uniform(-1, 1, (RUNS, 1))
+
+
+def require_few_alarms(comparisons: list[dict[str, Change]]) -> None:
+    """Require as few alarms as the confidence of the intervals allows.
+
+    A comparison has two tests, of a rate and of a mean, since both requirements have the same
+    margins. One such test in ten thousand would see more alarms.
+    """
+    effects = [{change.effect for change in changes.values()} for changes in comparisons]
+    alarms = sum(not effect.isdisjoint((WORSE, BETTER)) for effect in effects)
+    assert alarms <= stats.binom.isf(1e-4, len(comparisons), 2 * (1 - CONFIDENCE))
+
+
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
+def test_equal_campaigns_on_the_same_plants_raise_few_alarms(sampler: str) -> None:
+    random = np.random.default_rng(1)
+    comparisons = []
+    for _ in range(100):
+        plants = random_plants(random)
+        old = random_rows(random, plants, sampler)
+        new = random_rows(random, plants, sampler)
+        comparisons.append(changes_of(old, new))
+    require_few_alarms(comparisons)
+
+
+def comparisons_on_other_plants(sampler: str) -> list[dict[str, Change]]:
+    random = np.random.default_rng(1)
+    comparisons = []
+    for _ in range(40):
+        plants = random_plants(random)
+        other_plants = random_plants(random)
+        old = random_rows(random, plants, sampler)
+        new = random_rows(random, other_plants, sampler)
+        comparisons.append(changes_of(old, new))
+    return comparisons
+
+
+def test_equal_campaigns_on_other_random_plants_raise_few_alarms() -> None:
+    require_few_alarms(comparisons_on_other_plants("random"))
+
+
+def test_other_plants_that_are_no_random_draws_have_no_interval() -> None:
+    for changes in comparisons_on_other_plants("sobol"):
+        assert {change.effect for change in changes.values()} == {CHANGED}
+        assert all(change.note.startswith("no interval: ") for change in changes.values())
 
 
 @pytest.mark.parametrize("sampler", ["random", "sobol"])
@@ -205,39 +304,58 @@ def test_pass_rates_of_the_same_plants_are_compared_by_those_that_changed(
     """McNemar (1947): of plants that changed, as many were lost as won, but for chance."""
     changed = lost + won
     # 2 / 2^8 < 1 % < 2 / 2^7.
-    assert (effect in (WORSE, BETTER)) == (stats.binomtest(lost, changed).pvalue < 1 - CONFIDENCE)
-    before, after = np.full(RUNS, 0.1), np.full(RUNS, 0.1)
-    after[:lost], before[lost:changed] = -0.1, -0.1
-    found = changes_of(rows(before, PLANTS, sampler), rows(after, PLANTS, sampler))
-    rates = [change for name, change in found.items() if name.endswith("pass rate")]
+    is_significant = stats.binomtest(lost, changed).pvalue < 1 - CONFIDENCE
+    assert is_significant == (effect in (WORSE, BETTER))
+
+    before = np.full(RUNS, 0.1)
+    after = np.full(RUNS, 0.1)
+    after[:lost] = -0.1
+    before[lost:changed] = -0.1
+    changes = changes_of(rows(before, PLANTS, sampler), rows(after, PLANTS, sampler))
+    rates = [change for name, change in changes.items() if name.endswith("pass rate")]
     assert len(rates) == (0 if effect is None else 2)
     for change in rates:
         assert change.effect is effect
         assert change.note.startswith(f"{lost} of 400 plants lost, {won} won; change ")
 
 
-def test_a_requirement_or_law_that_a_campaign_no_longer_has_is_worse() -> None:
-    one = rows(PLANTS[:, 0])
-    fewer = replace(one, rows={"grosmc": {k: one.rows["grosmc"][k] for k in ("id", "relative")}})
-    other = replace(one, rows={"lqr": one.rows["grosmc"]}, plants={"lqr": PLANTS})
-    for new, gone in ((fewer, 1), (other, 2)):
-        worse = [x for x in campaign_changes(one, new)[0] if x.effect is WORSE]
-        assert [change.after for change in worse] == [None] * gone
-    assert [change.effect for change in campaign_changes(fewer, one)[0]] == [NEW]
+CAMPAIGN = rows(PLANTS[:, 0])
+COLUMNS = CAMPAIGN.rows["grosmc"]
+FEWER = replace(CAMPAIGN, rows={"grosmc": {name: COLUMNS[name] for name in ("id", "relative")}})
+OTHER_LAW = replace(CAMPAIGN, rows={"lqr": COLUMNS}, plants={"lqr": PLANTS})
+
+
+@pytest.mark.parametrize(("new", "count"), [(FEWER, 1), (OTHER_LAW, 2)], ids=["margin", "law"])
+def test_a_margin_that_a_campaign_no_longer_has_is_worse(new: CampaignRows, count: int) -> None:
+    changes, _ = campaign_changes(CAMPAIGN, new)
+    worse = [change for change in changes if change.effect is WORSE]
+    assert [change.after for change in worse] == [None] * count
+
+
+def test_a_margin_that_only_the_new_campaign_has_is_new() -> None:
+    (change,) = campaign_changes(FEWER, CAMPAIGN)[0]
+    assert change.effect is NEW
+
+
+MARGINS = np.linspace(0.1, 1, RUNS)
 
 
 def test_runs_that_end_early_are_counted_and_get_no_margin() -> None:
-    margins = np.linspace(0.1, 1, RUNS)
-    changes = changes_of(rows(margins), rows(np.where(np.arange(RUNS) < 60, -np.inf, margins)))
+    """The mean margin of the other runs is as it was."""
+    after = np.where(np.arange(RUNS) < 60, -np.inf, MARGINS)
+    changes = changes_of(rows(MARGINS), rows(after))
     names = {"runs completed", "least margin, pass rate", "settles_within, pass rate"}
     assert set(changes) == names
     for change in changes.values():
         assert (change.before, change.after, change.effect) == (1.0, 0.85, WORSE)
         assert change.note.startswith("60 of 400 plants lost, 0 won; change ")
-    # Of the others the mean margin is as it was; where none is left, it is gone.
-    changes = changes_of(rows(margins), rows(np.full(RUNS, -np.inf)))
-    gone = [x for name, x in changes.items() if name.endswith("mean margin")]
-    assert [(x.after, x.effect, x.note) for x in gone] == [(None, WORSE, "gone")] * 2
+
+
+def test_a_mean_margin_is_gone_if_no_run_completes() -> None:
+    changes = changes_of(rows(MARGINS), rows(np.full(RUNS, -np.inf)))
+    for name in ("least margin, mean margin", "settles_within, mean margin"):
+        change = changes[name]
+        assert (change.after, change.effect, change.note) == (None, WORSE, "gone")
 
 
 def test_effect_and_interval_are_of_the_mean() -> None:
@@ -246,17 +364,21 @@ def test_effect_and_interval_are_of_the_mean() -> None:
     after = before + np.where(np.arange(RUNS) < 80, -0.5, 0.01)
     assert np.median(after - before) > 0
     changes = changes_of(rows(before), rows(after))
-    assert all(name.endswith("mean margin") for name in changes)
+    assert set(changes) == {"least margin, mean margin", "settles_within, mean margin"}
     for change in changes.values():
         assert change.effect is WORSE
         assert (change.before, change.after) == (before.mean(), after.mean())
         assert change.note.startswith("change -0.1")
         assert change.note.endswith(" (99 % interval)")
-    # Two percent are noticed; the first runs of a longer campaign are the same plants.
+
+
+def test_the_first_runs_of_a_longer_campaign_are_on_the_same_plants() -> None:
     plants = np.random.default_rng(6).uniform(-1, 1, (2 * RUNS, 1))
     margins = 0.3 - 0.5 * plants[:, 0] ** 2
     short = rows(margins[:RUNS], plants[:RUNS])
     assert changes_of(short, rows(margins, plants)) == {}
+
+    # A change of a hundredth is noticed.
     change = changes_of(short, rows(margins - 0.01, plants))["least margin, mean margin"]
     assert change.after == pytest.approx(margins[:RUNS].mean() - 0.01)
     assert change.effect is WORSE
@@ -269,50 +391,71 @@ def test_effect_and_interval_are_of_the_mean() -> None:
 def test_an_interval_of_a_rate_on_the_same_plants_is_that_of_the_plants_that_changed(
     lost: int, won: int
 ) -> None:
-    numbers, changed, tail = np.arange(1000), lost + won, (1 - CONFIDENCE) / 2
-    found = same_plants_rate(numbers >= won, numbers < 1000 - lost)
+    numbers = np.arange(1000)
+    interval = same_plants_rate(numbers >= won, numbers < 1000 - lost)
+
     # At both ends a share under which the counts have the tail's probability.
+    changed = lost + won
+    tail = (1 - CONFIDENCE) / 2
     low = stats.beta.ppf(tail, won, lost + 1) if won else 0.0
     high = stats.beta.isf(tail, won + 1, lost)
-    assert found.low == pytest.approx((2 * low - 1) * changed / 1000)
-    assert found.high == pytest.approx((2 * high - 1) * changed / 1000)
-    same = same_plants_rate(numbers < lost, numbers < lost)
-    assert (same.low, same.high) == (0.0, 0.0)
+    assert interval.low == pytest.approx((2 * low - 1) * changed / 1000)
+    assert interval.high == pytest.approx((2 * high - 1) * changed / 1000)
+
+
+def test_a_rate_on_the_same_plants_without_a_change_has_an_interval_of_zero() -> None:
+    kept = np.arange(1000) < 6
+    interval = same_plants_rate(kept, kept)
+    assert (interval.low, interval.high) == (0.0, 0.0)
 
 
 def test_an_interval_of_a_rate_on_other_plants_covers_the_change() -> None:
     """With 99 % at least: the bounds of both rates hold together."""
-    random, rates, runs = np.random.default_rng(2), (0.9, 0.8), (200, 300)
-    change, covered = rates[1] - rates[0], 0
+    random = np.random.default_rng(2)
+    covered = 0
     for _ in range(500):
-        before, after = (
-            random.uniform(size=size) < rate for size, rate in zip(runs, rates, strict=True)
-        )
-        found = other_plants_rate(before, after)
-        covered += found.low <= change <= found.high
+        before = random.uniform(size=200) < 0.9
+        after = random.uniform(size=300) < 0.8
+        interval = other_plants_rate(before, after)
+        covered += interval.low <= 0.8 - 0.9 <= interval.high
     # Fewer would be seen once in ten thousand times.
     assert covered >= stats.binom.ppf(1e-4, 500, CONFIDENCE)
 
 
-def test_intervals_of_means_are_those_of_student_and_of_welch() -> None:
+def test_the_interval_of_a_mean_on_the_same_plants_is_that_of_student() -> None:
     random = np.random.default_rng(3)
-    before, after = random.normal(0, 1, 60), random.normal(0.3, 2, 60)
+    before = random.normal(0, 1, 60)
+    after = random.normal(0.3, 2, 60)
     student: Any = stats.ttest_rel(after, before)
-    found = same_plants_mean(before, after)
-    ends = student.confidence_interval(CONFIDENCE)
-    assert (found.low, found.high) == pytest.approx((ends.low, ends.high), rel=1e-9)
-    welch: Any = stats.ttest_ind(after[:50], before, equal_var=False)
-    found = other_plants_mean(before, after[:50])
-    ends = welch.confidence_interval(CONFIDENCE)
-    assert (found.low, found.high) == pytest.approx((ends.low, ends.high), rel=1e-9)
+    expected = student.confidence_interval(CONFIDENCE)
+    interval = same_plants_mean(before, after)
+    assert interval.low == pytest.approx(expected.low, rel=1e-9)
+    assert interval.high == pytest.approx(expected.high, rel=1e-9)
 
 
-def test_rounding_is_no_change_and_a_single_plant_shows_none() -> None:
+def test_the_interval_of_a_mean_on_other_plants_is_that_of_welch() -> None:
+    random = np.random.default_rng(3)
+    before = random.normal(0, 1, 60)
+    after = random.normal(0.3, 2, 50)
+    welch: Any = stats.ttest_ind(after, before, equal_var=False)
+    expected = welch.confidence_interval(CONFIDENCE)
+    interval = other_plants_mean(before, after)
+    assert interval.low == pytest.approx(expected.low, rel=1e-9)
+    assert interval.high == pytest.approx(expected.high, rel=1e-9)
+
+
+def test_rounding_is_no_change() -> None:
     margins = np.linspace(1, 2, 60)
     assert not same_plants_mean(margins, margins * (1 + 1e-12)).excludes_zero
     assert same_plants_mean(margins, margins * (1 + 1e-6)).excludes_zero
+
+
+@pytest.mark.parametrize("interval_of", [same_plants_mean, other_plants_mean])
+def test_a_single_plant_shows_no_change(interval_of: Any) -> None:
     single = np.ones(1)
-    assert not same_plants_mean(single, 2 * single).excludes_zero
-    assert not other_plants_mean(single, 2 * single).excludes_zero
-    # Margins that are all the same scatter by nothing.
-    assert other_plants_mean(np.ones(9), np.full(5, 2.0))[:2] == (1.0, 1.0)
+    assert not interval_of(single, 2 * single).excludes_zero
+
+
+def test_margins_that_are_all_the_same_scatter_by_nothing() -> None:
+    interval = other_plants_mean(np.ones(9), np.full(5, 2.0))
+    assert (interval.low, interval.high) == (1.0, 1.0)

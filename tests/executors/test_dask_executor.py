@@ -5,7 +5,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,99 +26,173 @@ from grosmc_mj.executors.dask_cluster import cluster_client
 pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 
-@pytest.fixture
-def cluster() -> Iterator[Any]:
-    """A scheduler and two workers, which anybody may use."""
-    options: Any = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
-    with LocalCluster(**options) as cluster:
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    """Yield a scheduler with two workers, which anybody may use."""
+    with local_cluster() as cluster:
         yield cluster
 
 
-def ran(scheduler: object, work: Callable[[int], Any], shards: Any = range(4)) -> list[Any]:
-    """Index and report of each shard, sorted."""
+def local_cluster() -> Any:
+    # None would take port 8787, which one cluster has already.
+    return LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+
+
+@pytest.fixture
+def scheduler_file(cluster: LocalCluster, tmp_path: Path) -> Path:
+    path = tmp_path / "scheduler.json"
+    path.write_text(json.dumps({"address": cluster.scheduler_address}))
+    return path
+
+
+def reports(
+    scheduler: str | Path, work: Callable[[int], Any], shards: Sequence[int] = range(4)
+) -> dict[int, Any]:
+    """Run shards on the workers of a scheduler; return the report of each."""
     executor = make_executor("dask", scheduler=str(scheduler))
     assert executor.threads_per_worker == 1
-    return sorted((one.index, one.report) for one in executor.run(work, shards, print))
+    finished = list(executor.run(work, shards, print))
+    assert len(finished) == len({part.index for part in finished})
+    return {part.index: part.report for part in finished}
 
 
-def test_a_running_cluster_reports_each_shard_once(
-    cluster: LocalCluster, tmp_path: Path, monkeypatch: Patch
+def squares(count: int) -> dict[int, int]:
+    return {index: index**2 for index in range(count)}
+
+
+def test_a_running_cluster_reports_each_shard_once(cluster: LocalCluster) -> None:
+    # More shards than are ever under way at once.
+    finished = reports(cluster.scheduler_address, executor_work.square, range(100))
+    assert finished == squares(100)
+
+
+def test_a_scheduler_is_found_by_its_file(scheduler_file: Path) -> None:
+    assert reports(scheduler_file, executor_work.square) == squares(4)
+
+
+@pytest.mark.parametrize(("work", "index", "error", "words"), executor_work.REFUSALS)
+def test_an_error_keeps_its_type_and_message(
+    cluster: LocalCluster, work: Any, index: int, error: type[Exception], words: str
 ) -> None:
-    file = tmp_path / "scheduler.json"
-    file.write_text(json.dumps({"address": cluster.scheduler_address}))
-    for scheduler in (file, cluster.scheduler_address):
-        # More than are ever under way at once.
-        squares = [(i, i * i) for i in range(100)]
-        assert ran(scheduler, executor_work.square, range(100)) == squares
-    for work, index, error, words in executor_work.REFUSALS:
-        with pytest.raises(error, match=words):
-            ran(cluster.scheduler_address, work, [index])
-    # A worker of another version is refused.
-    here = dask_cluster.decisive_versions()
-    monkeypatch.setattr(dask_cluster, "decisive_versions", lambda: {**here, "mujoco": "3.99.0"})
+    with pytest.raises(error, match=words):
+        reports(cluster.scheduler_address, work, [index])
+
+
+def test_a_worker_of_another_version_is_refused(cluster: LocalCluster, monkeypatch: Patch) -> None:
+    versions = dask_cluster.decisive_versions()
+    needed = {**versions, "mujoco": "3.99.0"}
+    monkeypatch.setattr(dask_cluster, "decisive_versions", lambda: needed)
     with pytest.raises(SetupError, match=socket.gethostname()) as refusal:
-        ran(cluster.scheduler_address, executor_work.square)
-    assert f"has mujoco {here['mujoco']} instead of 3.99.0" in str(refusal.value)
+        reports(cluster.scheduler_address, executor_work.square)
+    assert f"has mujoco {versions['mujoco']} instead of 3.99.0" in str(refusal.value)
 
 
-def test_a_killed_worker_is_replaced_and_a_closed_scheduler_is_not(
-    cluster: LocalCluster, tmp_path: Path
-) -> None:
-    work, done = partial(executor_work.leave_pid, tmp_path, 0.2), []
+def test_a_killed_worker_is_replaced(cluster: LocalCluster, tmp_path: Path) -> None:
+    work = partial(executor_work.leave_pid, tmp_path, 0.2)
     executor = make_executor("dask", scheduler=cluster.scheduler_address)
-    for one in executor.run(work, range(24), print):
-        if not done:
-            os.kill(int(next(tmp_path.iterdir()).suffix[1:]), signal.SIGKILL)
-        done.append((one.index, one.report))
-    assert sorted(done) == [(i, i * i) for i in range(24)]
-    left = executor.run(work, range(100), print)
-    next(left)
-    cluster.close()
+    parts = executor.run(work, range(24), print)
+
+    first = next(parts)
+    pid = int(next(tmp_path.iterdir()).suffix[1:])
+    os.kill(pid, signal.SIGKILL)
+    finished = [first, *parts]
+    assert sorted((part.index, part.report) for part in finished) == list(squares(24).items())
+
+
+def test_a_scheduler_that_closes_is_one_line(tmp_path: Path) -> None:
+    work = partial(executor_work.leave_pid, tmp_path, 0.2)
+    with local_cluster() as cluster:
+        executor = make_executor("dask", scheduler=cluster.scheduler_address)
+        parts = executor.run(work, range(100), print)
+        next(parts)
     with pytest.raises(SetupError, match=r"^the Dask scheduler at tcp://127\.0\.0\.1.* has gone: "):
-        list(left)
+        list(parts)
 
 
+@pytest.fixture
+def silent() -> Iterator[str]:
+    """Yield an address where nobody answers."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        yield f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+
+
+@pytest.mark.parametrize("address", ["silent", "nonsense", "foo://a:1"])
 def test_a_scheduler_out_of_reach_is_one_line_in_seconds(
-    tmp_path: Path, monkeypatch: Patch
+    address: str, silent: str, monkeypatch: Patch
 ) -> None:
+    if address == "silent":
+        address = silent
     assert dask_cluster._PATIENCE <= 10.0
     monkeypatch.setattr(dask_cluster, "_PATIENCE", 1.0)
-    with socket.socket() as silent:
-        silent.bind(("127.0.0.1", 0))
-        silent.listen()
-        for address in (f"tcp://127.0.0.1:{silent.getsockname()[1]}", "nonsense", "foo://a:1"):
-            begin = time.monotonic()
-            with pytest.raises(SetupError) as refusal:
-                ran(address, executor_work.square)
-            assert str(refusal.value) == (
-                f"no Dask scheduler answers at {address}: start one with `dask scheduler`, "
-                "or leave --scheduler out for workers on this machine"
-            )
-            # A second and some for a busy machine.
-            assert time.monotonic() - begin < 6.0
+    begin = time.monotonic()
+    with pytest.raises(SetupError) as refusal:
+        reports(address, executor_work.square)
+    assert str(refusal.value) == (
+        f"no Dask scheduler answers at {address}: start one with `dask scheduler`, "
+        "or leave --scheduler out for workers on this machine"
+    )
+    # A second, and some for a busy machine.
+    assert time.monotonic() - begin < 6.0
+
+
+def test_a_file_that_is_no_scheduler_s_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(SetupError, match=r"none\.json is not a file"):
-        ran(tmp_path / "none.json", executor_work.square)
+        reports(tmp_path / "none.json", executor_work.square)
 
 
-def test_a_local_worker_is_replaced_and_a_deadly_shard_ends_the_run(tmp_path: Path) -> None:
+def test_a_local_worker_is_replaced(tmp_path: Path) -> None:
     executor = make_executor("dask", workers=2)
-    done = executor.run(partial(executor_work.die_once, tmp_path), range(8), print)
-    assert sorted((one.index, one.report) for one in done) == [(i, i * i) for i in range(8)]
+    finished = executor.run(partial(executor_work.die_once, tmp_path), range(8), print)
+    assert sorted((part.index, part.report) for part in finished) == list(squares(8).items())
+
+
+def test_a_shard_that_always_kills_its_worker_ends_the_run() -> None:
+    executor = make_executor("dask", workers=1)
     with pytest.raises(SetupError, match=r"^shard 1 failed: KilledWorker: .* on 3 diff"):
         list(executor.run(executor_work.exit_always, [1], print))
 
 
-def test_workers_of_this_machine_are_closed_to_its_other_users() -> None:
-    """Loopback is everybody's: a scheduler that anybody may use runs anybody's code as us."""
+# Workers of this machine. Loopback is open to all its users: a scheduler that anybody may use would
+# run anybody's code.
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Client]:
     with cluster_client(1, None) as client:
-        address = client.scheduler_info()["address"]
-        (worker,) = client.scheduler_info()["workers"]
-        assert address.startswith("tls://127.0.0.1:")
-        assert worker.startswith("tls://127.0.0.1:")
-        for reached, security in (
-            (address.replace("tls", "tcp"), None), (worker.replace("tls", "tcp"), None),
-            (address, Security.temporary()),
-        ):  # fmt: skip
-            with pytest.raises(OSError, match=r"TLS|SSL|Timed out|closed"):
-                Client(reached, security=security, timeout=3, set_as_default=False)
-        assert client.submit(executor_work.square, 3).result() == 9
+        yield client
+
+
+@pytest.fixture(scope="module")
+def scheduler(client: Client) -> str:
+    return client.scheduler_info()["address"]
+
+
+@pytest.fixture(scope="module")
+def worker(client: Client) -> str:
+    (address,) = client.scheduler_info()["workers"]
+    return address
+
+
+def require_refused(address: str, security: Security | None = None) -> None:
+    with pytest.raises(OSError, match=r"TLS|SSL|Timed out|closed"):
+        Client(address, security=security, timeout=3, set_as_default=False)
+
+
+def test_a_local_cluster_has_certificates(scheduler: str, worker: str) -> None:
+    assert scheduler.startswith("tls://127.0.0.1:")
+    assert worker.startswith("tls://127.0.0.1:")
+
+
+def test_a_client_without_a_certificate_is_refused(scheduler: str, worker: str) -> None:
+    require_refused(scheduler.replace("tls", "tcp"))
+    require_refused(worker.replace("tls", "tcp"))
+
+
+def test_a_client_with_another_certificate_is_refused(scheduler: str) -> None:
+    require_refused(scheduler, Security.temporary())
+
+
+def test_the_client_of_a_local_cluster_has_its_workers(client: Client) -> None:
+    assert client.submit(executor_work.square, 3).result() == 9

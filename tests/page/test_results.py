@@ -1,4 +1,4 @@
-"""How results look, whatever they are: JSON, tables and figures."""
+"""Forms of results: JSON, tables and figures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.page.charts import chart_figure
 from grosmc_mj.results import tables
@@ -24,23 +26,38 @@ from grosmc_mj.results.palette import FAILED, KEPT
 from grosmc_mj.results.result import CellChart
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
+# Documents.
 
-def test_numbers_survive_to_the_last_bit_and_null_stands_for_those_that_json_has_not(
-    tmp_path: Path,
-) -> None:
-    path, values = tmp_path / "new" / "a.json", [0.1, 5e-324, -0.0, 1e308, 1.0 + 2**-52]
+
+def test_numbers_survive_to_the_last_bit(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.json"
+    values = [0.1, 5e-324, -0.0, 1e308, 1.0 + 2**-52]
     write_json(path, values)
     assert np.array(json.loads(path.read_text())).tobytes() == np.array(values).tobytes()
+
+
+def test_null_stands_for_numbers_that_json_does_not_have() -> None:
     margins = [math.inf, -math.inf, (math.nan, 1.5), np.float64(-math.inf), np.int64(3)]
     content = MappingProxyType({"margins": margins, "kept": np.bool_(True), "text": "inf"})
     assert json.loads(json_text(content)) == {
-        "margins": [None, None, [None, 1.5], None, 3], "kept": True, "text": "inf",
-    }  # fmt: skip
-    # A document that cannot be written leaves the old file.
+        "margins": [None, None, [None, 1.5], None, 3],
+        "kept": True,
+        "text": "inf",
+    }
+
+
+def test_a_document_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    write_json(path, [1.0])
     with pytest.raises(TypeError):
         write_json(path, {"value": object()})
-    assert [*path.parent.iterdir()] == [path]
-    assert json.loads(path.read_text()) == values
+    assert list(tmp_path.iterdir()) == [path]
+    assert json.loads(path.read_text()) == [1.0]
+
+
+def test_a_document_in_a_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    write_json(path, [1.0])
     with pytest.raises(SetupError, match="cannot write"):
         write_json(path / "b.json", {})
 
@@ -48,96 +65,163 @@ def test_numbers_survive_to_the_last_bit_and_null_stands_for_those_that_json_has
 # Tables.
 
 
-def lines(shown: tables.Table) -> list[str]:
-    """Lines of a wide terminal."""
+def printed(shown: tables.Table) -> list[str]:
+    """Return the lines of a table in a wide terminal."""
     console = Console(width=160, color_system=None)
     with console.capture() as capture:
         console.print(shown)
     return [line.rstrip() for line in capture.get().splitlines()]
 
 
-def test_a_group_is_named_once_and_set_apart_and_brackets_are_shown() -> None:
-    rows, columns = [("a", "1"), ("a", "2"), ("b", "3")], [*words("case"), *numbers("value")]
-    for grouped, expected in (
-        (True, [["a", "1"], ["2"], [], ["b", "3"]]), (False, [["a", "1"], ["a", "2"], ["b", "3"]])
-    ):  # fmt: skip
-        printed = lines(table("", columns, rows, grouped=grouped))
-        assert [line.split() for line in printed[2:]] == expected
-    printed = lines(table("[bold]t[/]", words("u [rad]"), [("[/] [red]x",)], legend="in [deg]"))
-    shown = [line.strip() for line in printed if set(line) - {"─", " "}]
-    assert shown == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
-    # Only text is wrapped, and fills the width.
+@pytest.mark.parametrize(
+    ("grouped", "expected"),
+    [
+        (True, [["a", "1"], ["2"], [], ["b", "3"]]),
+        (False, [["a", "1"], ["a", "2"], ["b", "3"]]),
+    ],
+)
+def test_a_group_is_named_once_and_set_apart(grouped: bool, expected: list[list[str]]) -> None:
+    columns = [*words("case"), *numbers("value")]
+    rows = [("a", "1"), ("a", "2"), ("b", "3")]
+    lines = printed(table("", columns, rows, grouped=grouped))
+    assert [line.split() for line in lines[2:]] == expected
+
+
+def test_brackets_are_shown() -> None:
+    shown = table("[bold]t[/]", words("u [rad]"), [("[/] [red]x",)], legend="in [deg]")
+    lines = [line.strip() for line in printed(shown)]
+    texts = [line for line in lines if line.strip("─ ")]
+    assert texts == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
+
+
+def test_only_text_is_wrapped_and_fills_the_width() -> None:
     columns = [*names("law"), *text("statement"), *numbers("value")]
     row = ("a_law_of_my_own_with_a_long_name", "of several words " * 12, "1.25e-3")
-    printed = lines(table("", columns, [row]))
-    assert max(map(len, printed)) == tables.WIDTH
-    assert "".join(printed).count("1.25e-3") == 1
-    assert "a_law_of_my_own_with" in printed[2]
-    # In Markdown numbers stand at the right, and bars stay bars.
+    lines = printed(table("", columns, [row]))
+    assert max(map(len, lines)) == tables.WIDTH
+    assert "".join(lines).count("1.25e-3") == 1
+    assert "a_law_of_my_own_with" in lines[2]
+
+
+def test_markdown_aligns_numbers_right_and_escapes_bars() -> None:
     columns = [*words("law"), *numbers("max |u|"), *words("")]
-    assert tables.markdown_table(columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]) == [
-        r"| law | max \|u\| |  |", "|---|---:|---|", r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |",
-    ]  # fmt: skip
+    rows = [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]
+    assert tables.markdown_table(columns, rows) == [
+        r"| law | max \|u\| |  |",
+        "|---|---:|---|",
+        r"| lqr | 1 N | \|s\| > 0 |",
+        "| pid |  |  |",
+    ]
 
 
-def test_a_number_has_six_characters_at_most_and_a_unit_its_prefix() -> None:
-    values = (0.0, 0.01234, 12.345, 9999.0, 12345.0, -1.23456e-7, -math.inf, None)
-    assert " ".join(map(tables.number, values)) == "0 0.0123 12.3 9999 1.2e4 -1.2e-7 -inf -"
-    assert prefixed("rad", 2.0) == prefixed("rad", 0.0) == prefixed("rad", math.inf) == ("rad", 1)
-    assert (prefixed("rad", 0.2), prefixed("m", 1e-3)) == (("mrad", 1e3), ("mm", 1e3))
-    assert prefixed("m", 3e-5) == prefixed("m", 3e-9) == ("µm", 1e6)
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (0.0, "0"),
+        (0.01234, "0.0123"),
+        (12.345, "12.3"),
+        (9999.0, "9999"),
+        (12345.0, "1.2e4"),
+        (-1.23456e-7, "-1.2e-7"),
+        (-math.inf, "-inf"),
+        (None, "-"),
+    ],
+)
+def test_a_number_is_written_in_short(value: float, expected: str) -> None:
+    assert tables.number(value) == expected
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "expected"),
+    [
+        ("rad", 2.0, ("rad", 1)),
+        ("rad", 0.0, ("rad", 1)),
+        ("rad", math.inf, ("rad", 1)),
+        ("rad", 0.2, ("mrad", 1e3)),
+        ("m", 1e-3, ("mm", 1e3)),
+        ("m", 3e-5, ("µm", 1e6)),
+        ("m", 3e-9, ("µm", 1e6)),
+    ],
+)
+def test_a_small_number_has_a_unit_with_a_prefix(
+    unit: str, value: float, expected: tuple[str, float]
+) -> None:
+    assert prefixed(unit, value) == expected
 
 
 # Figures.
 
 
-def test_png_and_svg_are_written_together_or_not_at_all(
+def test_no_figure_is_written_if_one_of_its_files_cannot_be(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, save = tmp_path / "a.png", Figure.savefig
+    save = Figure.savefig
 
-    def full(self: Figure, file: Path, **options: object) -> None:
+    def save_on_a_full_disk(self: Figure, file: Path, **options: Any) -> None:
         if file.suffix == ".svg":
             raise OSError(28, "No space left on device")
-        save(self, file, **options)  # pyright: ignore[reportArgumentType]
+        save(self, file, **options)
 
-    with monkeypatch.context() as disk:
-        disk.setattr(Figure, "savefig", full)
-        with pytest.raises(SetupError, match="No space left"), figure_written(path, (1, 1)):
-            pass
+    monkeypatch.setattr(Figure, "savefig", save_on_a_full_disk)
+    with (
+        pytest.raises(SetupError, match="No space left"),
+        figure_written(tmp_path / "a.png", (1, 1)),
+    ):
+        pass
     assert not list(tmp_path.iterdir())
-    with figure_written(path, (7.2, 4.0)) as figure:
+
+
+def test_a_legend_below_stays_within_its_figure(tmp_path: Path) -> None:
+    labels = [f"implicit, predicted, corrected equations {i}" for i in range(2)]
+    with figure_written(tmp_path / "a.png", (7.2, 4.0)) as figure:
         axes = figure.subplots()
-        for i in range(9):
-            axes.plot(
-                [0, 1], label=f"implicit, predicted, corrected equations {i}" if i < 2 else "a"
-            )
+        for label in [*labels, *"aaaaaaa"]:
+            axes.plot([0, 1], label=label)
         labelled_below(figure, [axes])
+
     assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
-    # A legend below stays within its figure.
     box = figure.legends[0].get_window_extent()
     assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
 
 
-def test_a_signal_that_switches_at_every_sample_jumps_and_a_wave_does_not() -> None:
-    time = np.linspace(0, 1, 1000)
-    signals = (np.sign(np.sin(1e4 * time)), np.sin(6 * np.pi * time), np.zeros(1))
-    assert [jumps(signal) for signal in signals] == [True, False, False]
+TIME = np.linspace(0, 1, 1000)
 
 
-def test_kept_is_green_and_not_kept_is_red_on_either_side_of_the_limit(
+@pytest.mark.parametrize(
+    ("signal", "expected"),
+    [
+        (np.sign(np.sin(1e4 * TIME)), True),
+        (np.sin(6 * np.pi * TIME), False),
+        (np.zeros(1), False),
+    ],
+    ids=["switching", "wave", "single sample"],
+)
+def test_only_a_signal_that_switches_at_every_sample_jumps(signal: Array, expected: bool) -> None:
+    assert jumps(signal) == expected
+
+
+CELLS = CellChart.of("kept", {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}, 2.0)
+
+
+def test_cells_of_a_figure_are_white_at_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In figures, where white is the limit, and in lighter shades on the page."""
-    figures, write = list[Figure](), "grosmc_mj.results.figure.write_figure"
-    monkeypatch.setattr(write, lambda figure, _: figures.append(figure))
-    cells = {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}
-    shown = CellChart.of("kept", cells, 2.0)
-    write_cells(tmp_path / "a.png", "a", [shown], "a note")
+    figures: list[Figure] = []
+    write = "grosmc_mj.results.figure.write_figure"
+    monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
+    write_cells(tmp_path / "a.png", "a", [CELLS], "a note")
+
     image = figures[0].axes[0].images[0]
-    colours = np.asarray(image.cmap(image.norm(np.array([-2.0, 0.0, 2.0]))))[:, :3]
-    assert colours.ravel() == pytest.approx([*to_rgb(KEPT), 1, 1, 1, *to_rgb(FAILED)], abs=5e-3)
     assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
-    (heat,) = chart_figure(shown)["data"]
-    hues = [rgb_to_hsv(to_rgb(heat["colorscale"][end][1]))[0] for end in (0, -1)]
-    assert hues == pytest.approx([rgb_to_hsv(to_rgb(x))[0] for x in (KEPT, FAILED)], abs=0.02)
+    colours = np.asarray(image.cmap(image.norm(np.array([-2.0, 0.0, 2.0]))))[:, :3]
+    # A colour map has 256 steps.
+    assert colours[0] == pytest.approx(to_rgb(KEPT), abs=5e-3)
+    assert colours[1] == pytest.approx([1, 1, 1], abs=5e-3)
+    assert colours[2] == pytest.approx(to_rgb(FAILED), abs=5e-3)
+
+
+@pytest.mark.parametrize(("end", "colour"), [(0, KEPT), (-1, FAILED)])
+def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> None:
+    (heat_map,) = chart_figure(CELLS)["data"]
+    hue = rgb_to_hsv(to_rgb(heat_map["colorscale"][end][1]))[0]
+    assert hue == pytest.approx(rgb_to_hsv(to_rgb(colour))[0], abs=0.02)
