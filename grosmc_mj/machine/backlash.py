@@ -24,9 +24,10 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.physics.edits import linear, write_inertia
 from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.physics.hidden_states import HiddenState, motor_joint
+from grosmc_mj.physics.hidden_states import motor_joint
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9

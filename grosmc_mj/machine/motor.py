@@ -32,7 +32,7 @@ from grosmc_mj.machine.part import (
     positive,
     signed,
 )
-from grosmc_mj.physics.hidden_states import HiddenState
+from grosmc_mj.physics.edit import HiddenState
 
 # A current loop's resistance over its winding's: the effect of the back-EMF falls by this factor.
 _STIFF = 1e9

@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Range
-from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.edit import Edit
 
 # Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
 LEAST, MOST = 1e-15, 1e15

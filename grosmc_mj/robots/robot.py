@@ -14,8 +14,8 @@ from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.files import body_names, compile_spec, joint_names
+from grosmc_mj.physics.hooks import quiet_reading
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.physics.quiet import quiet_reading
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.robots.actuators import joint_unit

@@ -13,7 +13,7 @@ from machined import stepped
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.machine import LuGre, MachinePart, Motor, Stop, SwingingLoad, Transmission, Wall
-from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 

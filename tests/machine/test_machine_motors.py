@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.machine import Motor
-from grosmc_mj.physics.edits import BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 K, R, L, N, V, BANDWIDTH, STEP = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4, 1e-5

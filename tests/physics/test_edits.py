@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit, apply_edits
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec, load_model
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.robot import Robot
