@@ -7,7 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
@@ -153,7 +153,8 @@ class Plant(ABC):
             ModelError: If it has no such bodies, joints or parameters.
         """
 
-    @property
+    # Cached, as are ``model`` and ``undrawn_model``, by plants that compile a model for it.
+    @cached_property
     def rigid(self) -> Self:
         """Copy without the parts of a machine, of which there are no equations."""
         return self
@@ -179,7 +180,7 @@ class Plant(ABC):
             ModelError: If one was.
         """
 
-    @property
+    @cached_property
     def model(self) -> MjModel:
         """Its compiled model in MuJoCo, to look at.
 
@@ -188,7 +189,7 @@ class Plant(ABC):
         """
         return self.undrawn_model
 
-    @property
+    @cached_property
     def undrawn_model(self) -> MjModel:
         """The model that runs compute with: the same motion, without parts that are only drawn.
 
