@@ -145,7 +145,7 @@ class MujocoPlant(Plant):
     def _nominal(self) -> _Nominal:
         return _nominals[self.spec]
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Edit, ...]:
         """Parts of the machine as built, which the rigid system does not have."""
         return tuple(edit for edit in self.edits if not edit.rigid)

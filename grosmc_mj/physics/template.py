@@ -67,7 +67,8 @@ class Template:
 
         # The numbers that MuJoCo derives; it leaves the springs of tendons as they were.
         mujoco.mj_setConst(model, data)
-        model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
+        at_rest = self._tendons_at_rest()
+        model.tendon_lengthspring[at_rest] = model.tendon_length0[at_rest, None]
 
     def written(self, edits: Sequence[Edit]) -> mujoco.MjModel | None:
         """Edited model, valid until the next call in this thread; None where ``changes`` is."""
@@ -84,8 +85,7 @@ class Template:
         """Bodies on which only sites and other bodies have a place."""
         return frozenset(body.name for body in self.spec.bodies if _is_undrawn(body))
 
-    @cached_property
-    def _springs(self) -> NDArray[np.intp]:
+    def _tendons_at_rest(self) -> NDArray[np.intp]:
         """Indices of the tendons that are at rest as the model is compiled."""
         at_rest = self.model.tendon_lengthspring == self.model.tendon_length0[:, None]
         return np.flatnonzero(at_rest.all(axis=1))
