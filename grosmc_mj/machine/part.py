@@ -80,9 +80,9 @@ class Oscillation:
 
     def _runge_kutta_step(self, h: float) -> Array:
         """Matrix of a step of [q, q'] by the classical Runge-Kutta method, (2, 2)."""
-        one = np.eye(2)
+        identity = np.eye(2)
         z = h * np.array([[0.0, 1.0], [-self.square, -self.damping]])
-        return one + z @ (one + z @ (one / 2 + z @ (one / 6 + z / 24)))
+        return identity + z @ (identity + z @ (identity / 2 + z @ (identity / 6 + z / 24)))
 
     def _euler_step(self, h: float, implicit: bool) -> Array:
         """Matrix of a step of [q, q'] by semi-implicit Euler, (2, 2).

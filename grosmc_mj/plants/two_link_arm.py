@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import sympy as sp
@@ -93,7 +93,7 @@ def _dynamics() -> tuple[Equations, LinearParametrization]:
 
     The joints are along -y; both links move in the x-z plane.
     """
-    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
+    q1, q2, dq1, dq2 = sp.symbols("q1 q2 dq1 dq2")
     m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
     s2 = sp.sin(q2)
     k2 = sp.cos(q2)
@@ -125,17 +125,26 @@ def _dynamics() -> tuple[Equations, LinearParametrization]:
         d=(0, 0, *pushed),
     )
 
-    # The torques in J1, J2 and l1 b2, in g b1 and g b2, and in a load on each joint.
+    # A load on each joint is nominally zero.
+    return equations, _parametrization(theta=(J1, J2, h, g * b1, g * b2, 0, 0))
+
+
+def _parametrization(theta: tuple[Any, ...]) -> LinearParametrization:
+    """Torques as linear in J1, J2, l1 b2, g b1, g b2 and a load on each joint."""
+    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
+    s2 = sp.sin(q2)
+    k2 = sp.cos(q2)
+    k1 = sp.cos(q1)
+    k12 = sp.cos(q1 + q2)
     upper = (2 * a1 + a2) * k2 - s2 * (dq2 * r1 + (dq1 + dq2) * r2)
     lower = a1 * k2 + s2 * dq1 * r1
-    parametrization = LinearParametrization(
+    return LinearParametrization(
         x=(q1, q2, dq1, dq2),
         r=(r1, r2),
         a=(a1, a2),
         Y=((a1, a1 + a2, upper, k1, k12, 1, 0), (0, a1 + a2, lower, 0, k12, 0, 1)),
-        theta=(J1, J2, h, g * b1, g * b2, 0, 0),
+        theta=theta,
     )
-    return equations, parametrization
 
 
 def _wrench_torques() -> sp.Matrix:

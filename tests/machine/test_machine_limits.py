@@ -104,6 +104,8 @@ def model(*edits: Edit, name: str = "servo", integrator: Any = "RK4", h: float =
     return MujocoPlant.load(name, edits=edits, integrator=integrator, timestep=h).model
 
 
+# Arguments of wrong types are meant.
+wrong: Any = partial
 BRISTLES = LuGre("shaft", 0.05, 0.07, damping=3.0)
 UNDRIVEN = Transmission("hinge", 0.1, 1e3)
 HEAVY_PART = Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)
@@ -142,13 +144,13 @@ def test_bristles_under_an_implicit_integrator_are_refused_in_one_line() -> None
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (partial(Transmission, "j", 0.1), "it is rigid: give a stiffness, a backlash or both"),
-        (partial(LuGre, "j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
-        (partial(Stop, "j", 1.0, -1.0), "low = 1 must be below high = -1"),
-        (partial(Motor, "i", 0.1, 1.0, ratio=0.0), "ratio = 0 must be at least 1e-15, or negative"),
-        (partial(Motor, "i", 0.1, 1.0, thermal_resistance=1.0), "heating needs both"),
-        (partial(Wall, "b", 0.1, normal=(0, 0, 0)), "must point somewhere"),
-        (partial(Wall, "b", 0.1, at=(0, 0)), "3 finite numbers"),
+        (wrong(Transmission, "j", 0.1), "it is rigid: give a stiffness, a backlash or both"),
+        (wrong(LuGre, "j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
+        (wrong(Stop, "j", 1.0, -1.0), "low = 1 must be below high = -1"),
+        (wrong(Motor, "i", 0.1, 1.0, ratio=0.0), "ratio = 0 must be at least 1e-15, or negative"),
+        (wrong(Motor, "i", 0.1, 1.0, thermal_resistance=1.0), "heating needs both"),
+        (wrong(Wall, "b", 0.1, normal=(0, 0, 0)), "must point somewhere"),
+        (wrong(Wall, "b", 0.1, at=(0, 0)), "3 finite numbers"),
     ],
 )
 def test_numbers_that_no_part_has_are_refused_in_one_line(make: Any, words: str) -> None:

@@ -30,13 +30,16 @@ STEP = 1e-5
 REACHED = 1 - math.exp(-1)
 
 
+ON_SUPPLY = {"bandwidth": BANDWIDTH, "voltage": V}
+
+
 def motor(**numbers: Any) -> Motor:
     return Motor("current", K, R, **{"ratio": N, **numbers})
 
 
 def loop(**numbers: Any) -> Motor:
     """With a current loop on a supply."""
-    return motor(**{"bandwidth": BANDWIDTH, "voltage": V, **numbers})
+    return motor(**{**ON_SUPPLY, **numbers})
 
 
 def fine(*edits: Edit, timestep: float = STEP) -> MujocoPlant:
@@ -48,15 +51,27 @@ def input_for(amperes: float) -> float:
     return amperes * N * K / GEAR
 
 
+def angle(data: mujoco.MjData) -> float:
+    return data.qpos[0]
+
+
+def speed(data: mujoco.MjData) -> float:
+    return data.qvel[0]
+
+
 def torque(data: mujoco.MjData) -> float:
     return data.qfrc_actuator[0]
 
 
-def currents(plant: MujocoPlant, amperes: float, duration: float, speed: float = 0.0) -> Array:
+def activation(data: mujoco.MjData) -> float:
+    return data.act[-1]
+
+
+def currents(plant: MujocoPlant, amperes: float, duration: float, at_speed: float = 0.0) -> Array:
     """Current of the winding at a held speed, for a demand."""
     winding = plant.hidden_states[-1]
     u = input_for(amperes)
-    activations = stepped(plant, duration, lambda d: d.act[-1], u, speed, held=True)
+    activations = stepped(plant, duration, activation, u, at_speed, held=True)
     return winding.scale * activations
 
 
@@ -71,11 +86,11 @@ def time_constant(rising: Array, final: float) -> float:
 @pytest.mark.parametrize(
     ("numbers", "demand", "speed", "expected"),
     [
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, 60.0, (V - K * N * 60) / R),
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, -30.0, (V + K * N * 30) / R),
+        (ON_SUPPLY, 100.0, 60.0, (V - K * N * 60) / R),
+        (ON_SUPPLY, 100.0, -30.0, (V + K * N * 30) / R),
         # A current that the supply has enough voltage for is given whatever the speed.
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 0.25, 60.0, 0.25),
-        ({"bandwidth": BANDWIDTH, "voltage": V, "current": 1.5}, 100.0, 0.0, 1.5),
+        (ON_SUPPLY, 0.25, 60.0, 0.25),
+        ({**ON_SUPPLY, "current": 1.5}, 100.0, 0.0, 1.5),
         ({"inductance": L, "voltage": V}, 100.0, 0.0, V / R),
         ({"inductance": L}, V / R, 0.0, V / R),
         ({"current": 2.0}, 100.0, 0.0, 2.0),
@@ -149,7 +164,7 @@ def test_a_winding_is_a_hidden_state_with_its_lag() -> None:
 
 def test_a_motor_runs_at_its_no_load_speed() -> None:
     plant = servo(BodyEdit("rotor", mass_scale=0.01), motor())
-    speeds = stepped(plant, 5.0, lambda d: d.qvel[0], input_for(V / R))
+    speeds = stepped(plant, 5.0, speed, input_for(V / R))
     assert speeds[-1] == pytest.approx(V / (N * K), rel=1e-3)
 
 
@@ -160,7 +175,7 @@ def test_a_current_loop_follows_with_its_bandwidth() -> None:
 
 
 def test_a_current_loop_makes_up_for_the_back_emf() -> None:
-    speeds = stepped(fine(motor(bandwidth=5e3)), 0.1, lambda d: d.qvel[0], speed=3.0)
+    speeds = stepped(fine(motor(bandwidth=5e3)), 0.1, speed, speed=3.0)
     assert speeds[-1] == pytest.approx(3.0, rel=1e-6)
 
 
@@ -193,7 +208,7 @@ def test_a_motor_that_the_model_has_already_changes_nothing() -> None:
         stepped(
             MujocoPlant.load("servo", edits=edits),
             0.5,
-            lambda d: d.qpos[0],
+            angle,
             lambda t: math.sin(5 * t),
         )
         for edits in ((brakes,), (brakes, part))
@@ -234,7 +249,7 @@ def test_a_current_loop_heats_a_winding_by_the_same_current() -> None:
 
 
 def angle_speed_torque_current(data: mujoco.MjData) -> tuple[float, ...]:
-    return (data.qpos[0], data.qvel[0], torque(data), data.act[-1])
+    return angle(data), speed(data), torque(data), activation(data)
 
 
 def wave(plant: MujocoPlant, sign: float = 1.0) -> Array:

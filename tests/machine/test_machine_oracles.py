@@ -26,12 +26,20 @@ def elastic_servo(backlash: float) -> MujocoPlant:
     return servo(Transmission("shaft", J_M, STIFFNESS, DAMPING, backlash))
 
 
+def twist(data: mujoco.MjData) -> float:
+    return data.qpos[1] - data.qpos[0]
+
+
+def twist_rate(data: mujoco.MjData) -> float:
+    return data.qvel[1] - data.qvel[0]
+
+
 def twist_after(plant: MujocoPlant, steps: int) -> float:
     """Twist [rad] after steps of 0.1 ms that begin with a rate of 1 rad/s."""
     data = mujoco.MjData(plant.model)
     data.qvel[1] = 1.0
     mujoco.mj_step(plant.model, data, nstep=steps)
-    return data.qpos[1] - data.qpos[0]
+    return twist(data)
 
 
 def test_a_twist_swings_by_stiffness_and_damping() -> None:
@@ -40,25 +48,25 @@ def test_a_twist_swings_by_stiffness_and_damping() -> None:
     stiff = STIFFNESS * (1 / J + 1 / J_M)
     damped = DAMPING * (1 / J + 1 / J_M)
     omega = math.sqrt(stiff - damped**2 / 4)
-    twist = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
-    assert twist_after(elastic_servo(0.0), 500) == pytest.approx(twist, rel=1e-6)
+    expected = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
+    assert twist_after(elastic_servo(0.0), 500) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_twist_is_damped_within_the_backlash() -> None:
     """twist'' = -d twist' (1/J + 1/J_m)."""
     t = 0.05
     damped = DAMPING * (1 / J + 1 / J_M)
-    twist = (1 - math.exp(-damped * t)) / damped
-    assert twist_after(elastic_servo(0.2), 500) == pytest.approx(twist, rel=1e-6)
+    expected = (1 - math.exp(-damped * t)) / damped
+    assert twist_after(elastic_servo(0.2), 500) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize(("twist", "torque"), [(0.3, -100.0), (-0.3, 100.0), (0.05, 0.0)])
+@pytest.mark.parametrize(("angle", "torque"), [(0.3, -100.0), (-0.3, 100.0), (0.05, 0.0)])
 def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash(
-    twist: float, torque: float
+    angle: float, torque: float
 ) -> None:
     model = elastic_servo(0.2).model
     data = mujoco.MjData(model)
-    data.qpos[1] = twist
+    data.qpos[1] = angle
     mujoco.mj_forward(model, data)
     assert data.qfrc_passive[:2] == pytest.approx([-torque, torque], abs=1e-9)
 
@@ -67,8 +75,8 @@ RIGID_TEETH = Transmission("shaft", inertia=0.01, backlash=0.2)
 
 
 def test_rigid_teeth_do_not_pull_within_their_play() -> None:
-    twist = stepped(servo(RIGID_TEETH), 0.2, lambda d: d.qpos[1] - d.qpos[0], start=0.05)
-    assert np.ptp(twist) == 0
+    twists = stepped(servo(RIGID_TEETH), 0.2, twist, start=0.05)
+    assert np.ptp(twists) == 0
 
 
 def test_rigid_teeth_give_back_a_tenth_beyond_their_play() -> None:
@@ -77,8 +85,8 @@ def test_rigid_teeth_give_back_a_tenth_beyond_their_play() -> None:
     data.qvel[1] = 1.0
     mujoco.mj_step(plant.model, data, nstep=1100)
     # A bounce of 4 ms is one of 40 timesteps.
-    assert data.qvel[1] - data.qvel[0] == pytest.approx(-0.1, rel=0.05)
-    assert 0.09 < data.qpos[1] - data.qpos[0] < 0.1
+    assert twist_rate(data) == pytest.approx(-0.1, rel=0.05)
+    assert 0.09 < twist(data) < 0.1
 
 
 # Timesteps

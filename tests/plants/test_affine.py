@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -149,48 +150,83 @@ def plant(**changes: Any) -> AnalyticPlant:
     return gm.affine_plant("chain", **arguments)
 
 
-def implicit_realization() -> gm.Realization:
-    return gm.Realization("implicit")  # pyright: ignore[reportArgumentType]
-
-
-def equilibrium_beyond_limits() -> Any:
-    return equilibrium(gm.Robot.from_mjcf(SPRING).plant, {0: 0.0})
-
-
-def equilibrium_of_a_leaning_pole() -> Any:
-    return equilibrium(gm.MujocoPlant.load("cart_pendulum"), {1: 0.5, 3: 0.0, 2: 0.0})
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: plant(parameters={}), "a: no number, and none of x1, x2"),
-        (lambda: plant(parameters={"a": 1.0, "b": 2.0}), "b: a number that is in no equation"),
-        (lambda: plant(parameters={"a": np.nan}), "a = nan must be finite"),
-        (lambda: plant(f=[x2]), "f has 1 rows of 1, must have one for each of 2 states"),
-        (lambda: plant(f=[x2, "1/*"]), "must be a list of expressions"),
-        (lambda: plant(f=[x2, None]), "must be a list of expressions"),
-        (lambda: plant(h=[x1, x2]), "1 inputs are named, g has 1 columns and h 2 outputs"),
-        (lambda: plant(f=[sp.Symbol("x2", real=True), a]), "x2: another symbol than the state"),
-        (lambda: plant().with_parameters(q=2.0), r"unknown parameter of chain 'q': valid: a"),
-        (lambda: plant().with_parameters(a=np.nan), "a = nan must be finite"),
-        (lambda: chain().jacobian([0.0] * 3, [0.0]), r"x has shape \(3,\), u \(1,\)"),
-        (lambda: first_order(x, near={"y": 1.0}), "near: unknown state 'y'"),
-        (
-            lambda: first_order(x * sp.Symbol("u") ** 2),
-            "u: an input outside of g.*make it",
-        ),
-        (lambda: linear_lqr(task(chain(f2=-9.8))), r"no equilibrium without input.*-9\.8"),
-        (lambda: task(chain(), 3), r"relative degrees \(2,\), the reference has"),
-        (lambda: task(chain(), 2, 2), r"relative degrees \(2,\), the reference has"),
-        (implicit_realization, r"switching = 'implicit' must be a switching law"),
-        (lambda: inner(-x2 - 2).poles(None), "not at rest at zero"),
-        (lambda: inner(-x2, x1**2 - 4), "2 branches"),
-        (equilibrium_beyond_limits, r"under inputs cut to \[-5\.0\] ... \[5\.0\]"),
-        (equilibrium_of_a_leaning_pole, r"rests nowhere near .* with pole angle = 0\.5"),
-    ],
-)
-def test_a_wrong_plant_design_or_point_is_one_clear_line(call: Any, words: str) -> None:
+def require_refused_in_one_line(call: Any, words: str) -> None:
     with pytest.raises(GrosmcError, match=words) as refused:
         call()
     assert "\n" not in str(refused.value)
+
+
+REAL_X2 = sp.Symbol("x2", real=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"parameters": {}}, "a: no number, and none of x1, x2"),
+        ({"parameters": {"a": 1.0, "b": 2.0}}, "b: a number that is in no equation"),
+        ({"parameters": {"a": np.nan}}, "a = nan must be finite"),
+        ({"f": [x2]}, "f has 1 rows of 1, must have one for each of 2 states"),
+        ({"f": [x2, "1/*"]}, "must be a list of expressions"),
+        ({"f": [x2, None]}, "must be a list of expressions"),
+        ({"h": [x1, x2]}, "1 inputs are named, g has 1 columns and h 2 outputs"),
+        ({"f": [REAL_X2, a]}, "x2: another symbol than the state"),
+        ({"near": {"y": 1.0}}, "near: unknown state 'y'"),
+        ({"f": [x2, a * sp.Symbol("u")]}, "u: an input outside of g.*make it a state"),
+    ],
+)
+def test_a_wrong_plant_is_refused(changes: dict[str, Any], words: str) -> None:
+    require_refused_in_one_line(lambda: plant(**changes), words)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q": 2.0}, "unknown parameter of chain 'q': valid: a"),
+        ({"a": np.nan}, "a = nan must be finite"),
+    ],
+)
+def test_wrong_parameters_are_refused(changes: dict[str, float], words: str) -> None:
+    require_refused_in_one_line(lambda: plant().with_parameters(**changes), words)
+
+
+def test_a_state_of_a_wrong_shape_is_refused() -> None:
+    call = partial(chain().jacobian, [0.0] * 3, [0.0])
+    require_refused_in_one_line(call, r"x has shape \(3,\), u \(1,\)")
+
+
+def test_a_linear_design_away_from_an_equilibrium_is_refused() -> None:
+    falling = task(chain(f2=-9.8))
+    call = partial(linear_lqr, falling)
+    require_refused_in_one_line(call, r"no equilibrium without input.*-9\.8")
+
+
+@pytest.mark.parametrize("degrees", [(3,), (2, 2)])
+def test_a_reference_of_another_relative_degree_is_refused(degrees: tuple[int, ...]) -> None:
+    call = partial(task, chain(), *degrees)
+    require_refused_in_one_line(call, r"relative degrees \(2,\), the reference has")
+
+
+def test_a_realization_without_a_switching_law_is_refused() -> None:
+    wrong: Any = "implicit"
+    call = partial(gm.Realization, wrong)
+    require_refused_in_one_line(call, r"switching = 'implicit' must be a switching law")
+
+
+def test_poles_of_zero_dynamics_that_do_not_rest_at_zero_are_refused() -> None:
+    call = partial(inner(-x2 - 2).poles, None)
+    require_refused_in_one_line(call, "not at rest at zero")
+
+
+def test_zero_dynamics_of_two_branches_are_refused() -> None:
+    call = partial(inner, -x2, x1**2 - 4)
+    require_refused_in_one_line(call, "2 branches")
+
+
+def test_an_equilibrium_beyond_the_limits_of_the_input_is_refused() -> None:
+    call = partial(equilibrium, gm.Robot.from_mjcf(SPRING).plant, {0: 0.0})
+    require_refused_in_one_line(call, r"under inputs cut to \[-5\.0\] ... \[5\.0\]")
+
+
+def test_an_equilibrium_of_a_leaning_pole_is_refused() -> None:
+    call = partial(equilibrium, gm.MujocoPlant.load("cart_pendulum"), {1: 0.5, 3: 0.0, 2: 0.0})
+    require_refused_in_one_line(call, r"rests nowhere near .* with pole angle = 0\.5")
