@@ -11,7 +11,7 @@ from benchmarks.timing import TimedLoop
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.physics.hidden_states import starts
-from grosmc_mj.physics.quiet import clock_suspended
+from grosmc_mj.physics.hooks import clock_suspended
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare

@@ -20,7 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen import has_display
 from grosmc_mj.films.scene import pose
-from grosmc_mj.physics.quiet import warnings_counted_only
+from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
 from grosmc_mj.simulation.prepare import prepare

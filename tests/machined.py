@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.physics.edits import BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 # The rotor's inertia, and the torque of the servo's input.

@@ -31,7 +31,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.physics.quiet import warnings_counted_only
+from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.simulation.trajectory import Trajectory

@@ -42,7 +42,7 @@ def execute(arguments: Sequence[str]) -> int:
     if not command.simulates:
         return command.execute()
     _import_mujoco()
-    from grosmc_mj.physics.quiet import warnings_counted_only
+    from grosmc_mj.physics.hooks import warnings_counted_only
     from grosmc_mj.results.document import carried_out
 
     carried_out(PROGRAM, arguments)

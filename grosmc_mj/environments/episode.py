@@ -29,7 +29,7 @@ from grosmc_mj.films.scene import default_camera, pose
 from grosmc_mj.loop import relooped
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.stages import observe, remember
-from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import Signal, find_system
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.python_engine import ClosedLoop

@@ -23,7 +23,8 @@ from grosmc_mj.experiments.file.units import number_in, numbers_of
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
 

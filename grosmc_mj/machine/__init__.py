@@ -1,6 +1,6 @@
 """The machine as built: the parts that a rigid, frictionless model lacks, one file each.
 
-A part is an edit of a model: it knows how it is written, the timestep it needs and its states.
+A part is an edit of a model that also knows the timestep it needs and its states.
 """
 
 from __future__ import annotations

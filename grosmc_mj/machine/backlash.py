@@ -24,9 +24,10 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.physics.edits import linear, write_inertia
 from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.physics.hidden_states import HiddenState, motor_joint
+from grosmc_mj.physics.hidden_states import motor_joint
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9
@@ -43,13 +44,13 @@ class Transmission(MachinePart):
 
     Attributes:
         joint: Name of the joint, which an input drives.
-        inertia: Of the motor, at the joint [kg m^2 or kg].
+        inertia: Inertia of the motor, at the joint [kg m^2 or kg].
         stiffness: [N m/rad or N/m]; infinite for teeth that do not give way, with a backlash.
         damping: [N m s/rad or N s/m]; it acts within the backlash too.
         backlash: The whole play [rad or m].
         friction: Dry friction of the motor, at the joint [N m or N].
-        added: Whether the inertia comes on top of what the model has; else it is a part of that,
-            of the joint's armature or of a body whose centre the joint moves along or turns about.
+        added: True if the inertia comes on top of the model's; else it is a part of that, of the
+            joint's armature or of a body whose centre the joint moves along or turns about.
     """
 
     joint: Name
@@ -60,7 +61,9 @@ class Transmission(MachinePart):
     friction: Annotated[float, not_negative(FORCE)] = 0.0
     added: Flag = True
 
-    kind, owner, order = "transmission", "joint", 20
+    kind = "transmission"
+    owner = "joint"
+    order = 20
 
     def __post_init__(self) -> None:
         if math.isinf(self.stiffness) and not self.backlash:
@@ -69,27 +72,41 @@ class Transmission(MachinePart):
             )
 
     def __str__(self) -> str:
-        faults = {
-            f"gives way by 1/{self.stiffness:.4g}": math.isfinite(self.stiffness),
-            f"has a play of {self.backlash:.4g}": self.backlash > 0,
-        }
-        words = " and ".join(fault for fault, present in faults.items() if present)
+        faults: list[str] = []
+        if math.isfinite(self.stiffness):
+            faults.append(f"gives way by 1/{self.stiffness:.4g}")
+        if self.backlash > 0:
+            faults.append(f"has a play of {self.backlash:.4g}")
+        words = " and ".join(faults)
         return f"{self.joint}: transmission that {words}, motor of {self.inertia:.3g}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A coordinate of the motor's own, tied to the joint by a tendon."""
-        joint, name = spec.joint(self.joint), motor_joint(self.joint)
+        """Add a coordinate of the motor's own, tied to the joint by a tendon."""
         on_joint = [a for a in spec.actuators if a.trntype == mujoco.mjtTrn.mjTRN_JOINT]
         driving = [actuator for actuator in on_joint if actuator.target == self.joint]
         if not driving:
             raise ModelError(
                 f"transmission: no input drives joint {self.joint!r}: it needs a motor"
             )
+
+        joint = spec.joint(self.joint)
         if not self.added:
             self._take_off(spec, joint)
+        self._add_rotor(spec, joint)
+        self._add_tendon(spec)
+        for actuator in driving:
+            actuator.target = motor_joint(self.joint)
+
+    def _add_rotor(self, spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> None:
+        """Add the motor, whose coordinate is seen at the joint."""
+        name = motor_joint(self.joint)
         # In the world: a motor's speed about its own axis alone counts.
         rotor = spec.worldbody.add_body(
-            name=name, explicitinertial=True, mass=TOKEN, inertia=[TOKEN] * 3, gravcomp=1.0
+            name=name,
+            explicitinertial=True,
+            mass=TOKEN,
+            inertia=[TOKEN] * 3,
+            gravcomp=1.0,
         )
         rotor.add_joint(
             name=name,
@@ -99,9 +116,13 @@ class Transmission(MachinePart):
             frictionloss=self.friction,
             ref=joint.ref,
         )
-        tendon, half = spec.add_tendon(name=_tendon(self.joint)), self.backlash / 2
+
+    def _add_tendon(self, spec: mujoco.MjSpec) -> None:
+        """Tie motor and joint; the tendon's length is the twist between them."""
+        half = self.backlash / 2
+        tendon = spec.add_tendon(name=_tendon(self.joint))
         tendon.wrap_joint(self.joint, -1.0)
-        tendon.wrap_joint(name, 1.0)
+        tendon.wrap_joint(motor_joint(self.joint), 1.0)
         tendon.damping = linear(self.damping, tendon.damping)
         tendon.springlength = [-half, half]
         if math.isfinite(self.stiffness):
@@ -109,49 +130,61 @@ class Transmission(MachinePart):
         else:
             tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
             tendon.range = [-half, half]
-            tendon.solref_limit, tendon.solimp_limit = solref(*TEETH), IMPEDANCE
-        for actuator in driving:
-            actuator.target = name
+            tendon.solref_limit = solref(*TEETH)
+            tendon.solimp_limit = IMPEDANCE
 
     def _take_off(self, spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> None:
         """Take the motor's inertia off the model's at the joint."""
         if joint.armature >= self.inertia:
             joint.armature -= self.inertia
             return
+
         model = compile_spec(spec)
-        at = model.joint(self.joint).id
-        index = int(model.jnt_bodyid[at])
-        axis, body = model.jnt_axis[at], spec.body(model.body(index).name)
-        turns = model.jnt_type[at] == mujoco.mjtJoint.mjJNT_HINGE
-        turn, offset = np.zeros(9), model.body_ipos[index] - model.jnt_pos[at]
-        mujoco.mju_quat2Mat(turn, model.body_iquat[index])
-        principal = turn.reshape(3, 3).T @ axis
-        own = float(model.body_mass[index])
-        if turns:
-            own = float(principal**2 @ model.body_inertia[index])
-        if self.inertia >= own or (turns and np.linalg.norm(np.cross(offset, axis)) > _ON_AXIS):
+        joint_index = model.joint(self.joint).id
+        index = int(model.jnt_bodyid[joint_index])
+        axis = model.jnt_axis[joint_index]
+
+        # Inertia of the body along the joint's coordinate.
+        body_inertia = float(model.body_mass[index])
+        centred = True
+        if model.jnt_type[joint_index] == mujoco.mjtJoint.mjJNT_HINGE:
+            rotation = np.zeros(9)
+            mujoco.mju_quat2Mat(rotation, model.body_iquat[index])
+            principal = rotation.reshape(3, 3).T @ axis
+            body_inertia = float(principal**2 @ model.body_inertia[index])
+            offset = model.body_ipos[index] - model.jnt_pos[joint_index]
+            centred = bool(np.linalg.norm(np.cross(offset, axis)) <= _ON_AXIS)
+
+        if self.inertia >= body_inertia or not centred:
             raise ModelError(
                 f"transmission of {self.joint!r}: its inertia of {self.inertia:g} is no part of "
                 f"what the model has there, an armature of {joint.armature:g} or, of a body with "
-                f"its centre on the axis, {own:g}: give less, or let it be added"
+                f"its centre on the axis, {body_inertia:g}: give less, or let it be added"
             )
-        kept = 1 - self.inertia / own
+
+        kept = 1 - self.inertia / body_inertia
+        body = spec.body(model.body(index).name)
         write_inertia(body, kept * float(model.body_mass[index]), model, index)
         body.inertia = kept * model.body_inertia[index]
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
-        """Of motor and joint against each other."""
+        """Motion of motor and joint against each other."""
         if math.isinf(self.stiffness):
             return Oscillation(*spring_and_damper(*TEETH), constrained=True)
         weight = float(model.tendon_invweight0[model.tendon(_tendon(self.joint)).id])
         return Oscillation(self.stiffness * weight, self.damping * weight)
 
     def hidden(self, state: HiddenState, model: mujoco.MjModel) -> HiddenState:
-        """The motor's coordinate as a twist against the joint."""
+        """Rename the motor's coordinate to a twist against the joint."""
         if state.name != motor_joint(self.joint):
             return state
-        at, name = 1 + model.joint(self.joint).id, f"{self.joint} twist"
-        return replace(state, name=name, kind="twist", minus=at, play=self.backlash)
+        return replace(
+            state,
+            name=f"{self.joint} twist",
+            kind="twist",
+            minus=1 + model.joint(self.joint).id,
+            play=self.backlash,
+        )
 
 
 def _tendon(joint: str) -> str:
@@ -160,6 +193,9 @@ def _tendon(joint: str) -> str:
 
 
 def driven_joint(spec: mujoco.MjSpec, target: str) -> str:
-    """The joint behind a transmission whose motor is a target, or the target itself."""
-    tied = (joint.name for joint in spec.joints if motor_joint(joint.name) == target)
-    return next((joint for joint in tied if spec.tendon(_tendon(joint)) is not None), target)
+    """Name of the joint behind a transmission whose motor is a target, or the target itself."""
+    for joint in spec.joints:
+        is_motor = motor_joint(joint.name) == target
+        if is_motor and spec.tendon(_tendon(joint.name)) is not None:
+            return joint.name
+    return target

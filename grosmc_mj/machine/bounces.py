@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 # A damping ratio from which a bounce is none: 1 % of the speed comes back.
@@ -16,7 +15,7 @@ TEETH = (0.1, 4e-3)
 
 
 def restitution_of(ratio: float) -> float:
-    """Speed after a bounce over that before it, for a damping ratio of the contact.
+    """Coefficient of restitution of a contact: speed after a bounce over that before it.
 
     The contact ends when its force would become negative: T. Schwager and T. Poeschel, "Coefficient
     of restitution and linear-dashpot model revisited", Granular Matter 9, 2007.
@@ -24,24 +23,24 @@ def restitution_of(ratio: float) -> float:
     if ratio == 1:
         return math.exp(-2)
     if ratio < 1:
-        other = math.sqrt(1 - ratio * ratio)
-        return math.exp(-ratio / other * math.atan2(2 * ratio * other, 2 * ratio * ratio - 1))
-    other = math.sqrt(ratio * ratio - 1)
-    return (ratio + other) ** (-2 * ratio / other)
+        root = math.sqrt(1 - ratio * ratio)
+        angle = math.atan2(2 * ratio * root, 2 * ratio * ratio - 1)
+        return math.exp(-ratio / root * angle)
+    root = math.sqrt(ratio * ratio - 1)
+    return (ratio + root) ** (-2 * ratio / root)
 
 
-@cache
 def spring_and_damper(restitution: float, duration: float) -> tuple[float, float]:
-    """Stiffness [1/s^2] and damping [1/s] over mass of a contact.
+    """Compute stiffness [1/s^2] and damping [1/s] of a contact, both over mass.
 
     Args:
         restitution: Speed after a bounce over that before it; less than 1 % is 1 %.
-        duration: Of a bounce without loss [s].
+        duration: Duration of a bounce without loss [s].
     """
     frequency = math.pi / duration
     ratio = _DEAD
     if restitution > restitution_of(_DEAD):
-        # Here, for it is a part of scipy that little needs.
+        # Imported in the function, for few runs need this part of scipy.
         from scipy.optimize import brentq
 
         root: Any = brentq(lambda r: restitution_of(float(r)) - restitution, 0.0, _DEAD)
@@ -50,6 +49,6 @@ def spring_and_damper(restitution: float, duration: float) -> tuple[float, float
 
 
 def solref(restitution: float, duration: float) -> tuple[float, float]:
-    """The same as MuJoCo's ``solref``, whose negative numbers are stiffness and damping."""
+    """Return a contact as MuJoCo's ``solref``, whose negative numbers are its spring and damper."""
     stiffness, damping = spring_and_damper(restitution, duration)
     return -stiffness, -damping

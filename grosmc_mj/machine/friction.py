@@ -19,7 +19,7 @@ from grosmc_mj.machine.part import (
     positive,
 )
 
-_IMPLICIT = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_IMPLICIT
+_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_IMPLICIT)
 # Largest share by which an implicit integrator may slow what slides on bristles.
 _SLOWED = 0.02
 # The back-EMF of a motor that is there for its friction only is nothing.
@@ -51,7 +51,9 @@ class LuGre(MachinePart):
     damping: Annotated[float, not_negative(DAMPING)] = 0.0
     stribeck: Annotated[float, positive(SPEED)] = 0.01
 
-    kind, owner, order = "lugre", "joint", 22
+    kind = "lugre"
+    owner = "joint"
+    order = 22
 
     def __post_init__(self) -> None:
         if 0 < self.static < self.coulomb:
@@ -64,9 +66,11 @@ class LuGre(MachinePart):
         return f"{self.joint}: LuGre friction of {max(self.coulomb, self.static):.3g}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A motor without an input or a back-EMF, for the friction that MuJoCo's motors have."""
+        """Add a motor without input and back-EMF, for the friction that MuJoCo's motors have."""
         friction = spec.add_actuator(
-            name=f"{self.joint} friction", target=self.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            name=f"{self.joint} friction",
+            target=self.joint,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
         )
         static = self.static or self.coulomb
         friction.set_to_dcmotor(
@@ -77,8 +81,9 @@ class LuGre(MachinePart):
         )
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
-        """Of the joint on its bristles."""
-        weight = float(model.dof_invweight0[model.joint(self.joint).dofadr[0]])
+        """Motion of the joint on its bristles."""
+        coordinate = model.joint(self.joint).dofadr[0]
+        weight = float(model.dof_invweight0[coordinate])
         return Oscillation(self.stiffness * weight, self.damping * weight)
 
     def require_timestep(self, model: mujoco.MjModel, system: str) -> None:

@@ -19,9 +19,9 @@ class SwingingLoad(MachinePart):
     Attributes:
         body: Name of the body.
         mass: [kg].
-        length: Of the rod [m].
-        damping: Of its hinge, whose axis is the y-axis of the body [N m s/rad].
-        at: Where it hangs, in the body's own frame [m], (3,).
+        length: Length of the rod [m].
+        damping: Damping of its hinge, whose axis is the y-axis of the body [N m s/rad].
+        at: Place of the hinge, in the body's own frame [m], (3,).
     """
 
     body: Name
@@ -30,22 +30,26 @@ class SwingingLoad(MachinePart):
     damping: Annotated[float, not_negative("N m s/rad")] = 0.0
     at: Vector = (0.0, 0.0, 0.0)
 
-    kind, owner, order, several = "swinging load", "body", 11, True
+    kind = "swinging load"
+    owner = "body"
+    order = 11
+    several = True
 
     def __str__(self) -> str:
         return f"{self.body}: {self.mass:.3g} kg swing on {self.length:.3g} m"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A body on a hinge."""
+        """Add a body on a hinge."""
         load = _body(spec, self, "swing")
         load.ipos = [0.0, 0.0, -self.length]
         hinge = load.add_joint(
             name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0]
         )
         hinge.damping = linear(self.damping, hinge.damping)
+
         draw_ball(load, self.mass, pos=load.ipos)
-        rod = [ball_radius(self.mass) / 4, 0.0, 0.0]
-        drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod, fromto=[0, 0, 0, *load.ipos])
+        rod_size = [ball_radius(self.mass) / 4, 0.0, 0.0]
+        drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod_size, fromto=[0, 0, 0, *load.ipos])
 
 
 @checked(ModelError)
@@ -57,7 +61,7 @@ class SlidingLoad(MachinePart):
         mass: [kg].
         stiffness: [N/m].
         damping: [N s/m].
-        at: Where it rests, in the body's own frame [m], (3,).
+        at: Place at rest, in the body's own frame [m], (3,).
     """
 
     body: Name
@@ -66,13 +70,16 @@ class SlidingLoad(MachinePart):
     damping: Annotated[float, not_negative("N s/m")] = 0.0
     at: Vector = (0.0, 0.0, 0.0)
 
-    kind, owner, order, several = "sliding load", "body", 12, True
+    kind = "sliding load"
+    owner = "body"
+    order = 12
+    several = True
 
     def __str__(self) -> str:
         return f"{self.body}: {self.mass:.3g} kg slide on {self.stiffness:.3g} N/m"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A body on a slide."""
+        """Add a body on a slide."""
         load = _body(spec, self, "slide")
         slide = load.add_joint(
             name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0]
@@ -82,15 +89,23 @@ class SlidingLoad(MachinePart):
         draw_ball(load, self.mass)
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
-        """Of the mass on its spring."""
+        """Motion of the mass on its spring."""
         return Oscillation(self.stiffness / self.mass, self.damping / self.mass)
 
 
 def _body(spec: mujoco.MjSpec, load: SwingingLoad | SlidingLoad, word: str) -> mujoco.MjsBody:
-    """A body for a load, of a name that is not taken."""
-    taken = {body.name for body in spec.bodies}
-    names = (f"{load.body} {word}{i}" for i in ("", *range(2, len(taken) + 3)))
+    """Add a body for a load, of a name that is free."""
+    names = {body.name for body in spec.bodies}
+    name = f"{load.body} {word}"
+    number = 2
+    while name in names:
+        name = f"{load.body} {word}{number}"
+        number += 1
+
     return spec.body(load.body).add_body(
-        name=next(name for name in names if name not in taken),
-        pos=load.at, explicitinertial=True, mass=load.mass, inertia=[TOKEN] * 3,
-    )  # fmt: skip
+        name=name,
+        pos=load.at,
+        explicitinertial=True,
+        mass=load.mass,
+        inertia=[TOKEN] * 3,
+    )

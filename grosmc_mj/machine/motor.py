@@ -15,7 +15,7 @@ i' = clip(w_b (clip(R i_u + K w, +-V_s) / R - K w / R - i), +-V_s / L).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import mujoco
@@ -32,12 +32,31 @@ from grosmc_mj.machine.part import (
     positive,
     signed,
 )
-from grosmc_mj.physics.hidden_states import HiddenState
+from grosmc_mj.physics.edit import HiddenState
 
 # A current loop's resistance over its winding's: the effect of the back-EMF falls by this factor.
 _STIFF = 1e9
 # By which copper's resistance grows [1/K].
 _COPPER = 0.0039
+# Share by which numbers that are equal may differ by rounding.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class _Winding:
+    """MuJoCo's winding in the place of an ideal input.
+
+    Attributes:
+        constant: K, in the units that make u the demand.
+        resistance: R, in these units.
+        gear: Gear of the actuator.
+        force: Force of the actuator for a torque of 1 N m of the motor.
+    """
+
+    constant: float
+    resistance: float
+    gear: float
+    force: float
 
 
 @checked(ModelError)
@@ -58,20 +77,20 @@ class Motor(MachinePart):
             that turns against its joint.
         efficiency: Share of the torque that arrives at the joint, of both the current and the
             back-EMF; the amplifier makes up for it.
-        voltage: Largest [V], of a voltage amplifier or of the supply of a current loop; infinite
-            for none.
-        current: Largest [A]; infinite for none.
-        bandwidth: Of a current loop that makes up for the back-EMF [rad/s]; 0 for a voltage
-            amplifier. Its supply holds at most the current (V - K w)/R at a speed w of the motor,
-            and changes it by V/L at most.
-        inertia: Of the rotor, at the motor [kg m^2]; at the joint it is an armature of ratio^2
-            times that. That of a ``Transmission`` stands there instead.
+        voltage: Largest voltage [V], of a voltage amplifier or of the supply of a current loop;
+            infinite for none.
+        current: Largest current [A]; infinite for none.
+        bandwidth: Bandwidth of a current loop that makes up for the back-EMF [rad/s]; 0 for a
+            voltage amplifier. Its supply holds at most the current (V - K w)/R at a speed w of the
+            motor, and changes it by V/L at most.
+        inertia: Inertia of the rotor, at the motor [kg m^2]; at the joint it is an armature of
+            ratio^2 times that. The inertia of a ``Transmission`` takes its place.
         cogging: Amplitude of the torque, at the motor [N m].
-        cogging_periods: In a turn of the motor.
+        cogging_periods: Periods of that torque in a turn of the motor.
         thermal_resistance: Winding to surroundings [K/W]; 0 for a motor that stays cold.
-        heat_capacity: Of the winding [J/K].
-        added: Whether back-EMF and inertia come on top of what the model has; else they are a part
-            of the joint's damping and armature.
+        heat_capacity: Heat capacity of the winding [J/K].
+        added: True if back-EMF and inertia come on top of the model's; else they are a part of the
+            joint's damping and armature.
     """
 
     input: Name
@@ -90,40 +109,48 @@ class Motor(MachinePart):
     heat_capacity: Annotated[float, not_negative("J/K")] = 0.0
     added: Flag = True
 
-    kind, owner, order = "motor", "input", 21
+    kind = "motor"
+    owner = "input"
+    order = 21
     remedy = "take another integrator, or leave its inductance out"
 
     def __post_init__(self) -> None:
-        heated, tau = bool(self.thermal_resistance), self.time_constant
-        mistakes = {
-            "heating needs both thermal_resistance and heat_capacity": (
-                heated != bool(self.heat_capacity)
-            ),
-            f"its current follows in {tau:.2g} s: leave that out": 0 < tau < LEAST,
-            f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative": (
-                abs(self.ratio) < LEAST
-            ),
-        }
-        if any(mistakes.values()):
-            text = "; ".join(mistake for mistake, wrong in mistakes.items() if wrong)
-            raise ModelError(f"motor of {self.input!r}: {text}")
+        mistakes: list[str] = []
+        if bool(self.thermal_resistance) != bool(self.heat_capacity):
+            mistakes.append("heating needs both thermal_resistance and heat_capacity")
+        tau = self.time_constant
+        if 0 < tau < LEAST:
+            mistakes.append(f"its current follows in {tau:.2g} s: leave that out")
+        if abs(self.ratio) < LEAST:
+            mistakes.append(f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative")
+        if mistakes:
+            raise ModelError(f"motor of {self.input!r}: {'; '.join(mistakes)}")
 
     def __str__(self) -> str:
-        kind = f"current loop of {self.bandwidth:.4g} rad/s" if self.bandwidth else "voltage"
-        bounds = (self.voltage, "V"), (self.current, "A")
-        limits = [f"{bound:.3g} {unit}" for bound, unit in bounds if math.isfinite(bound)]
-        within = f", within {' and '.join(limits)}" if limits else ""
-        return f"{self.input}: DC motor by {kind}{within}"
+        text = f"{self.input}: DC motor by voltage"
+        if self.bandwidth:
+            text = f"{self.input}: DC motor by current loop of {self.bandwidth:.4g} rad/s"
+
+        limits: list[str] = []
+        if math.isfinite(self.voltage):
+            limits.append(f"{self.voltage:.3g} V")
+        if math.isfinite(self.current):
+            limits.append(f"{self.current:.3g} A")
+        if limits:
+            text += f", within {' and '.join(limits)}"
+        return text
 
     @property
     def supplied(self) -> bool:
-        """Whether it is a current loop with a supply that has an end."""
+        """True if it is a current loop with a supply of finite voltage."""
         return bool(self.bandwidth) and math.isfinite(self.voltage)
 
     @property
     def time_constant(self) -> float:
-        """Of the current [s]; 0 for one that follows at once."""
-        return 1 / self.bandwidth if self.bandwidth else self.inductance / self.resistance
+        """Time constant of the current [s]; 0 for one that follows at once."""
+        if self.bandwidth:
+            return 1 / self.bandwidth
+        return self.inductance / self.resistance
 
     @property
     def emf_damping(self) -> float:
@@ -135,45 +162,60 @@ class Motor(MachinePart):
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """Replace an ideal input."""
         actuator = spec.actuator(self.input)
-        ideal = (
-            actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
-            and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE
-            and actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED
-            and actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
-        )
         gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
-        if not ideal or gear == 0:
+        if not _is_ideal(actuator) or gear == 0:
             raise ModelError(f"motor: input {self.input!r} is no ideal motor on a joint")
-        constant, resistance, new_gear, force = self._winding(gear)
-        root = math.sqrt(self.efficiency)
-        low, high = self._limits(actuator, self._volts(gear) / root)
-        supply = root * self.voltage if self.supplied else 0.0
-        most = self.efficiency * self.constant * self.current * force
-        rate = self._rate(supply, spec.option.timestep)
-        kind = "mjINPUT_FF" if supply else "mjINPUT_VOLTAGE"
-        try:
-            actuator.set_to_dcmotor(
-                motorconst=[constant, 0.0],
-                resistance=resistance,
-                saturation=[most if math.isfinite(most) else 0.0, 0.0, rate],
-                inductance=[0.0, self.time_constant],
-                cogging=[self.cogging * force, self.cogging_periods * force, 0.0],
-                controller=[0.0, 0.0, 0.0, 0.0, 0.0, supply],
-                thermal=self._thermal(),
-                ctrlspec=int(getattr(mujoco.mjtCtrlInput, kind)),
-            )
-        except ValueError as error:
-            raise ModelError(f"motor of {self.input!r}: {one_line(str(error))}") from None
-        actuator.gear = [new_gear, *[0.0] * 5]
+
+        low, high = self._limits(actuator, self._volts(gear) / math.sqrt(self.efficiency))
+        winding = self._winding(gear)
+        self._write_motor(actuator, winding, spec.option.timestep)
+        actuator.gear = [winding.gear, *[0.0] * 5]
         if math.isfinite(high):
             actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
             actuator.ctrlrange = [low, high]
         self._write_joint(spec, actuator.target)
 
+    def _write_motor(
+        self, actuator: mujoco.MjsActuator, winding: _Winding, timestep: float
+    ) -> None:
+        """Make an actuator MuJoCo's motor.
+
+        Raises:
+            ModelError: If MuJoCo refuses its numbers.
+        """
+        if self.supplied:
+            supply = math.sqrt(self.efficiency) * self.voltage
+            control = mujoco.mjtCtrlInput.mjINPUT_FF
+        else:
+            supply = 0.0
+            control = mujoco.mjtCtrlInput.mjINPUT_VOLTAGE
+
+        # MuJoCo has 0 for a force without limit.
+        force = winding.force
+        most = self.efficiency * self.constant * self.current * force
+        if math.isinf(most):
+            most = 0.0
+
+        try:
+            actuator.set_to_dcmotor(
+                motorconst=[winding.constant, 0.0],
+                resistance=winding.resistance,
+                saturation=[most, 0.0, self._rate(supply, timestep)],
+                inductance=[0.0, self.time_constant],
+                cogging=[self.cogging * force, self.cogging_periods * force, 0.0],
+                controller=[0.0, 0.0, 0.0, 0.0, 0.0, supply],
+                thermal=self._thermal(),
+                ctrlspec=int(control),
+            )
+        except ValueError as error:
+            raise ModelError(f"motor of {self.input!r}: {one_line(str(error))}") from None
+
     @property
     def _resistance(self) -> float:
         """Resistance against the back-EMF [ohm]."""
-        return self.resistance * (_STIFF if self.bandwidth and not self.supplied else 1.0)
+        if self.bandwidth and not self.supplied:
+            return self.resistance * _STIFF
+        return self.resistance
 
     @property
     def _constant(self) -> float:
@@ -184,32 +226,36 @@ class Motor(MachinePart):
         """c: the voltage for one unit of an input whose torque at the joint is the gear [V]."""
         return abs(gear) * self._resistance / (abs(self.ratio) * self._constant)
 
-    def _winding(self, gear: float) -> tuple[float, float, float, float]:
-        """In the place of such an input: K, R, the actuator's gear, and its force for one N m.
+    def _winding(self, gear: float) -> _Winding:
+        """Winding in the place of an input whose torque at the joint is the gear.
 
         A motor that turns against its joint is the same with its current the other way round.
         """
         if self.supplied:
             force = abs(self.ratio) / abs(gear)
-            return self._constant * force, self.resistance, gear, force
+            return _Winding(self._constant * force, self.resistance, gear, force)
+
         c = self._volts(gear)
         signed_ratio = abs(self.ratio) * math.copysign(1.0, gear)
-        return self._constant / c, self._resistance / c**2, signed_ratio, 1.0
+        return _Winding(self._constant / c, self._resistance / c**2, signed_ratio, 1.0)
 
     def _limits(self, actuator: mujoco.MjsActuator, volts: float) -> tuple[float, float]:
         """Least and largest input: the model's own, and those that an amplifier's voltage allows.
 
         Args:
             actuator: The ideal input.
-            volts: At the winding for one unit of the input, with the loss of the efficiency.
+            volts: Voltage at the winding for one unit of the input, with the efficiency's loss.
         """
-        low, high = -math.inf, math.inf
-        if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE or (
-            actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_AUTO and any(actuator.ctrlrange)
-        ):
-            low, high = (float(limit) for limit in actuator.ctrlrange)
+        low = -math.inf
+        high = math.inf
+        if _has_range(actuator):
+            low = float(actuator.ctrlrange[0])
+            high = float(actuator.ctrlrange[1])
+
         # A supply limits the current at a speed, not the demand.
-        most = math.inf if self.supplied else abs(self.voltage / volts)
+        if self.supplied:
+            return low, high
+        most = abs(self.voltage / volts)
         return max(low, -most), min(high, most)
 
     def _rate(self, supply: float, timestep: float) -> float:
@@ -217,53 +263,78 @@ class Motor(MachinePart):
 
         MuJoCo takes what it has bounded over t_e (1 - exp(-h/t_e)) instead of over h.
         """
-        if not (supply and self.inductance):
+        if not supply or not self.inductance:
             return 0.0
         steps = timestep / self.time_constant
         return supply / self.inductance * steps / -math.expm1(-steps)
 
     def _thermal(self) -> list[float]:
-        """MuJoCo's numbers of heating: that of the winding alone."""
+        """MuJoCo's numbers of heating, which is that of the winding alone."""
         if not self.thermal_resistance:
             return [0.0] * 6
         share = self.resistance / self._resistance
         # A driver that gives a current makes up for a warm winding's resistance.
         copper = 0.0 if self.supplied else _COPPER * share
-        resistance, capacity = self.thermal_resistance * share, self.heat_capacity / share
+        resistance = self.thermal_resistance * share
+        capacity = self.heat_capacity / share
         return [resistance, capacity, 0.0, copper, 0.0, 0.0]
 
     def _write_joint(self, spec: mujoco.MjSpec, target: str) -> None:
         """Give the joint the motor's inertia, or take the motor's share off the joint's numbers."""
-        own = driven_joint(spec, target)
+        name = driven_joint(spec, target)
+        joint = spec.joint(name)
         # A transmission's motor has its inertia itself.
-        inertia = self.inertia * self.ratio**2 if own == target else 0.0
-        joint = spec.joint(own)
+        inertia = self.inertia * self.ratio**2 if name == target else 0.0
         if self.added:
             joint.armature += inertia
             return
+
         damping = np.array(joint.damping)
-        if self.emf_damping > damping[0] * (1 + 1e-9) or inertia > joint.armature * (1 + 1e-9):
+        too_much_damping = self.emf_damping > damping[0] * (1 + _ROUNDING)
+        too_much_inertia = inertia > joint.armature * (1 + _ROUNDING)
+        if too_much_damping or too_much_inertia:
             raise ModelError(
                 f"motor of {self.input!r}: its back-EMF brakes with {self.emf_damping:.4g} and its "
-                f"inertia is {inertia:.4g} at joint {own!r}, which is no part of the model's "
+                f"inertia is {inertia:.4g} at joint {name!r}, which is no part of the model's "
                 f"damping of {damping[0]:.4g} and armature of {joint.armature:.4g}: let them be "
                 "added"
             )
+
         damping[0] = max(0.0, damping[0] - self.emf_damping)
         joint.damping = damping
         joint.armature = max(0.0, joint.armature - inertia)
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation | None:
-        """Of its current: MuJoCo's implicit integrators move it exactly, RK4 as any other state."""
-        constant = float(model.actuator_dynprm[model.actuator(self.input).id, 0])
-        explicit = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        return Oscillation(0.0, 1 / constant) if explicit and constant > 0 else None
+        """Lag of its current, which RK4 moves as any other state; other integrators are exact."""
+        if model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+            return None
+        time_constant = float(model.actuator_dynprm[model.actuator(self.input).id, 0])
+        if time_constant <= 0:
+            return None
+        return Oscillation(0.0, 1 / time_constant)
 
     def hidden(self, state: HiddenState, model: mujoco.MjModel) -> HiddenState:
-        """Its current in A, by the torque at the joint."""
+        """Scale its current to A, by the torque at the joint."""
         if state.name != f"{self.input} current":
             return state
         index = model.actuator(self.input).id
         torque = model.actuator_gainprm[index, 1] * model.actuator_gear[index, 0]
         scale = float(torque / (self.efficiency * self.constant * self.ratio))
         return replace(state, name=f"{self.input} winding", unit="A", kind="winding", scale=scale)
+
+
+def _is_ideal(actuator: mujoco.MjsActuator) -> bool:
+    """True if the force of an actuator on a joint is its control times a number."""
+    return (
+        actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+        and actuator.dyntype == mujoco.mjtDyn.mjDYN_NONE
+        and actuator.gaintype == mujoco.mjtGain.mjGAIN_FIXED
+        and actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
+    )
+
+
+def _has_range(actuator: mujoco.MjsActuator) -> bool:
+    """True if the control of an actuator is limited."""
+    if actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_AUTO:
+        return any(actuator.ctrlrange)
+    return actuator.ctrllimited == mujoco.mjtLimited.mjLIMITED_TRUE

@@ -9,12 +9,14 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Range
-from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.edit import Edit
 
 # Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
-LEAST, MOST = 1e-15, 1e15
+LEAST = 1e-15
+MOST = 1e15
 # MuJoCo wants mass and inertia on every body that moves: too little to matter.
 TOKEN = 1e-12
 # Growth of an oscillation in a timestep that is none, but for rounding.
@@ -25,22 +27,26 @@ _SHORTEST = 1e-30
 _SAFE = 0.9
 
 # Units of a joint's numbers: of a hinge, or of a slide.
-ANGLE, FORCE, INERTIA = "rad or m", "N m or N", "kg m^2 or kg"
-SPEED, STIFFNESS, DAMPING = "rad/s or m/s", "N m/rad or N/m", "N m s/rad or N s/m"
+ANGLE = "rad or m"
+SPEED = "rad/s or m/s"
+FORCE = "N m or N"
+INERTIA = "kg m^2 or kg"
+STIFFNESS = "N m/rad or N/m"
+DAMPING = "N m s/rad or N s/m"
 
 
 def positive(unit: str = "", *, infinite: bool = False) -> Range:
-    """Of a number above zero, or of a limit that may be infinite."""
+    """Range of a number above zero, or of a limit that may be infinite."""
     return Range(LEAST, MOST, unit, infinite=infinite)
 
 
 def not_negative(unit: str = "") -> Range:
-    """Of a number from zero on."""
+    """Range of a number from zero on."""
     return Range(0, MOST, unit)
 
 
 def signed(unit: str = "") -> Range:
-    """Of a number of either sign."""
+    """Range of a number of either sign."""
     return Range(-MOST, MOST, unit)
 
 
@@ -51,7 +57,7 @@ class Oscillation:
     Attributes:
         square: w^2 [1/s^2]; zero of a first-order lag.
         damping: d [1/s].
-        constrained: Whether it is a constraint's, whose damping no integrator makes implicit.
+        constrained: True of a constraint's, whose damping no integrator makes implicit.
     """
 
     square: float
@@ -65,26 +71,44 @@ class Oscillation:
 
     def growth(self, h: float, integrator: mujoco.mjtIntegrator) -> float:
         """Factor by which it grows in a timestep h [s]; it is stable up to ``STABLE``."""
-        square, d = self.square, self.damping
         if integrator == mujoco.mjtIntegrator.mjINT_RK4:
-            z = h * np.array([[0.0, 1.0], [-square, -d]])
-            step = np.eye(2) + z @ (np.eye(2) + z @ (np.eye(2) / 2 + z @ (np.eye(2) / 6 + z / 24)))
+            step = self._runge_kutta_step(h)
         else:
             implicit = integrator != mujoco.mjtIntegrator.mjINT_EULER and not self.constrained
-            divided = 1.0 / (1.0 + h * d) if implicit else 1.0
-            kept, push = divided if implicit else 1.0 - h * d, -h * square * divided
-            step = np.array([[1.0 + h * push, h * kept], [push, kept]])
+            step = self._euler_step(h, implicit)
         return float(np.abs(np.linalg.eigvals(step)).max())
 
+    def _runge_kutta_step(self, h: float) -> Array:
+        """Matrix of a step of [q, q'] by the classical Runge-Kutta method, (2, 2)."""
+        identity = np.eye(2)
+        z = h * np.array([[0.0, 1.0], [-self.square, -self.damping]])
+        return identity + z @ (identity + z @ (identity / 2 + z @ (identity / 6 + z / 24)))
+
+    def _euler_step(self, h: float, implicit: bool) -> Array:
+        """Matrix of a step of [q, q'] by semi-implicit Euler, (2, 2).
+
+        Args:
+            h: Timestep [s].
+            implicit: True if it is implicit in the damping.
+        """
+        if implicit:
+            divided = 1.0 / (1.0 + h * self.damping)
+            kept = divided
+        else:
+            divided = 1.0
+            kept = 1.0 - h * self.damping
+        push = -h * self.square * divided
+        return np.array([[1.0 + h * push, h * kept], [push, kept]])
+
     def longest_timestep(self, unstable: float, integrator: mujoco.mjtIntegrator) -> float:
-        """The longest stable timestep below one that is not stable [s]."""
-        # Here, for it is a part of scipy that little needs.
+        """Longest stable timestep below one that is not stable [s]."""
+        # Imported in the function, for few runs need this part of scipy.
         from scipy.optimize import bisect
 
-        ends = math.log(_SHORTEST), math.log(unstable)
-        root: Any = bisect(
-            lambda e: self.growth(math.exp(e), integrator) - STABLE, *ends, xtol=1e-6
-        )
+        def excess(logarithm: float) -> float:
+            return self.growth(math.exp(logarithm), integrator) - STABLE
+
+        root: Any = bisect(excess, math.log(_SHORTEST), math.log(unstable), xtol=1e-6)
         return math.exp(root)
 
 
@@ -102,14 +126,16 @@ class MachinePart(Edit):
     remedy: ClassVar[str] = "make it softer"
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation | None:
-        """Its motion alone in a compiled model; None of a part without a spring or lag."""
+        """Motion of the part alone in a compiled model; None without a spring or lag."""
 
     def require_timestep(self, model: mujoco.MjModel, system: str) -> None:
         """Refuse a timestep with which it is unstable, as ``Edit`` says."""
-        h, integrator = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
+        h = float(model.opt.timestep)
+        integrator = mujoco.mjtIntegrator(model.opt.integrator)
         oscillation = self.oscillation(model)
         if oscillation is None or oscillation.growth(h, integrator) <= STABLE:
             return
+
         longest = _SAFE * oscillation.longest_timestep(h, integrator)
         raise ModelError(
             f"{system}: {self.kind} of {self.of!r} {oscillation}, which {integrator.name[6:]} with "

@@ -28,7 +28,7 @@ class Stop(MachinePart):
         low: [rad or m].
         high: [rad or m].
         restitution: Speed after a bounce over that before it, from 0 to below 1.
-        duration: Of a bounce [s]: the shorter, the harder.
+        duration: Duration of a bounce [s]: the shorter, the harder.
     """
 
     joint: Name
@@ -37,7 +37,9 @@ class Stop(MachinePart):
     restitution: _Restitution = 0.0
     duration: Annotated[float, positive("s")] = 0.02
 
-    kind, owner, order = "stop", "joint", 10
+    kind = "stop"
+    owner = "joint"
+    order = 10
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
@@ -49,26 +51,29 @@ class Stop(MachinePart):
         return f"{self.joint}: stops at {self.low:.4g} and {self.high:.4g}"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A range of the joint."""
+        """Limit the joint to its range."""
         joint = spec.joint(self.joint)
         joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-        joint.range, joint.margin = [self.low, self.high], 0.0
+        joint.range = [self.low, self.high]
+        joint.margin = 0.0
         joint.solref_limit = solref(self.restitution, self.duration)
         joint.solimp_limit = IMPEDANCE
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
-        """Of a bounce."""
+        """Motion during a bounce."""
         return Oscillation(*spring_and_damper(self.restitution, self.duration), constrained=True)
 
     def require_start(self, system: System, x0: Array) -> None:
         """Refuse a start beyond it, as ``Edit`` says."""
         if self.joint not in system.joints:
             return
+
         index = system.joints.index(self.joint)
-        if not self.low <= x0[index] <= self.high:
+        start = x0[index]
+        if not self.low <= start <= self.high:
             unit = system.states[index].unit
             raise ArgumentError(
-                f"{system.name}: {self.joint} starts at {x0[index]:.6g} {unit}, beyond its stops "
+                f"{system.name}: {self.joint} starts at {start:.6g} {unit}, beyond its stops "
                 f"at {self.low:.6g} and {self.high:.6g} {unit}: move the start or the stops"
             )
 
@@ -79,12 +84,12 @@ class Wall(MachinePart):
 
     Attributes:
         body: Name of the body.
-        radius: Of the ball [m].
-        at: Its centre, in the body's own frame [m], (3,).
-        point: Of the plane, in the world [m], (3,).
-        normal: Where the plane faces, (3,), of any length.
+        radius: Radius of the ball [m].
+        at: Centre of the ball, in the body's own frame [m], (3,).
+        point: A point of the plane, in the world [m], (3,).
+        normal: Direction that the plane faces, (3,), of any length.
         restitution: Speed after a bounce over that before it, from 0 to below 1.
-        duration: Of a bounce [s].
+        duration: Duration of a bounce [s].
     """
 
     body: Name
@@ -95,7 +100,10 @@ class Wall(MachinePart):
     restitution: _Restitution = 0.0
     duration: Annotated[float, positive("s")] = 0.02
 
-    kind, owner, order, several = "wall", "body", 13, True
+    kind = "wall"
+    owner = "body"
+    order = 13
+    several = True
 
     def __post_init__(self) -> None:
         if not any(self.normal):
@@ -106,27 +114,48 @@ class Wall(MachinePart):
         return f"{self.body}: a wall at ({x:.3g}, {y:.3g}, {z:.3g})"
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
-        """A plane and a ball that touch each other and nothing else."""
-        without = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        if spec.option.disableflags & without:
-            spec.option.disableflags &= ~without
-            for geom in spec.geoms:
-                geom.contype = geom.conaffinity = 0
+        """Add a plane and a ball that touch each other and nothing else."""
+        _enable_contacts(spec)
         number = sum(geom.name.startswith("wall ") for geom in spec.geoms) + 1
+        orientation = np.zeros(4)
+        mujoco.mju_quatZ2Vec(orientation, np.array(self.normal) / np.linalg.norm(self.normal))
         plane = spec.worldbody.add_geom(
-            name=f"wall {number}", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.3, 0.3, 0.1],
-            pos=self.point, rgba=(0.23, 0.27, 0.32, 0.5), contype=0, conaffinity=0,
-        )  # fmt: skip
-        turn = np.zeros(4)
-        mujoco.mju_quatZ2Vec(turn, np.array(self.normal) / np.linalg.norm(self.normal))
-        plane.quat = turn
+            name=f"wall {number}",
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0.3, 0.3, 0.1],
+            pos=self.point,
+            quat=orientation,
+            rgba=(0.23, 0.27, 0.32, 0.5),
+            contype=0,
+            conaffinity=0,
+        )
         ball = spec.body(self.body).add_geom(
-            name=f"bumper {number}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[self.radius, 0, 0],
-            pos=self.at, rgba=COLOUR, contype=0, conaffinity=0, mass=0,
-        )  # fmt: skip
+            name=f"bumper {number}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[self.radius, 0, 0],
+            pos=self.at,
+            rgba=COLOUR,
+            contype=0,
+            conaffinity=0,
+            mass=0,
+        )
+
         pair = spec.add_pair(geomname1=plane.name, geomname2=ball.name, condim=1)
-        pair.solref, pair.solimp = solref(self.restitution, self.duration), IMPEDANCE
+        pair.solref = solref(self.restitution, self.duration)
+        pair.solimp = IMPEDANCE
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
-        """Of a bounce."""
+        """Motion during a bounce."""
         return Oscillation(*spring_and_damper(self.restitution, self.duration), constrained=True)
+
+
+def _enable_contacts(spec: mujoco.MjSpec) -> None:
+    """Enable contacts in a model without them, in which no geom touches another one."""
+    disabled = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if not spec.option.disableflags & disabled:
+        return
+
+    spec.option.disableflags &= ~disabled
+    for geom in spec.geoms:
+        geom.contype = 0
+        geom.conaffinity = 0

@@ -1,4 +1,4 @@
-"""Checks of a model before it is stepped: are its numbers usable, and has anybody changed them?"""
+"""Checks of a model before it is stepped: finite numbers, and nobody has changed them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,16 @@ from grosmc_mj.errors import ModelError, shown
 _MOVING = ("body", "jnt", "dof", "qpos", "geom", "site", "actuator", "tendon", "eq", "pair")
 _OPTIONS = ("gravity", "wind", "magnetic", "density", "viscosity", "impratio", "tolerance")
 _SWITCHES = (
-    "timestep", "integrator", "cone", "jacobian", "solver", "iterations",
-    "disableflags", "enableflags", "disableactuator",
-)  # fmt: skip
+    "timestep",
+    "integrator",
+    "cone",
+    "jacobian",
+    "solver",
+    "iterations",
+    "disableflags",
+    "enableflags",
+    "disableactuator",
+)
 # Fields of an editable model that the motion depends on most, by the kind of its elements.
 _WRITTEN = {
     "bodies": "name mass inertia fullinertia ipos iquat pos quat gravcomp",
@@ -36,10 +43,15 @@ SHORTEST, LONGEST = 1e-9, 1.0
 def _arrays() -> tuple[str, ...]:
     """Names of the arrays of numbers that the motion depends on; colours have float32."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    moving = (name for name in dir(model) if name.split("_")[0].rstrip("0") in _MOVING)
-    arrays = (name for name in moving if getattr(getattr(model, name), "dtype", 0) == np.float64)
+    moving = [name for name in dir(model) if name.split("_")[0].rstrip("0") in _MOVING]
+    arrays = [name for name in moving if _has_numbers(getattr(model, name))]
     # Numbers that MuJoCo derives at the reference position come after those that it reads.
     return tuple(sorted(arrays, key=lambda name: name.endswith("0")))
+
+
+def _has_numbers(attribute: Any) -> bool:
+    """True of an array of numbers."""
+    return isinstance(attribute, np.ndarray) and attribute.dtype == np.float64
 
 
 def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
@@ -47,44 +59,65 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
 
     Args:
         model: Compiled.
-        name: Of the model, in messages.
+        name: Name of the model in messages.
 
     Raises:
         ModelError: If the timestep is not from 1e-9 to 1 s, a number that the motion depends on is
             not finite, or a name cannot be printed.
     """
-    if not model.names.decode(errors="replace").replace("\0", "").isprintable():
+    names = model.names.decode(errors="replace").replace("\0", "")
+    if not names.isprintable():
         raise ModelError(f"{shown(name, str)}: a name in it has characters that cannot be printed")
+
     h = float(model.opt.timestep)
     if not SHORTEST <= h < LONGEST:
         raise ModelError(
             f"{name}: its timestep is {h:g} s, must lie between {SHORTEST:g} and {LONGEST:g} s: "
             "write <option timestep=...>"
         )
-    for owner, fields in ((model.opt, _OPTIONS), (model, _arrays())):
-        for field in fields:
-            values = np.atleast_1d(getattr(owner, field))
-            for index in np.argwhere(~np.isfinite(values)).tolist():
-                number = values[tuple(index)]
-                raise ModelError(f"{name}: {field}{index} = {number:g} must be finite")
+
+    for field in _OPTIONS:
+        _require_finite(name, field, getattr(model.opt, field))
+    for field in _arrays():
+        _require_finite(name, field, getattr(model, field))
+
+
+def _require_finite(name: str, field: str, numbers: Any) -> None:
+    """Refuse a field of a model with a number that is not finite.
+
+    Raises:
+        ModelError: With the first such number.
+    """
+    numbers = np.atleast_1d(numbers)
+    finite = np.isfinite(numbers)
+    if not finite.all():
+        index = np.argwhere(~finite)[0].tolist()
+        number = numbers[tuple(index)]
+        raise ModelError(f"{name}: {field}{index} = {number:g} must be finite")
 
 
 def fingerprint(model: mujoco.MjModel) -> str:
     """Hash of all numbers that the motion depends on."""
-    return _hash(
-        [getattr(model, name) for name in _arrays()]
-        + [getattr(model.opt, name) for name in (*_OPTIONS, *_SWITCHES)]
-    )
+    fields = [getattr(model, name) for name in _arrays()]
+    options = [getattr(model.opt, name) for name in (*_OPTIONS, *_SWITCHES)]
+    return _hash(fields + options)
 
 
 def spec_fingerprint(spec: mujoco.MjSpec) -> str:
     """Hash of the numbers of an editable model that the motion depends on."""
     values = [getattr(spec.option, name) for name in _WRITTEN_OPTIONS.split()]
-    for kind, names in _WRITTEN.items():
-        values += [getattr(item, name) for item in getattr(spec, kind) for name in names.split()]
+    for kind, text in _WRITTEN.items():
+        names = text.split()
+        for element in getattr(spec, kind):
+            values += [getattr(element, name) for name in names]
     return _hash(values)
 
 
 def _hash(values: Iterable[Any]) -> str:
-    arrays = (v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode() for v in values)
-    return hashlib.sha256(b"".join(arrays)).hexdigest()
+    digest = hashlib.sha256()
+    for value in values:
+        if isinstance(value, np.ndarray):
+            digest.update(value.tobytes())
+        else:
+            digest.update(repr(value).encode())
+    return digest.hexdigest()

@@ -8,7 +8,7 @@ import mujoco
 
 from grosmc_mj.errors import ModelError, SetupError
 from grosmc_mj.physics.checks import refuse_unusable
-from grosmc_mj.physics.quiet import quiet_reading
+from grosmc_mj.physics.hooks import quiet_reading
 from grosmc_mj.plants import find_system
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -32,7 +32,7 @@ def model_path(name: str) -> Path:
 
 
 def load_spec(name: str) -> mujoco.MjSpec:
-    """The editable MjSpec of a system's nominal model.
+    """Read the editable MjSpec of a system's nominal model.
 
     Raises:
         ModelError: If there is no such system or its MJCF is broken.
@@ -45,7 +45,7 @@ def load_spec(name: str) -> mujoco.MjSpec:
 
 
 def load_model(name: str) -> mujoco.MjModel:
-    """The compiled nominal model of ``servo``, ``cart_pendulum`` or ``arm``.
+    """Compile the nominal model of a system, such as ``servo``.
 
     Raises:
         ModelError: If there is no such system or its MJCF is broken.
@@ -54,12 +54,12 @@ def load_model(name: str) -> mujoco.MjModel:
 
 
 def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:
-    """Compile, with MuJoCo's own message in one line if it cannot.
+    """Compile a model; if MuJoCo cannot, its message becomes one line.
 
     Args:
         spec: The model.
-        checked: Whether its numbers are known to be finite, as of a nominal model that was
-            compiled here, with edits that are.
+        checked: True if its numbers are known to be finite: those of a nominal model that was
+            compiled here, with finite edits.
 
     Raises:
         ModelError: If MuJoCo refuses the model, or nobody could simulate it.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import require
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.physics.quiet import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import Plant
 
 # Central differences lose eps/step to rounding and step^2 to curvature: least at the cube root.
@@ -19,7 +19,7 @@ _STEP = float(np.cbrt(np.finfo(float).eps))
 
 
 def linearize(plant: Plant, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """A and B of the plant about an equilibrium: exact of equations, else by finite differences.
+    """Compute A and B about an equilibrium: exactly of equations, else by finite differences.
 
     MuJoCo's ``mjd_transitionFD`` differentiates one timestep, and not one of RK4. Of
     semi-implicit Euler,
@@ -53,21 +53,27 @@ def linearize(plant: Plant, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> t
 
 
 def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
-    """What ``linearize`` says, of a plant in MuJoCo about any x (n,) and u (m,).
+    """A and B, as by ``linearize``, of a plant in MuJoCo about any x (n,) and u (m,).
 
     Raises:
         ArgumentError: If MuJoCo has no x' there.
     """
     refuse_foreign_callback()
-    n, m = len(x), plant.system.degrees_of_freedom
+    n = len(x)
+    nq = plant.system.degrees_of_freedom
+
     model = copy.copy(plant.undrawn_model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # It would be implicit in the damping, and v+ no longer v + h a.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     model.opt.timestep = 1.0
     data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.ctrl[:] = x[:m], x[m:], u
-    transition, response = np.zeros((n, n)), np.zeros((n, len(u)))
+    data.qpos[:] = x[:nq]
+    data.qvel[:] = x[nq:]
+    data.ctrl[:] = u
+
+    A_d = np.zeros((n, n))
+    B_d = np.zeros((n, len(u)))
     with warnings_counted_only():
         mujoco.mj_forward(model, data)
         # MuJoCo sets an input beyond its own bound to zero.
@@ -76,6 +82,7 @@ def differences(plant: Plant, x: Array, u: Array) -> tuple[Array, Array]:
             raise ArgumentError(
                 f"{plant.system.name}: MuJoCo cannot compute x' at [x, u] = {point}"
             )
-        mujoco.mjd_transitionFD(model, data, _STEP, True, transition, response, None, None)
-    to_rates = np.eye(n) - np.eye(n, k=m)
-    return to_rates @ (transition - np.eye(n)), to_rates @ response
+        mujoco.mjd_transitionFD(model, data, _STEP, True, A_d, B_d, None, None)
+
+    T = np.eye(n) - np.eye(n, k=nq)
+    return T @ (A_d - np.eye(n)), T @ B_d

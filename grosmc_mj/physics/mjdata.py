@@ -15,21 +15,21 @@ from grosmc_mj.errors import SetupError
 
 @cache
 def mujoco_library() -> Path:
-    """MuJoCo's C library, which its Python package has loaded.
+    """Path of MuJoCo's C library, which its Python package has loaded.
 
     Raises:
-        SetupError: If it is not where that has it.
+        SetupError: If it is not in that package.
     """
     folder = Path(mujoco.__file__).parent
-    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
-    files = [file for name in names for file in sorted(folder.glob(name))]
-    if not files:
-        raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
-    return files[0]
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        files = sorted(folder.glob(pattern))
+        if files:
+            return files[0]
+    raise SetupError(f"MuJoCo's C library is not in {folder}: install mujoco again by pip")
 
 
 def scratch(model: mujoco.MjModel) -> mujoco.MjData:
-    """An mjData as new, to compute in until the next call for the same model in this thread.
+    """Return an mjData as new, valid until the next call for the same model in this thread.
 
     Its memory takes a hundred times as long to make as the dynamics of a few bodies.
     """
@@ -45,7 +45,7 @@ def forward(
     w: Array | None = None,
     bodies: Sequence[str] = (),
 ) -> mujoco.MjData:
-    """The dynamics at a state, until the next call as ``scratch``.
+    """Compute the dynamics at a state; the data are valid until the next call, as ``scratch``.
 
     Args:
         model: Compiled.
@@ -54,12 +54,15 @@ def forward(
         w: Wrenches, (6 * bodies,); none by default.
         bodies: Their names.
     """
-    data, n = scratch(model), len(x) // 2
-    data.qpos[:], data.qvel[:] = x[:n], x[n:]
+    n = len(x) // 2
+    data = scratch(model)
+    data.qpos[:] = x[:n]
+    data.qvel[:] = x[n:]
     if u is not None:
         data.ctrl[:] = u
     if w is not None:
-        data.xfrc_applied[[model.body(name).id for name in bodies]] = w.reshape(-1, 6)
+        indices = [model.body(name).id for name in bodies]
+        data.xfrc_applied[indices] = w.reshape(-1, 6)
     mujoco.mj_forward(model, data)
     return data
 

@@ -19,9 +19,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Items, Known, Range, checked
 from grosmc_mj.physics.checks import LONGEST, SHORTEST, fingerprint, spec_fingerprint
-from grosmc_mj.physics.edits import BodyEdit, Change, Edit, apply_edits
+from grosmc_mj.physics.edit import Change, Edit, HiddenState
+from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec, joint_names, load_spec, model_path
-from grosmc_mj.physics.hidden_states import HiddenState, hidden_states
+from grosmc_mj.physics.hidden_states import hidden_states
 from grosmc_mj.physics.linearization import differences
 from grosmc_mj.physics.mjdata import forward
 from grosmc_mj.physics.template import Template, can_constrain, undrawn
@@ -39,13 +40,14 @@ class _Nominal:
     """Data shared by all plants of one nominal model.
 
     Attributes:
-        fingerprint: Of the model, when its first plant was created.
-        undrawn: The model without looks, to compute with.
-        templates: To write edits into, by timestep and integrator.
+        fingerprint: Hash of the model, when its first plant was created.
+        undrawn: The model without parts that are only drawn, to compute with.
+        templates: Models to write edits into, by timestep and integrator.
     """
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
-        self.fingerprint, self.undrawn = spec_fingerprint(spec), undrawn(spec)
+        self.fingerprint = spec_fingerprint(spec)
+        self.undrawn = undrawn(spec)
         self.templates: dict[tuple[Any, ...], Template] = {}
 
 
@@ -55,7 +57,7 @@ _nominals: WeakKeyDictionary[mujoco.MjSpec, _Nominal] = WeakKeyDictionary()
 
 @cache
 def _nominal_spec(name: str, path: Path, changed: int) -> mujoco.MjSpec:
-    """The model of a system, read once as long as its file stays: nobody changes the spec.
+    """Read the model of a system, once as long as its file stays: nobody changes the spec.
 
     Args:
         name: Name of the system.
@@ -92,12 +94,13 @@ class MujocoPlant(Plant):
         timestep: float | None = None,
         integrator: Integrator | None = None,
     ) -> MujocoPlant:
-        """The plant of a shipped model.
+        """Return the plant of a shipped model.
 
         Raises:
             ModelError: If the name or an edit is not valid.
         """
-        system, path = find_system(name), model_path(name)
+        system = find_system(name)
+        path = model_path(name)
         changed = max(file.stat().st_mtime_ns for file in path.parent.glob("*.xml"))
         spec = _nominal_spec(system.name, path, changed)
         return cls(system, spec, edits, timestep, integrator)
@@ -107,11 +110,11 @@ class MujocoPlant(Plant):
             _nominals[self.spec] = _Nominal(self.spec)
 
     def edited(self, *edits: Edit) -> MujocoPlant:
-        """The nominal model with these edits; earlier edits are replaced, never compounded."""
+        """Copy with these edits of the nominal model; earlier edits are replaced."""
         return replace(self, edits=edits)
 
     def believed(self, *edits: Edit) -> MujocoPlant:
-        """A nominal model that has these edits itself, so that laws designed for it know them.
+        """Copy whose nominal model has these edits, so that laws designed for it know them.
 
         Raises:
             ModelError: If an edit is not valid.
@@ -121,7 +124,7 @@ class MujocoPlant(Plant):
     def changed(
         self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
     ) -> MujocoPlant:
-        """The nominal model with these edits, as ``edited``.
+        """Copy with these edits of the nominal model, as ``edited``.
 
         Raises:
             ModelError: If a parameter is to be scaled, or an edit is not valid.
@@ -142,19 +145,21 @@ class MujocoPlant(Plant):
     def _nominal(self) -> _Nominal:
         return _nominals[self.spec]
 
-    @cached_property
+    @property
     def parts(self) -> tuple[Edit, ...]:
-        """The parts of the machine as built, which the rigid system does not have."""
+        """Parts of the machine as built, which the rigid system does not have."""
         return tuple(edit for edit in self.edits if not edit.rigid)
 
     @cached_property
     def rigid(self) -> MujocoPlant:
-        """The same without the parts of a machine: the plant that equations describe."""
-        return self.edited(*(e for e in self.edits if e.rigid)) if self.parts else self
+        """Copy without the parts of a machine: the plant that equations describe."""
+        if not self.parts:
+            return self
+        return self.edited(*(edit for edit in self.edits if edit.rigid))
 
     @cached_property
     def hidden_states(self) -> tuple[HiddenState, ...]:
-        """Its states that no law sees."""
+        """States of the model that no law sees."""
         return hidden_states(self._model_like, self.system, self.parts)
 
     def require_start(self, x0: Array) -> None:
@@ -164,13 +169,17 @@ class MujocoPlant(Plant):
 
     @cached_property
     def parameters(self) -> Any:
-        """The numbers of its analytic twin; None where it has none."""
-        return self.analytic().parameters if self.system.read_parameters else None
+        """Numbers of its analytic twin; None where it has none."""
+        if self.system.read_parameters is None:
+            return None
+        return self.analytic().parameters
 
     @property
     def _model_like(self) -> mujoco.MjModel:
-        """A compiled model with its states and drives, which rigid edits do not change."""
-        return self.undrawn_model if self.parts else self.template.model
+        """Compiled model with its states and drives, which rigid edits do not change."""
+        if self.parts:
+            return self.undrawn_model
+        return self.template.model
 
     @property
     def stepped_by(self) -> Integrator:
@@ -179,7 +188,7 @@ class MujocoPlant(Plant):
 
     @property
     def restepped(self) -> bool:
-        """Whether it has another integrator than its model."""
+        """True if it has another integrator than its model."""
         return self.stepped_by != _INTEGRATORS[int(self.spec.option.integrator)]
 
     @property
@@ -202,12 +211,14 @@ class MujocoPlant(Plant):
         """x' by MuJoCo's forward dynamics, (n,).
 
         Raises:
-            ModelError: If it has states of its own, so that x does not tell.
+            ModelError: If it has hidden states, on which x' depends, too.
         """
         self._refuse_hidden()
         x, u, w = self.checked(x, u, wrench)
-        data = forward(self.undrawn_model, x, u, w, self.system.bodies)
-        return np.concatenate([x[self.system.degrees_of_freedom :], data.qacc])
+        system = self.system
+        data = forward(self.undrawn_model, x, u, w, system.bodies)
+        rates = x[system.degrees_of_freedom :]
+        return np.concatenate([rates, data.qacc])
 
     def _refuse_hidden(self) -> None:
         """Refuse to compute x' from x alone where it depends on more."""
@@ -219,7 +230,7 @@ class MujocoPlant(Plant):
             )
 
     def scaled(self, body: str, mass: float, length: float) -> MujocoPlant:
-        """The nominal model with the mass and all lengths of a body scaled.
+        """Copy with the mass and all lengths of a body of the nominal model scaled.
 
         Raises:
             ModelError: If there is no such body.
@@ -230,7 +241,7 @@ class MujocoPlant(Plant):
         """A and B by MuJoCo's own finite differences, see ``linearize``.
 
         Raises:
-            ModelError: If it has states of its own.
+            ModelError: If it has hidden states.
         """
         self._refuse_hidden()
         state, inputs = self.operating_point(x, u)
@@ -240,13 +251,15 @@ class MujocoPlant(Plant):
     @property
     def step_length(self) -> float:
         """Physics timestep [s], without compiling anything."""
-        return float(self.spec.option.timestep if self.timestep is None else self.timestep)
+        if self.timestep is None:
+            return float(self.spec.option.timestep)
+        return float(self.timestep)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The compiled model as it is drawn, to look at; ``simulate`` refuses one that was changed.
+        """Compiled model with all that is drawn; ``simulate`` refuses one that was changed.
 
-        Runs compute with one that has the same motion and nothing that is only drawn.
+        Runs compute with ``undrawn_model``, which has the same motion.
         """
         _, model = self._compiled(self.spec)
         vars(self)["_fingerprint"] = fingerprint(model)
@@ -259,11 +272,13 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
-        return self._running[1] if self.edits else self.template.model
+        if not self.edits:
+            return self.template.model
+        _, model = self._compiled_undrawn()
+        return model
 
-    @property
-    def _running(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """The model that runs compute with, editable and compiled."""
+    def _compiled_undrawn(self) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """Model that runs compute with, editable and compiled."""
         spec, model = self._compiled(self._nominal.undrawn)
         if not can_constrain(model):
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -271,14 +286,16 @@ class MujocoPlant(Plant):
 
     @property
     def template(self) -> Template:
-        """To write the edits of this plant into, or of another one of the same nominal model.
+        """Model to write edits into, shared by the plants of one nominal model.
 
         Raises:
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
-        templates, key = self._nominal.templates, (self.timestep, self.integrator)
+        templates = self._nominal.templates
+        key = (self.timestep, self.integrator)
         if key not in templates:
-            templates[key] = Template(*self.edited()._running)
+            unedited = self.edited()
+            templates[key] = Template(*unedited._compiled_undrawn())
         return templates[key]
 
     @cached_property
@@ -294,40 +311,56 @@ class MujocoPlant(Plant):
         return changes
 
     def _compiled(self, nominal: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """The edited model, editable and compiled, from the nominal one, drawn or not.
+        """Edited model, editable and compiled, from the nominal one, drawn or not.
 
         Raises:
             ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
                 shorter timestep.
         """
-        compiled = self.template.model if self.edits else None
-        spec = apply_edits(nominal, self.edits, compiled, self.timestep)
+        compiled_nominal = self.template.model if self.edits else None
+        spec = apply_edits(nominal, self.edits, compiled_nominal, self.timestep)
         if self.integrator is not None:
             spec.option.integrator = _MUJOCO[self.integrator]
+
         model = compile_spec(spec, checked=bool(self.edits))
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        joints = joint_names(model)
-        inputs = tuple(model.actuator(i).name for i in range(model.nu))
-        n = len(self.system.joints) if self.parts else len(joints)
-        if joints[:n] != self.system.joints or inputs != self.system.actuators:
-            raise ModelError(
-                f"{self.system.name}: the model has joints {joints} and actuators {inputs}, must "
-                f"have {self.system.joints} and {self.system.actuators}"
-                + (", before those of the machine's parts" if self.parts else "")
-            )
+
+        self._require_names(model)
         for edit in self.edits:
             edit.require_timestep(model, self.system.name)
         return spec, model
 
+    def _require_names(self, model: mujoco.MjModel) -> None:
+        """Refuse a model whose joints or actuators are not the system's.
+
+        Raises:
+            ModelError: With all of their names.
+        """
+        system = self.system
+        joints = joint_names(model)
+        actuators = tuple(model.actuator(i).name for i in range(model.nu))
+
+        # Parts of a machine have their joints after those of the system.
+        rigid_joints = joints[: len(system.joints)] if self.parts else joints
+        if rigid_joints == system.joints and actuators == system.actuators:
+            return
+        before_parts = ", before those of the machine's parts" if self.parts else ""
+        raise ModelError(
+            f"{system.name}: the model has joints {joints} and actuators {actuators}, must "
+            f"have {system.joints} and {system.actuators}{before_parts}"
+        )
+
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
-        """The analytic twin, with the numbers of the compiled model as it is edited.
+        """Analytic twin, with the numbers of the compiled model as it is edited.
 
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        written = rigid.template.written(rigid.edits) if rigid.edits else None
-        return AnalyticPlant.from_model(self.system, written or rigid.undrawn_model, variant)
+        model = rigid.template.written(rigid.edits) if rigid.edits else None
+        if model is None:
+            model = rigid.undrawn_model
+        return AnalyticPlant.from_model(self.system, model, variant)
 
     @classmethod
     def require_unchanged(cls, plants: Sequence[MujocoPlant]) -> None:
@@ -338,17 +371,19 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If a model or a spec was changed in place.
         """
-        specs = {plant.spec: plant for plant in plants}
         for plant in dict.fromkeys(plants):
-            own = vars(plant)
-            if "model" in own and fingerprint(plant.model) != own["_fingerprint"]:
+            attributes = vars(plant)
+            if "model" in attributes and fingerprint(plant.model) != attributes["_fingerprint"]:
                 raise ModelError(_changed_in_place(plant, "model"))
-        for spec, plant in specs.items():
+
+        plant_of_spec = {plant.spec: plant for plant in plants}
+        for spec, plant in plant_of_spec.items():
             if spec_fingerprint(spec) != plant._nominal.fingerprint:
                 raise ModelError(_changed_in_place(plant, "spec"))
 
 
 def _changed_in_place(plant: MujocoPlant, name: str) -> str:
+    """Message of a model or spec that was changed in place."""
     return (
         f"{plant.system.name}: plant.{name} was changed in place, which no run would notice: use "
         "plant.edited(...), or make a plant of a changed copy"

@@ -7,7 +7,6 @@ as its compiler does, bit for bit. Compiling takes a hundred times as long.
 from __future__ import annotations
 
 import copy
-import itertools
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.physics.edits import Change, Edit
+from grosmc_mj.physics.edit import Change, Edit
 
 # All the fields that ``Edit.changes`` may name.
 _FIELDS = ("body_mass", "body_inertia", "body_ipos", "body_pos", "site_pos", "actuator_gear")
@@ -36,32 +35,40 @@ class Template:
     model: mujoco.MjModel
 
     def changes(self, edits: Sequence[Edit]) -> list[Change] | None:
-        """The changes of all edits; None if the edited model must be compiled, or be refused."""
-        if not self._writable or len({(type(edit), edit.of) for edit in edits}) < len(edits):
+        """Collect the changes of all edits; None if the edited model must be compiled."""
+        targets = {(type(edit), edit.of) for edit in edits}
+        if not self._writable or len(targets) < len(edits):
             return None
-        changes = [edit.changes(self) for edit in edits]
-        if any(change is None for change in changes):
-            return None
-        return list(itertools.chain.from_iterable(filter(None, changes)))
+
+        changes: list[Change] = []
+        for edit in edits:
+            changes_of_edit = edit.changes(self.model, self.undrawn_bodies)
+            if changes_of_edit is None:
+                return None
+            changes += changes_of_edit
+        return changes
 
     def copy(self) -> mujoco.MjModel:
-        """A compiled model to write changes into."""
+        """Copy the compiled model, to write changes into."""
         return copy.copy(self.model)
 
     def write(self, changes: Sequence[Change], model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Make a copy the edited model, whatever has been written into it before.
+        """Write changes into a copy of the model, whatever has been written into it before.
 
         Args:
-            changes: By ``changes``.
-            model: By ``copy``.
-            data: Of that model, to compute in.
+            changes: Returned by ``changes``.
+            model: Returned by ``copy``.
+            data: Memory of that model, to compute in.
         """
         for field in _FIELDS:
             getattr(model, field)[:] = getattr(self.model, field)
         for field, rows, value in changes:
             getattr(model, field)[rows] = value
+
+        # The numbers that MuJoCo derives; it leaves the springs of tendons as they were.
         mujoco.mj_setConst(model, data)
-        model.tendon_lengthspring[self._springs] = model.tendon_length0[self._springs, None]
+        at_rest = self._tendons_at_rest()
+        model.tendon_lengthspring[at_rest] = model.tendon_length0[at_rest, None]
 
     def written(self, edits: Sequence[Edit]) -> mujoco.MjModel | None:
         """Edited model, valid until the next call in this thread; None where ``changes`` is."""
@@ -76,34 +83,38 @@ class Template:
     @cached_property
     def undrawn_bodies(self) -> frozenset[str]:
         """Bodies on which only sites and other bodies have a place."""
-        return frozenset(
-            body.name
-            for body in self.spec.bodies
-            if not (body.geoms or body.cameras or body.lights)
-            and not any(part.frame for part in (*body.sites, *body.bodies))
-        )
+        return frozenset(body.name for body in self.spec.bodies if _is_undrawn(body))
 
-    @cached_property
-    def _springs(self) -> NDArray[np.intp]:
-        """Tendons that are at rest as the model is compiled."""
+    def _tendons_at_rest(self) -> NDArray[np.intp]:
+        """Indices of the tendons that are at rest as the model is compiled."""
         at_rest = self.model.tendon_lengthspring == self.model.tendon_length0[:, None]
         return np.flatnonzero(at_rest.all(axis=1))
 
     @cached_property
     def _writable(self) -> bool:
-        """Whether the motion depends on nothing that only a compiler computes.
+        """True if the motion depends on nothing that only a compiler computes.
 
-        The mean inertia, which constraints are solved by, and a compiler's corrections of inertias
-        are such.
+        Only it computes the mean inertia, which constraints are solved by, and corrects inertias.
         """
-        model, compiler = self.model, self.spec.compiler
-        untouched = model.ngeom == 0 or model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
-        constraints = (
-            model.neq, model.jnt_limited, model.tendon_limited, model.dof_frictionloss,
-            model.tendon_frictionloss, model.nflex, model.nplugin,
-        )  # fmt: skip
-        corrected = compiler.balanceinertia, compiler.boundmass, compiler.boundinertia
-        return bool(untouched) and not any(map(np.any, (*constraints, *corrected)))
+        model = self.model
+        touchable = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+        constrained = (
+            (touchable and model.ngeom)
+            or _has_joint_or_tendon_constraint(model)
+            or model.neq
+            or model.nflex
+            or model.nplugin
+        )
+        compiler = self.spec.compiler
+        corrected = compiler.balanceinertia or compiler.boundmass or compiler.boundinertia
+        return not constrained and not corrected
+
+
+def _is_undrawn(body: mujoco.MjsBody) -> bool:
+    """True if only sites and other bodies have a place on a body, in its own frame."""
+    if body.geoms or body.cameras or body.lights:
+        return False
+    return not any(part.frame for part in (*body.sites, *body.bodies))
 
 
 # Making both takes 0.7 ms, writing edits into them 0.1 ms.
@@ -115,10 +126,10 @@ def _workspace(template: Template, _thread: int) -> tuple[mujoco.MjModel, mujoco
 
 
 def undrawn(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """A copy of the model without geoms, materials, textures, meshes, cameras and lights.
+    """Copy a model without geoms, materials, textures, meshes, cameras and lights.
 
-    What has a part in the motion stays: geoms that can touch or that a fluid pushes, and what a
-    sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps every
+    Parts that the motion depends on stay: geoms that can touch or that a fluid pushes, and all that
+    a sensor, a tendon or a contact pair names. A body whose inertia came from its geoms keeps every
     bit of it; a model that MuJoCo cannot part from its geoms, such as one with ``inertiafromgeom``,
     keeps them all.
 
@@ -128,12 +139,16 @@ def undrawn(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     bare: mujoco.MjSpec = spec.copy()
     if bare.option.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
         for geom in bare.geoms:
-            geom.contype = geom.conaffinity = 0
+            geom.contype = 0
+            geom.conaffinity = 0
     try:
         bare.discard_visual()
     except ValueError:
         return spec.copy()
-    sensed = {name for sensor in bare.sensors for name in (sensor.objname, sensor.refname)}
+
+    sensed: set[str] = set()
+    for sensor in bare.sensors:
+        sensed |= {sensor.objname, sensor.refname}
     for item in (*bare.cameras, *bare.lights):
         if item.name not in sensed:
             bare.delete(item)
@@ -141,14 +156,20 @@ def undrawn(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 
 
 def can_constrain(model: mujoco.MjModel) -> bool:
-    """Whether a constraint can ever act: contact, a limit, dry friction, an equality.
+    """True if a constraint can ever act: contact, a limit, dry friction, an equality.
 
     Where none can, MuJoCo's accelerations are the smooth ones, and with ``mjDSBL_CONSTRAINT`` a
     step has the same bits in nine tenths of the time.
     """
+    if model.neq or model.nflex or _has_joint_or_tendon_constraint(model):
+        return True
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+        return False
+    return bool(model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()))
+
+
+def _has_joint_or_tendon_constraint(model: mujoco.MjModel) -> bool:
+    """True if a joint or a tendon has a limit or dry friction."""
     limits = model.jnt_limited.any() or model.tendon_limited.any()
     friction = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
-    if model.neq or model.nflex or limits or friction:
-        return True
-    touching = model.npair or (model.geom_contype.any() and model.geom_conaffinity.any())
-    return bool(touching) and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return bool(limits or friction)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ModelError
 from grosmc_mj.plants.affine import affine_plant
-from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.arm import ARM, ArmParameters
 from grosmc_mj.plants.cart_pendulum import CART_PENDULUM, CartPendulumParameters
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.operating_point import OperatingPoint, equilibrium
-from grosmc_mj.plants.plant import Plant
+from grosmc_mj.plants.plant import AnalyticPlant, Plant
 from grosmc_mj.plants.servo import SERVO, ServoParameters
 from grosmc_mj.plants.system import Signal, System, Variant
 from grosmc_mj.plants.two_link_arm import TWO_LINK_ARM, TwoLinkParameters
@@ -21,7 +20,7 @@ SYSTEMS: dict[str, System] = {
 
 
 def find_system(name: str) -> System:
-    """The system of that name.
+    """Return the system of a name.
 
     Raises:
         ModelError: If there is none.

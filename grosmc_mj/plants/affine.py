@@ -13,11 +13,9 @@ from sympy.logic.boolalg import Boolean
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ModelError, one_line, shown
 from grosmc_mj.fields import Finite, Name, checked_call
-from grosmc_mj.plants.analytic import AnalyticPlant
 from grosmc_mj.plants.equations import Equations, Expressions
+from grosmc_mj.plants.plant import AnalyticPlant
 from grosmc_mj.plants.system import Signal, System
-
-_TRUTH = "g has truth values, must have expressions of sympy, or numbers"
 
 
 @checked_call
@@ -34,7 +32,7 @@ def affine_plant(
     where: str = "",
     near: Mapping[str, Finite] | None = None,
 ) -> AnalyticPlant:
-    """An analytic plant x' = f(x) + g(x) u, y = h(x), eq. (20), from sympy expressions.
+    """Make an analytic plant x' = f(x) + g(x) u, y = h(x), eq. (20), from sympy expressions.
 
     Args:
         name: Name of the system.
@@ -56,41 +54,83 @@ def affine_plant(
         ArgumentError: If an argument is of another kind.
         ModelError: If rows are missing, or a symbol has no number or a number no symbol.
     """
-    try:
-        symbols = tuple(sp.Symbol(state) for state in states)
-        if any(isinstance(entry, bool) for row in g for entry in np.ravel(row).tolist()):
-            raise TypeError(_TRUTH)  # noqa: TRY301
-        if not isinstance(region, (bool, Boolean)):
-            raise TypeError(f"region = {shown(region)} must be a condition of sympy")  # noqa: TRY301
-        equations = Equations(x=symbols, f=f, g=g, h=h, region=region)
-    except (sp.SympifyError, AttributeError, TypeError, ValueError) as error:
-        raise ModelError(f"{name}: the equations cannot be read: {one_line(str(error))}") from error
+    equations = _read_equations(name, tuple(states), f, g, h, region)
     if not len(equations.h) == equations.inputs == len(inputs):
         raise ModelError(
             f"{name}: {len(inputs)} inputs are named, g has {equations.inputs} columns and h "
             f"{len(equations.h)} outputs: all three must be the same"
         )
-    needed = {str(symbol) for symbol in equations.parameters}
-    problems = (
-        (needed & set(states), "another symbol than the state: make it without assumptions"),
-        (needed & set(inputs), "an input outside of g: make it a state and its rate the input"),
-        (needed - {*parameters, *states, *inputs}, f"no number, and none of {', '.join(states)}"),
-        (set(parameters) - needed, "a number that is in no equation"),
-    )
-    if mistakes := [f"{', '.join(sorted(names))}: {text}" for names, text in problems if names]:
-        raise ModelError(f"{name}: {'; '.join(mistakes)}")
-    for state in near or {}:
+
+    _require_matching_symbols(name, equations, set(states), set(inputs), set(parameters))
+    near = near or {}
+    for state in near:
         require_known("state", state, states, f"{name}: near: ", ModelError)
-    # The first state stands for the outputs where none of them is a state.
+
     system = System(
         name=name,
         title=name,
-        states=tuple(Signal(state, state, unit) for state, unit in states.items()),
-        inputs=tuple(Signal(symbol, symbol, unit) for symbol, unit in inputs.items()),
+        states=_signals(states),
+        inputs=_signals(inputs),
         equations=equations,
         region=where or str(region),
-        controlled=tuple(i for i, x in enumerate(equations.x) if x in equations.h) or (0,),
+        controlled=_output_states(equations),
         near=tuple(near.get(state, 0.0) for state in states) if near else (),
     )
-    numbers = make_dataclass("Parameters", [(key, float) for key in parameters], frozen=True)
-    return AnalyticPlant(system, numbers(**{key: float(v) for key, v in parameters.items()}))
+    fields = [(parameter, float) for parameter in parameters]
+    parameter_class = make_dataclass("Parameters", fields, frozen=True)
+    numbers = {parameter: float(number) for parameter, number in parameters.items()}
+    return AnalyticPlant(system, parameter_class(**numbers))
+
+
+def _read_equations(
+    name: str, states: tuple[str, ...], f: Any, g: Any, h: Any, region: Any
+) -> Equations:
+    """Equations of a system, whose mistakes carry its name.
+
+    Raises:
+        ModelError: If sympy cannot read them.
+    """
+    try:
+        symbols = tuple(sp.Symbol(state) for state in states)
+        entries = [entry for row in g for entry in np.ravel(row).tolist()]
+        if any(isinstance(entry, bool) for entry in entries):
+            raise TypeError(  # noqa: TRY301
+                "g has truth values, must have expressions of sympy, or numbers"
+            )
+        if not isinstance(region, (bool, Boolean)):
+            raise TypeError(f"region = {shown(region)} must be a condition of sympy")  # noqa: TRY301
+        return Equations(x=symbols, f=f, g=g, h=h, region=region)
+    except (sp.SympifyError, AttributeError, TypeError, ValueError) as error:
+        raise ModelError(f"{name}: the equations cannot be read: {one_line(str(error))}") from error
+
+
+def _require_matching_symbols(
+    name: str, equations: Equations, states: set[str], inputs: set[str], parameters: set[str]
+) -> None:
+    """Refuse symbols without a number and numbers without a symbol, all in one message.
+
+    Raises:
+        ModelError: If there are any.
+    """
+    needed = {str(symbol) for symbol in equations.parameters}
+    without_number = needed - parameters - states - inputs
+    problems = (
+        (needed & states, "another symbol than the state: make it without assumptions"),
+        (needed & inputs, "an input outside of g: make it a state and its rate the input"),
+        (without_number, f"no number, and none of {', '.join(map(str, equations.x))}"),
+        (parameters - needed, "a number that is in no equation"),
+    )
+    mistakes = [f"{', '.join(sorted(names))}: {text}" for names, text in problems if names]
+    if mistakes:
+        raise ModelError(f"{name}: {'; '.join(mistakes)}")
+
+
+def _signals(units: Mapping[str, str]) -> tuple[Signal, ...]:
+    """Signals that are named by their symbols."""
+    return tuple(Signal(symbol, symbol, unit) for symbol, unit in units.items())
+
+
+def _output_states(equations: Equations) -> tuple[int, ...]:
+    """Indices of the states that are outputs; the first state where none of them is."""
+    indices = tuple(i for i, state in enumerate(equations.x) if state in equations.h)
+    return indices or (0,)

@@ -54,8 +54,10 @@ class ArmParameters:
                 joint at the eyelet's radius, or the model has what eq. (57) has no term for.
         """
         require_unmodelled_absent("arm", model, ("joint",), "torque")
-        link, joint = model.body("link"), model.joint("joint")
-        eyelet, drum = model.site("eyelet").pos, model.site("drum").pos - model.body("hub").pos
+        link = model.body("link")
+        hub = model.body("hub")
+        eyelet = model.site("eyelet").pos
+        drum = model.site("drum").pos - hub.pos
         r = float(eyelet[0])
         if np.any(link.ipos[1:]) or np.any(link.pos):
             raise ModelError("arm: the payload must lie on the x axis of a link at the joint")
@@ -64,13 +66,15 @@ class ArmParameters:
                 f"arm: the eyelet {eyelet} and the drum {drum} must be at the same radius, one "
                 "along the link and one above the joint, or M(q) is not 0.1 + 0.06 sin q"
             )
-        hub = model.body("hub")
+
+        armature = model.dof_armature[model.joint("joint").dofadr[0]]
+        cable = model.tendon("cable").id
         return cls(
             m=float(link.mass[0]),
             l=float(link.ipos[0]),
             g=float(-model.opt.gravity[2]),
-            J=float(model.dof_armature[joint.dofadr[0]] + hub.inertia[1] + link.inertia[1]),
-            M_c=float(model.tendon_armature[model.tendon("cable").id]) * r * r / 2,
+            J=float(armature + hub.inertia[1] + link.inertia[1]),
+            M_c=float(model.tendon_armature[cable]) * r * r / 2,
             printed=float(variant == "printed"),
         )
 
@@ -78,14 +82,17 @@ class ArmParameters:
 def _dynamics() -> tuple[Equations, LinearParametrization]:
     """Eq. (57), x = [q, q'] with q = 0 horizontal, solved for the acceleration and in torques."""
     q, rate, r, a, m, l, g, J, M_c, printed = sp.symbols("q rate r a m l g J M_c printed")
-    s, c = sp.sin(q), sp.cos(q)
+    s = sp.sin(q)
+    c = sp.cos(q)
     M = J + m * l**2 + M_c * (1 + s)
     # C over M_c: M'(q)/2 as printed; energy needs M'(q) q'/2.
     C = c / 2 * (printed + (1 - printed) * rate)
+
     # The joint is along -y, and the payload at (l cos q, l sin q) from it in the x-z plane; the
     # hub's centre of mass is on the axis. The chapter's d(t) is minus a torque about the joint.
     w = wrench_symbols("hub", "link")
     about = l * (c * w[8] - s * w[6]) - w[4] - w[10]
+
     equations = Equations(
         x=(q, rate),
         f=(rate, -(M_c * C * rate + m * g * l * c) / M),
@@ -98,14 +105,16 @@ def _dynamics() -> tuple[Equations, LinearParametrization]:
         # Wherever the plant is regular, since 1/M(q) > 0.
         region=sp.And(q < sp.pi / 2, q > -3 * sp.pi / 2),
     )
+
     # The inertia J + m l^2 + M_c, the sine's M_c, gravity's m g l and a load.
-    return equations, LinearParametrization(
+    parametrization = LinearParametrization(
         x=(q, rate),
         r=(r,),
         a=(a,),
         Y=((a, s * a + C * r, c, 1),),
         theta=(J + m * l**2 + M_c, M_c, m * g * l, 0),
     )
+    return equations, parametrization
 
 
 _EQUATIONS, _PARAMETRIZATION = _dynamics()

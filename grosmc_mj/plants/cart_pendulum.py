@@ -50,18 +50,25 @@ class CartPendulumParameters:
         """
         require_unmodelled_absent("cart_pendulum", model, ("slider", "hinge"), "force")
         pole = model.body("pole")
-        M, m, L = float(model.body("cart").mass[0]), float(pole.mass[0]), float(pole.ipos[2])
+        m = float(pole.mass[0])
+        L = float(pole.ipos[2])
         rod = m * L * L / 3
         if not math.isclose(pole.inertia[1], rod, rel_tol=1e-9) or np.any(pole.ipos[:2]):
             raise ModelError(
                 f"cart_pendulum: the pole's inertia {pole.inertia[1]:g} kg m^2 is not that of a "
                 f"uniform rod, m L^2/3 = {rod:g} kg m^2, so eq. (40) does not describe it"
             )
-        g = float(-model.opt.gravity[2])
-        return cls(M=M, m=m, L=L, g=g, printed=float(variant == "printed"))
+
+        return cls(
+            M=float(model.body("cart").mass[0]),
+            m=m,
+            L=L,
+            g=float(-model.opt.gravity[2]),
+            printed=float(variant == "printed"),
+        )
 
     def scaled(self, mass: float, length: float) -> CartPendulumParameters:
-        """With the pole's mass and every length of it scaled, as an edit of the model does."""
+        """Copy with the pole's mass and every length of it scaled, as an edit of the model does."""
         return replace(self, m=mass * self.m, L=length * self.L)
 
 
@@ -74,19 +81,24 @@ def _equations() -> Equations:
     """
     position, theta, speed, rate = sp.symbols("position theta speed rate")
     M, m, L, g, printed = sp.symbols("M m L g printed")
-    s, c = sp.sin(theta), sp.cos(theta)
+    s = sp.sin(theta)
+    c = sp.cos(theta)
+
     # a: m/(M+m) as printed, which makes a*m a mass; 1/(M+m) by Lagrange.
     a = (printed * m + (1 - printed)) / (M + m)
     reduced = L * (sp.Rational(4, 3) - a * m * c**2)
     alpha = (g * s - a * m * L * rate**2 * s * c) / reduced
     beta = a * c / reduced
+
     # The wrench meets the true inertia in both variants, so that d(t) of eq. (40) is the
     # acceleration it says. The hinge is along -y: the pole's centre is at (-L sin(theta),
     # L cos(theta)) from it in the x-z plane.
     w = wrench_symbols("cart", "pole")
-    along, about = w[0] + w[6], -L * (c * w[6] + s * w[8]) - w[10]
+    along = w[0] + w[6]
+    about = -L * (c * w[6] + s * w[8]) - w[10]
     inertia = m * L**2 * (sp.Rational(4, 3) - m * c**2 / (M + m))
     turned = (about + m * L * c * along / (M + m)) / inertia
+
     return Equations(
         x=(position, theta, speed, rate),
         f=(speed, rate, m * L * (alpha * c - rate**2 * s) / (M + m), alpha),

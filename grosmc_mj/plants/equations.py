@@ -20,7 +20,7 @@ Column = tuple[float, ...]
 
 
 def _expressions(value: Any) -> tuple[Any, ...]:
-    """Expressions of sympy; never text, which sympy would execute."""
+    """Return expressions of sympy; never read text, which sympy would execute."""
     if isinstance(value, (list, tuple)):
         with suppress(sp.SympifyError):
             rows = tuple(sp.sympify(row, strict=True) for row in value)
@@ -64,21 +64,32 @@ class Equations:
         n = len(self.x)
         if len(set(self.x)) != n or not all(isinstance(s, sp.Symbol) for s in self.x):
             raise ModelError(f"states {list(self.x)} must be {n} different symbols")
+
         try:
-            f, g, h, d = (sp.Matrix(rows) for rows in (self.f, self.g, self.h, self.d or [0] * n))
+            f = sp.Matrix(self.f)
+            g = sp.Matrix(self.g)
+            h = sp.Matrix(self.h)
+            d = sp.Matrix(self.d or [0] * n)
         except ValueError as error:
             raise ModelError(f"the equations are no columns of expressions: {error}") from error
-        for name, column in {"f": f, "g": g, "d": d}.items():
-            if column.rows != n or not column.cols:
-                raise ModelError(
-                    f"{name} has {column.rows} rows of {column.cols}, must have one for each of "
-                    f"{n} states"
-                )
-        parts = f, g, h, d, sp.sympify(self.breaks_down), sp.sympify(self.region)
-        free = set().union(*(part.free_symbols for part in parts)) - {*self.x, *self.w}
-        columns = {"f": f.flat(), "g": map(tuple, g.tolist()), "h": h.flat(), "d": d.flat()}
-        columns |= {"x": self.x, "w": self.w, "parameters": sorted(free, key=str)}
-        vars(self).update((name, tuple(column)) for name, column in columns.items())
+        _require_rows("f", f, n)
+        _require_rows("g", g, n)
+        _require_rows("d", d, n)
+
+        conditions = (sp.sympify(self.breaks_down), sp.sympify(self.region))
+        symbols = set().union(*(part.free_symbols for part in (f, g, h, d, *conditions)))
+        parameters = symbols - {*self.x, *self.w}
+
+        # The class is frozen: its columns become tuples of expressions here, once for all.
+        vars(self).update(
+            x=tuple(self.x),
+            f=tuple(f.flat()),
+            g=tuple(map(tuple, g.tolist())),
+            h=tuple(h.flat()),
+            w=tuple(self.w),
+            d=tuple(d.flat()),
+            parameters=tuple(sorted(parameters, key=str)),
+        )
 
     @property
     def inputs(self) -> int:
@@ -86,7 +97,7 @@ class Equations:
         return len(self.g[0])
 
     def places(self) -> Mapping[sp.Symbol, str]:
-        """Where generated functions of (x, w, p) find each symbol."""
+        """Code by which generated functions of (x, w, p) read each symbol."""
         return {
             **{symbol: f"p.{symbol}" for symbol in self.parameters},
             **{symbol: f"w[{i}]" for i, symbol in enumerate(self.w)},
@@ -113,22 +124,36 @@ class Equations:
         """(x, u, p) -> the Jacobian of f + g u with respect to x, row by row, n n numbers."""
         u = [sp.Dummy(f"u{i}") for i in range(self.inputs)]
         rates = sp.Matrix(self.f) + sp.Matrix(self.g) * sp.Matrix(u)
-        places = {**self.places(), **{symbol: f"u[{i}]" for i, symbol in enumerate(u)}}
-        return generate("jacobian", tuple(rates.jacobian(self.x)), "x, u, p", places)
+        entries = tuple(rates.jacobian(self.x))
+
+        inputs = {symbol: f"u[{i}]" for i, symbol in enumerate(u)}
+        return generate("jacobian", entries, "x, u, p", {**self.places(), **inputs})
 
     @cached_property
     def singular(self) -> Callable[[Any], bool]:
-        """Jitable x -> whether the plant's own equations break down."""
+        """Jitable x -> True if the plant's own equations break down."""
         return generate_condition("singular", self.breaks_down, self.places())
 
     @cached_property
     def linearizable(self) -> Callable[[Any], bool]:
-        """Jitable x -> whether x is in the region X_0 of section 3.2."""
+        """Jitable x -> True if x is in the region X_0 of section 3.2."""
         return generate_condition("linearizable", self.region, self.places())
 
 
+def _require_rows(name: str, matrix: Any, n: int) -> None:
+    """Refuse a column or matrix that has not a row for each of n states.
+
+    Raises:
+        ModelError: With its shape.
+    """
+    if matrix.rows != n or not matrix.cols:
+        raise ModelError(
+            f"{name} has {matrix.rows} rows of {matrix.cols}, must have one for each of {n} states"
+        )
+
+
 class NoEquations(Equations):
-    """For a system whose dynamics MuJoCo alone knows: it is defined everywhere.
+    """Stand-in for a system whose dynamics MuJoCo alone knows: it is defined everywhere.
 
     Attributes:
         owner: Name of the system.
@@ -142,11 +167,13 @@ class NoEquations(Equations):
         object.__setattr__(self, "owner", owner)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # copying and pickling look for methods that there may not be
+        # Copying and pickling look for methods that there may not be.
+        if name.startswith("_"):
             raise AttributeError(name)
+
+        owner = vars(self).get("owner")
         raise ModelError(
-            f"{vars(self).get('owner')} has no equations in symbols ({name}): MuJoCo computes its "
-            "dynamics"
+            f"{owner} has no equations in symbols ({name}): MuJoCo computes its dynamics"
         )
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""A mechanical system's torques as what is linear in its unknown parameters: Y theta."""
+"""Torques of a mechanical system, linear in its unknown parameters: Y theta."""
 
 from __future__ import annotations
 
@@ -53,18 +53,23 @@ class LinearParametrization:
             q: Positions, (m,).
             p: The plant's parameters.
         """
-        m, theta, zero = len(q), np.array(self.nominal(p)), np.zeros(len(q))
-        x, accelerations = np.concatenate([q, zero]), (zero, *np.eye(m))
-        still, *torques = (
-            np.reshape(self.regressor(x, zero, a, p), (m, -1)) @ theta for a in accelerations
-        )
-        return np.column_stack(torques) - still[:, None]
+        m = len(q)
+        gravity = self._torques_at_rest(q, np.zeros(m), p)
+        torques = [self._torques_at_rest(q, unit, p) for unit in np.eye(m)]
+        return np.column_stack(torques) - gravity[:, None]
+
+    def _torques_at_rest(self, q: Array, a: Array, p: Any) -> Array:
+        """M(q) a + G(q), (m,)."""
+        m = len(q)
+        zero = np.zeros(m)
+        x = np.concatenate([q, zero])
+        Y = np.reshape(self.regressor(x, zero, a, p), (m, -1))
+        return Y @ np.array(self.nominal(p))
 
     def _places(self) -> dict[Any, str]:
-        """Where generated functions find each symbol; those of the plant are fields of p."""
-        rows = {"x": self.x, "r": self.r, "a": self.a}
-        places: dict[Any, str] = {
-            s: f"{name}[{i}]" for name, row in rows.items() for i, s in enumerate(row)
-        }
+        """Code by which generated functions read each symbol; p has those of the plant."""
         entries = sp.Matrix(sp.flatten([self.Y, self.theta]))
-        return {symbol: f"p.{symbol}" for symbol in entries.free_symbols} | places
+        places: dict[Any, str] = {symbol: f"p.{symbol}" for symbol in entries.free_symbols}
+        for argument, symbols in (("x", self.x), ("r", self.r), ("a", self.a)):
+            places |= {symbol: f"{argument}[{i}]" for i, symbol in enumerate(symbols)}
+        return places

@@ -1,24 +1,24 @@
-"""What every plant answers, whether equations or MuJoCo move it."""
+"""Plants: the interface of all, and those that their own equations move."""
 
 from __future__ import annotations
 
+import hashlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self
+from dataclasses import fields, replace
+from functools import cached_property, lru_cache
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import reals
+from grosmc_mj.arguments import real, reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, shown
-from grosmc_mj.plants.system import System, Variant
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from grosmc_mj.plants.analytic import AnalyticPlant
+from grosmc_mj.fields import Known, checked
+from grosmc_mj.plants.system import MjModel, System, Variant, wrench_symbols
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -31,7 +31,7 @@ Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 class Plant(ABC):
     """A system with numbers, which a run is simulated on.
 
-    A robot's is its ``Robot.plant``.
+    The plant of a robot is ``Robot.plant``.
 
     Attributes:
         system: Its signals and names.
@@ -58,7 +58,7 @@ class Plant(ABC):
 
     @property
     def restepped(self) -> bool:
-        """Whether another integrator steps it than its own model says."""
+        """True if another integrator steps it than its own model says."""
         return False
 
     @property
@@ -139,7 +139,7 @@ class Plant(ABC):
 
     @abstractmethod
     def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
-        """Its equations with its numbers: of a model in MuJoCo those of a variant.
+        """Its equations with its numbers; of a model those of a variant.
 
         Raises:
             ModelError: If it has no such equations.
@@ -153,9 +153,10 @@ class Plant(ABC):
             ModelError: If it has no such bodies, joints or parameters.
         """
 
+    # Cached, as are ``model`` and ``undrawn_model``, by plants that compile a model for it.
     @cached_property
     def rigid(self) -> Self:
-        """The same without the parts of a machine: what equations can say of it."""
+        """Copy without the parts of a machine, of which there are no equations."""
         return self
 
     def require_start(self, x0: Array) -> None:  # noqa: B027  equations have no stops
@@ -180,7 +181,7 @@ class Plant(ABC):
         """
 
     @cached_property
-    def model(self) -> mujoco.MjModel:
+    def model(self) -> MjModel:
         """Its compiled model in MuJoCo, to look at.
 
         Raises:
@@ -189,8 +190,8 @@ class Plant(ABC):
         return self.undrawn_model
 
     @cached_property
-    def undrawn_model(self) -> mujoco.MjModel:
-        """What runs in MuJoCo compute with: the same motion, without what is only drawn.
+    def undrawn_model(self) -> MjModel:
+        """The model that runs compute with: the same motion, without parts that are only drawn.
 
         Raises:
             ModelError: As ``model``.
@@ -200,17 +201,25 @@ class Plant(ABC):
     def checked(
         self, x: ArrayLike, u: ArrayLike, wrench: ArrayLike | None
     ) -> tuple[Array, Array, Array]:
-        """The arguments of ``derivative``: (n,), (m,) and (6 * bodies,).
+        """Arguments of ``derivative`` as arrays: (n,), (m,) and (6 * bodies,).
 
         Raises:
             ArgumentError: If a shape is wrong.
         """
         system = self.system
-        n, m, nw = len(system.states), len(system.inputs), 6 * len(system.bodies)
-        x, u = np.asarray(x, float), np.asarray(u, float)
-        w = np.zeros(nw) if wrench is None else np.asarray(wrench, float).ravel()
-        one_for_all = u.shape == () and (m == 1 or not np.any(u))
-        if x.shape != (n,) or w.shape != (nw,) or not (u.shape == (m,) or one_for_all):
+        n = len(system.states)
+        m = len(system.inputs)
+        nw = 6 * len(system.bodies)
+
+        if wrench is None:
+            wrench = np.zeros(nw)
+        x = np.asarray(x, float)
+        u = np.asarray(u, float)
+        w = np.asarray(wrench, float).ravel()
+
+        # A single number is the one input, or zero for all of them.
+        scalar = u.shape == () and (m == 1 or not np.any(u))
+        if x.shape != (n,) or w.shape != (nw,) or not (u.shape == (m,) or scalar):
             raise ArgumentError(
                 f"{system.name}: x has shape {x.shape}, u {u.shape} and the wrench {w.shape}, "
                 f"must be ({n},), ({m},) and ({nw},)"
@@ -218,7 +227,7 @@ class Plant(ABC):
         return x, np.broadcast_to(u, (m,)), w
 
     def operating_point(self, x: ArrayLike | None, u: ArrayLike) -> tuple[Array, Array]:
-        """State (n,) and input (m,) that ``linearization`` is given.
+        """Arguments of ``linearization`` as arrays: state (n,) and input (m,).
 
         Raises:
             ArgumentError: If one has a wrong shape or is not finite.
@@ -230,3 +239,169 @@ class Plant(ABC):
                 f"{self.system.name}: x = {shown(x)} and u = {shown(u)} must be finite numbers"
             )
         return state, inputs
+
+
+@checked(ModelError)
+class AnalyticPlant(Plant):
+    """A system with numbers: the equations of one variant and their frozen parameters.
+
+    Attributes:
+        system: Its equations and names.
+        parameters: Its numbers, a frozen dataclass of the system's own file.
+        variant: ``corrected`` (energy-true) or ``printed`` (as in the chapter).
+    """
+
+    system: System
+    parameters: Any
+    variant: Annotated[Variant, Known("variant", get_args(Variant))] = "corrected"
+
+    @classmethod
+    def from_model(
+        cls, system: System, model: MjModel, variant: Variant = "corrected"
+    ) -> AnalyticPlant:
+        """Read the analytic twin of a compiled model, edited or not.
+
+        Raises:
+            ModelError: If the model is not of this system, or the system has no such variant.
+        """
+        if variant not in system.variants:
+            raise ModelError(
+                f"{system.name} has no variant {variant!r}: valid: {', '.join(system.variants)}"
+            )
+        if not system.symbolic:
+            raise ModelError(f"{system.name} has no equations in symbols, and so no analytic twin")
+        if system.read_parameters is None:
+            raise ModelError(f"{system.name} has no model in MuJoCo, and so no analytic twin")
+
+        try:
+            parameters = system.read_parameters(model, variant)
+        except KeyError as error:
+            raise ModelError(f"not a model of {system.name}: {error.args[0]}") from error
+        return cls(system, parameters, variant)
+
+    @property
+    def kind(self) -> Kind:
+        """The variant of its equations."""
+        return self.variant
+
+    @property
+    def step_length(self) -> None:
+        """None: each run of it chooses its own timestep."""
+        return
+
+    @property
+    def stepped_by(self) -> Integrator:
+        """The classical Runge-Kutta method."""
+        return "RK4"
+
+    @property
+    def input_limits(self) -> Array:
+        """Infinite limits, (2, m)."""
+        m = len(self.system.inputs)
+        return np.full((2, m), [[-np.inf], [np.inf]])
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of its parameters."""
+        return hashlib.sha256(repr(self.parameters).encode()).hexdigest()
+
+    def derivative(
+        self, x: ArrayLike, u: ArrayLike = 0.0, wrench: ArrayLike | None = None
+    ) -> Array:
+        """x' = f(x) + g(x) u + d(x, w), (n,)."""
+        x, u, w = self.checked(x, u, wrench)
+        p = self.parameters
+        equations = self.system.equations
+
+        f = np.array(equations.drift(x, p))
+        g = np.reshape(equations.input_matrix(x, p), (len(x), len(u)))
+        d = np.array(equations.disturbance(x, w, p))
+        return f + g @ u + d
+
+    def analytic(self, variant: Variant = "corrected") -> AnalyticPlant:
+        """Return the plant itself: it is one variant of its equations."""
+        return self
+
+    def changed(
+        self, edits: Sequence[Any] = (), scales: Mapping[str, float] | None = None
+    ) -> AnalyticPlant:
+        """Copy with some parameters times a factor.
+
+        Raises:
+            ModelError: If there is an edit of a model, or no such parameter.
+        """
+        if edits:
+            raise ModelError(
+                f"{self.system.name} as equations has no model in MuJoCo: scale a parameter instead"
+            )
+        if not scales:
+            return self
+
+        # The number of an unknown name is never read: with_parameters refuses the name.
+        p = self.parameters
+        numbers = {name: k * getattr(p, name, math.nan) for name, k in scales.items()}
+        return self.with_parameters(**numbers)
+
+    def with_parameters(self, **changes: float) -> AnalyticPlant:
+        """Copy with other numbers.
+
+        Raises:
+            ModelError: If a name is unknown or a number does not fit.
+        """
+        names = [field.name for field in fields(self.parameters)]
+        for name, value in changes.items():
+            require_known(f"parameter of {self.system.name}", name, names, error=ModelError)
+            if not math.isfinite(real(value)):
+                raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
+        return replace(self, parameters=replace(self.parameters, **changes))
+
+    def pushed(self, names: tuple[str, ...]) -> AnalyticPlant:
+        """Copy on some of whose ``system.pushes`` disturbances act.
+
+        The first component of the wrench on a body of that name is added to the input or rate.
+        """
+        if not names:
+            return self
+        return replace(self, system=_pushed(self.system, names))
+
+    def scaled(self, body: str, mass: float, length: float) -> AnalyticPlant:
+        """Copy with the mass and all lengths of its uncertain body scaled.
+
+        Raises:
+            ModelError: If its equations have no such body.
+        """
+        scale = getattr(self.parameters, "scaled", None)
+        if scale is None or body not in ("", self.system.uncertain_body):
+            raise ModelError(
+                f"{self.system.name} as equations has no body {body!r}: scale a parameter instead"
+            )
+        return replace(self, parameters=scale(mass, length))
+
+    def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """(A, B) = (d x'/d x, d x'/d u) at a state and an input, exact."""
+        x, u, _ = self.checked(x, u, None)
+        p = self.parameters
+        n = len(x)
+        equations = self.system.equations
+
+        A = np.reshape(equations.jacobian(x, u, p), (n, n))
+        B = np.reshape(equations.input_matrix(x, p), (n, -1))
+        return A, B
+
+
+# Plants that share a system share its compiled functions.
+@lru_cache(maxsize=64)
+def _pushed(system: System, names: tuple[str, ...]) -> System:
+    """Copy of a system with a wrench on each of these names of its ``pushes``."""
+    equations = system.equations
+    n = len(system.states)
+    columns = [*sp.Matrix(equations.g).T.tolist(), *sp.eye(n).tolist()]
+    direction = dict(zip(system.pushes, columns, strict=True))
+
+    w = wrench_symbols(*names)
+    d = sp.Matrix(equations.d)
+    for i, name in enumerate(names):
+        d += w[6 * i] * sp.Matrix(direction[name])
+
+    equations = replace(equations, w=(*equations.w, *w), d=tuple(d))
+    return replace(system, equations=equations, bodies=(*system.bodies, *names))

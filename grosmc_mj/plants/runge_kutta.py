@@ -12,19 +12,22 @@ from grosmc_mj.plants import System
 
 @cache
 def runge_kutta_step(system: System) -> Callable[..., None]:
-    """The classical fourth-order step of x' = f(x) + g(x) u + d(x, w), jitable.
+    """Compile the classical fourth-order step of x' = f(x) + g(x) u + d(x, w).
 
     Returns:
-        A function (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h under u, (m,);
+        A jitable (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h under u, (m,);
         the last three are scratch space, (n,).
     """
-    n, slope_at = len(system.states), state_derivative(system)
+    n = len(system.states)
+    slope_at = state_derivative(system)
 
+    # Nested, for numba takes n and slope_at as constants.
     @jitable
     def step(x: Any, u: Any, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any) -> None:
         for i in range(n):
             stage[i] = x[i]
             total[i] = 0.0
+
         for k in range(4):
             weight = 2.0 if k == 1 or k == 2 else 1.0
             reach = h if k == 2 else 0.5 * h
@@ -32,6 +35,7 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
             for i in range(n):
                 total[i] += weight * slope[i]
                 stage[i] = x[i] + reach * slope[i]
+
         for i in range(n):
             x[i] += h / 6.0 * total[i]
 
@@ -41,21 +45,21 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
 @cache
 def state_derivative(system: System) -> Callable[..., None]:
     """Jitable (x, u, w, p, slope): write x' = f(x) + g(x) u + d(x, w) into slope, (n,)."""
-    equations = system.equations
-    drift, input_matrix, disturbance = (
-        equations.drift,
-        equations.input_matrix,
-        equations.disturbance,
-    )
-    n, m = len(system.states), len(system.inputs)
+    n = len(system.states)
+    m = len(system.inputs)
+    drift = system.equations.drift
+    input_matrix = system.equations.input_matrix
+    disturbance = system.equations.disturbance
 
     @jitable
     def slope_at(x: Any, u: Any, w: Any, p: Any, slope: Any) -> None:
-        f, g, d = drift(x, p), input_matrix(x, p), disturbance(x, w, p)
+        f = drift(x, p)
+        g = input_matrix(x, p)
+        d = disturbance(x, w, p)
         for i in range(n):
-            moved = f[i]
+            rate = f[i]
             for j in range(m):
-                moved += g[i * m + j] * u[j]
-            slope[i] = moved + d[i]
+                rate += g[i * m + j] * u[j]
+            slope[i] = rate + d[i]
 
     return slope_at

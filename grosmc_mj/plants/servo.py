@@ -57,13 +57,26 @@ class ServoParameters:
 def _dynamics() -> tuple[Equations, LinearParametrization]:
     """Eq. (15) with eq. (16), x = [theta, theta'], solved for the acceleration and in amperes."""
     theta, rate, r, a, J, B, Kt = sp.symbols("theta rate r a J B Kt")
-    w, x = wrench_symbols("rotor"), (theta, rate)
-    # The load T_d is minus the wrench's torque about the shaft, which is along -y.
+    w = wrench_symbols("rotor")
     equations = Equations(
-        x=x, f=(rate, -B * rate / J), g=(0, Kt / J), h=(theta,), w=w, d=(0, -w[4] / J)
+        x=(theta, rate),
+        f=(rate, -B * rate / J),
+        g=(0, Kt / J),
+        h=(theta,),
+        w=w,
+        # The load T_d is minus the wrench's torque about the shaft, which is along -y.
+        d=(0, -w[4] / J),
     )
+
     # The inertia, the friction and a load, each over Kt.
-    return equations, LinearParametrization(x, (r,), (a,), ((a, r, 1),), (J / Kt, B / Kt, 0))
+    parametrization = LinearParametrization(
+        x=(theta, rate),
+        r=(r,),
+        a=(a,),
+        Y=((a, r, 1),),
+        theta=(J / Kt, B / Kt, 0),
+    )
+    return equations, parametrization
 
 
 _EQUATIONS, _PARAMETRIZATION = _dynamics()

@@ -1,4 +1,4 @@
-"""What a system is: its signals, its equations and its names in the model."""
+"""A system: its signals, its equations and its names in the model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import mujoco
 
     MjModel = mujoco.MjModel
-else:  # which little here needs
+else:  # MuJoCo is imported for types only
     MjModel = Any
 
 Variant = Literal["printed", "corrected"]
@@ -89,20 +89,20 @@ class System:
                 raise ModelError(f"{self.name}: {noun} = {shown(names)} must differ")
         if not self.symbolic:
             return
-        counts = {
-            "states": (len(self.states), len(self.equations.x)),
-            "inputs": (len(self.inputs), self.equations.inputs),
-            "wrench components": (6 * len(self.bodies), len(self.equations.w)),
-        }
-        for noun, (named, written) in counts.items():
-            if named != written:
-                raise ModelError(
-                    f"{self.name}: {named} {noun} are named, the equations have {written}"
-                )
+
+        equations = self.equations
+        self._require_count("states", len(self.states), len(equations.x))
+        self._require_count("inputs", len(self.inputs), equations.inputs)
+        self._require_count("wrench components", 6 * len(self.bodies), len(equations.w))
+
+    def _require_count(self, noun: str, named: int, written: int) -> None:
+        """Refuse equations that have another number of a noun than the system names."""
+        if named != written:
+            raise ModelError(f"{self.name}: {named} {noun} are named, the equations have {written}")
 
     @property
     def symbolic(self) -> bool:
-        """Whether it has equations in symbols; else MuJoCo alone knows its dynamics."""
+        """True if it has equations in symbols; else MuJoCo alone knows its dynamics."""
         return not isinstance(self.equations, NoEquations)
 
     @property
@@ -128,17 +128,19 @@ class System:
     @property
     def pushes(self) -> dict[str, str]:
         """Units of the inputs and of the states' rates, which a disturbance may be added to."""
-        rates = {f"rate of {x.name}": f"{x.unit}/s".replace("/s/s", "/s^2") for x in self.states}
-        return {signal.name: signal.unit for signal in self.inputs} | rates
+        units = {signal.name: signal.unit for signal in self.inputs}
+        for state in self.states:
+            units[f"rate of {state.name}"] = f"{state.unit}/s".replace("/s/s", "/s^2")
+        return units
 
     @property
     def singular(self) -> Callable[[Any], bool]:
-        """Jitable x -> whether the plant's own equations break down."""
+        """Jitable x -> True if the plant's own equations break down."""
         return self.equations.singular
 
     @property
     def linearizable(self) -> Callable[[Any], bool]:
-        """Jitable x -> whether x is in the region that feedback linearization is relied on in."""
+        """Jitable x -> True if x is in the region where feedback linearization is relied on."""
         return self.equations.linearizable
 
 
@@ -151,18 +153,24 @@ def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
 def require_unmodelled_absent(
     owner: str, model: MjModel, joints: tuple[str, ...], actuator: str | None = None
 ) -> None:
-    """Refuse what the chapter's equations have no term for.
+    """Refuse a model with effects that the chapter's equations have no term for.
 
-    That is sideways gravity, damping of the named joints and, if an actuator is named, a gear
+    These are sideways gravity, damping of the named joints and, if an actuator is named, a gear
     other than one.
 
     Raises:
-        ModelError: Naming what was found.
+        ModelError: With the first such effect.
     """
     if np.any(model.opt.gravity[:2]):
         raise ModelError(f"{owner}: gravity {model.opt.gravity} must point along -z")
+
     for name in joints:
-        if damping := float(model.dof_damping[model.joint(name).dofadr[0]]):
+        damping = float(model.dof_damping[model.joint(name).dofadr[0]])
+        if damping:
             raise ModelError(f"{owner}: joint {name!r} has damping {damping:g}, must have none")
-    if actuator is not None and (gear := float(model.actuator(actuator).gear[0])) != 1:
+
+    if actuator is None:
+        return
+    gear = float(model.actuator(actuator).gear[0])
+    if gear != 1:
         raise ModelError(f"{owner}: actuator {actuator!r} has gear {gear:g}, must have 1")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import sympy as sp
@@ -63,9 +63,12 @@ class TwoLinkParameters:
         """
         for actuator in ("shoulder_torque", "elbow_torque"):
             require_unmodelled_absent("two_link_arm", model, ("shoulder", "elbow"), actuator)
-        upper, lower, payload = (model.body(name) for name in _BODIES)
-        places = [lower.pos, payload.pos, upper.ipos, lower.ipos, [0.0, *payload.ipos]]
-        if any(np.any(np.asarray(place)[1:]) for place in places) or np.any(model.dof_armature):
+
+        upper = model.body("upper")
+        lower = model.body("lower")
+        payload = model.body("payload")
+        off_axis = [lower.pos[1:], payload.pos[1:], upper.ipos[1:], lower.ipos[1:], payload.ipos]
+        if np.any(np.concatenate(off_axis)) or np.any(model.dof_armature):
             raise ModelError(
                 "two_link_arm: links' ends and centres must lie on their x axes, the payload's "
                 "centre at the tip, and the joints must have no armature"
@@ -90,44 +93,77 @@ def _dynamics() -> tuple[Equations, LinearParametrization]:
 
     The joints are along -y; both links move in the x-z plane.
     """
-    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
+    q1, q2, dq1, dq2 = sp.symbols("q1 q2 dq1 dq2")
     m1, l1, c1, I1, m2, l2, c2, I2, mp, Ip, g = sp.symbols("m1 l1 c1 I1 m2 l2 c2 I2 mp Ip g")
+    s2 = sp.sin(q2)
+    k2 = sp.cos(q2)
+    k1 = sp.cos(q1)
+    k12 = sp.cos(q1 + q2)
+
     # Inertias about the shoulder and the elbow, and first moments about them.
     J1 = I1 + m1 * c1**2 + (m2 + mp) * l1**2
     J2 = I2 + m2 * c2**2 + Ip + mp * l2**2
-    b1, b2 = m1 * c1 + (m2 + mp) * l1, m2 * c2 + mp * l2
-    h, bend = l1 * b2, l1 * b2 * sp.cos(q2)
+    b1 = m1 * c1 + (m2 + mp) * l1
+    b2 = m2 * c2 + mp * l2
+
+    # M^-1 = adjugate / determinant.
+    h = l1 * b2
+    bend = l1 * b2 * k2
     adjugate = sp.Matrix([[J2, -J2 - bend], [-J2 - bend, J1 + J2 + 2 * bend]])
     determinant = J1 * J2 - bend**2
-    s1, k1, s12, k12 = sp.sin(q1), sp.cos(q1), sp.sin(q1 + q2), sp.cos(q1 + q2)
-    s2, k2 = sp.sin(q2), sp.cos(q2)
+
     c = h * s2 * sp.Matrix([-dq2 * (2 * dq1 + dq2), dq1**2])
     G = g * sp.Matrix([b1 * k1 + b2 * k12, b2 * k12])
-    w = wrench_symbols(*_BODIES)
-    (x1, _, z1, _, t1, _), (x2, _, z2, _, t2, _), (x3, _, z3, _, t3, _) = w[:6], w[6:12], w[12:]
-    elbow = c2 * (k12 * z2 - s12 * x2) + l2 * (k12 * z3 - s12 * x3) - t2 - t3
-    shoulder = c1 * (k1 * z1 - s1 * x1) + l1 * (k1 * (z2 + z3) - s1 * (x2 + x3)) - t1 + elbow
-    free, pushed = (
-        adjugate * torque / determinant for torque in (-c - G, sp.Matrix([shoulder, elbow]))
-    )
+    free = adjugate * (-c - G) / determinant
+    pushed = adjugate * _wrench_torques() / determinant
     equations = Equations(
         x=(q1, q2, dq1, dq2),
         f=(dq1, dq2, *free),
         g=((0, 0), (0, 0), *(adjugate / determinant).tolist()),
         h=(q1, q2),
-        w=w,
+        w=wrench_symbols(*_BODIES),
         d=(0, 0, *pushed),
     )
-    # The torques in J1, J2 and l1 b2, in g b1 and g b2, and in a load on each joint.
+
+    # A load on each joint is nominally zero.
+    return equations, _parametrization(theta=(J1, J2, h, g * b1, g * b2, 0, 0))
+
+
+def _parametrization(theta: tuple[Any, ...]) -> LinearParametrization:
+    """Torques as linear in J1, J2, l1 b2, g b1, g b2 and a load on each joint."""
+    q1, q2, dq1, dq2, r1, r2, a1, a2 = sp.symbols("q1 q2 dq1 dq2 r1 r2 a1 a2")
+    s2 = sp.sin(q2)
+    k2 = sp.cos(q2)
+    k1 = sp.cos(q1)
+    k12 = sp.cos(q1 + q2)
     upper = (2 * a1 + a2) * k2 - s2 * (dq2 * r1 + (dq1 + dq2) * r2)
     lower = a1 * k2 + s2 * dq1 * r1
-    return equations, LinearParametrization(
+    return LinearParametrization(
         x=(q1, q2, dq1, dq2),
         r=(r1, r2),
         a=(a1, a2),
         Y=((a1, a1 + a2, upper, k1, k12, 1, 0), (0, a1 + a2, lower, 0, k12, 0, 1)),
-        theta=(J1, J2, h, g * b1, g * b2, 0, 0),
+        theta=theta,
     )
+
+
+def _wrench_torques() -> sp.Matrix:
+    """Q(w): torques of the bodies' wrenches about shoulder and elbow.
+
+    A force acts at a body's centre of mass; x and z are its components, t is the torque about y.
+    """
+    q1, q2, l1, c1, l2, c2 = sp.symbols("q1 q2 l1 c1 l2 c2")
+    s1 = sp.sin(q1)
+    k1 = sp.cos(q1)
+    s12 = sp.sin(q1 + q2)
+    k12 = sp.cos(q1 + q2)
+    x1, _, z1, _, t1, _ = wrench_symbols("upper")
+    x2, _, z2, _, t2, _ = wrench_symbols("lower")
+    x3, _, z3, _, t3, _ = wrench_symbols("payload")
+
+    elbow = c2 * (k12 * z2 - s12 * x2) + l2 * (k12 * z3 - s12 * x3) - t2 - t3
+    shoulder = c1 * (k1 * z1 - s1 * x1) + l1 * (k1 * (z2 + z3) - s1 * (x2 + x3)) - t1 + elbow
+    return sp.Matrix([shoulder, elbow])
 
 
 _EQUATIONS, _PARAMETRIZATION = _dynamics()

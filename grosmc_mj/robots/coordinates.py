@@ -1,4 +1,4 @@
-"""A robot's joint errors as what a law regulates, by MuJoCo's dynamics of a nominal model."""
+"""Joint errors of a robot as the state of a law, by MuJoCo's dynamics of a nominal model."""
 
 from __future__ import annotations
 
@@ -55,18 +55,24 @@ class RobotCoordinates(OutputCoordinates):
         """Unit of each joint's position."""
         return tuple(signal.unit for signal in self.system.positions)
 
-    @cached_property
+    @property
     def _order(self) -> tuple[int, ...]:
-        """Where each entry of z is in the state x: q_1, q_1', q_2, ..."""
+        """Index in the state x of each entry of z: q_1, q_1', q_2, ..."""
         n = self.inputs
-        return tuple(row for joint in range(n) for row in (joint, joint + n))
+        order: list[int] = []
+        for joint in range(n):
+            order += [joint, joint + n]
+        return tuple(order)
 
     @cached_property
     def state(self) -> StateMap:
-        """Jitable (t, x, p, z)."""
-        reference, sign = self.reference, float(self.sign)
-        order, lower = self._order, self._lower
+        """Jitable (t, x, p, z): write z."""
+        reference = self.reference
+        sign = float(self.sign)
+        order = self._order
+        lower = self._lower
 
+        # Nested here and below, for numba takes these as constants.
         def error_state(t: float, x: Any, p: Any, z: Any) -> None:
             y_r = reference(t, p.reference)
             for i in range(len(z)):
@@ -77,7 +83,9 @@ class RobotCoordinates(OutputCoordinates):
     @cached_property
     def accelerations(self) -> Callable[[float, Any, Any, Any], None]:
         """Jitable (t, v, p, a): a = sign v + y_r'', (n,); a may be v."""
-        reference, sign, highest = self.reference, float(self.sign), self._highest
+        reference = self.reference
+        sign = float(self.sign)
+        highest = self._highest
 
         def accelerations(t: float, v: Any, p: Any, a: Any) -> None:
             y_r = reference(t, p.reference)
@@ -96,7 +104,8 @@ class RobotCoordinates(OutputCoordinates):
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
             if memory.workspace == 0.0:
-                memory.undefined, u[:] = 1.0, 0.0
+                memory.undefined = 1.0
+                u[:] = 0.0
                 return
             accelerations(t, v, p, u)
             inverse_dynamics(memory.workspace, x, u, u)
@@ -106,11 +115,14 @@ class RobotCoordinates(OutputCoordinates):
     @cached_property
     def virtual_input(self) -> InputMap:
         """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'')."""
-        reference, sign, highest = self.reference, float(self.sign), self._highest
+        reference = self.reference
+        sign = float(self.sign)
+        highest = self._highest
 
         def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
             if memory.workspace == 0.0:
-                memory.undefined, v[:] = 1.0, 0.0
+                memory.undefined = 1.0
+                v[:] = 0.0
                 return
             forward_dynamics(memory.workspace, x, u, v)
             y_r = reference(t, p.reference)
@@ -120,11 +132,11 @@ class RobotCoordinates(OutputCoordinates):
         return jitable(virtual_input)
 
     def workspace(self, p: Any) -> NominalData:
-        """An mjData of the nominal model, for one run."""
+        """Make an mjData of the nominal model, for one run."""
         return NominalData(self.model)
 
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
-        """As for all coordinates."""
+        """Terms alpha and E of z' along a trajectory, see ``OutputCoordinates``."""
         n = self.inputs
         E = np.array([np.linalg.inv(inertia(self.model, row[:n])) for row in x])
         torques = np.array([bias(self.model, row[:n], row[n:]) for row in x])
@@ -132,7 +144,7 @@ class RobotCoordinates(OutputCoordinates):
         return self.sign * alpha, self.sign * E
 
     def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
-        """A robot's laws have none: they go through feedback linearization."""
+        """Refuse: laws of a robot go through feedback linearization."""
         raise ArgumentError(f"{self.system.name} has no equations in symbols to linearize")
 
     def error_dynamics(
@@ -144,20 +156,24 @@ class RobotCoordinates(OutputCoordinates):
         w: Array | None = None,
         u: Array | None = None,
     ) -> tuple[Array, Array]:
-        """As for all coordinates, of a plant in MuJoCo.
+        """Drift and gain of z' on a plant in MuJoCo, see ``OutputCoordinates``.
 
-        The drift is MuJoCo's own forward dynamics less what the input does to the free bodies:
+        The drift is MuJoCo's own forward dynamics less the effect of the input on the free bodies:
         joint friction, limits and contacts are in it as they answer to the inputs u, none by
-        default. How their answer changes with u is not in the gain, which is M*^-1.
+        default. The change of their answer with u is not in the gain, which is M*^-1.
         """
-        model, n = plant.undrawn_model, self.inputs
-        drift, gain = np.zeros((len(x), self.size)), np.zeros((len(x), self.size, n))
+        model = plant.undrawn_model
+        n = self.inputs
+        drift = np.zeros((len(x), self.size))
+        gain = np.zeros((len(x), self.size, n))
         M = np.zeros((n, n))
         for i, state in enumerate(x):
-            inputs, wrench = (None if signal is None else signal[i] for signal in (u, w))
-            data = forward(model, state, inputs, wrench, self.system.bodies)
+            input_now = None if u is None else u[i]
+            wrench = None if w is None else w[i]
+            data = forward(model, state, input_now, wrench, self.system.bodies)
             mujoco.mj_fullM(model, data, M)
             gain[i, 1::2] = np.linalg.inv(M)
+
             # The torques of the motors, which are the inputs within their limits.
             drift[i, 0::2] = state[n:]
             drift[i, 1::2] = data.qacc - gain[i, 1::2] @ data.qfrc_actuator

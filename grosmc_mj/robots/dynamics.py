@@ -29,20 +29,24 @@ llvmlite.binding.load_library_permanently(str(mujoco_library()))
 
 
 def _c_function(name: str, *more: Any) -> Any:
-    """MuJoCo's C function of that name, for an mjModel, an mjData and more arguments."""
+    """Declare MuJoCo's C function of a name, for an mjModel, an mjData and more arguments."""
     return types.ExternalFunction(name, types.void(types.voidptr, types.voidptr, *more))
 
 
-# What inverse dynamics needs of ``mj_inverse``, which does twice as much.
-mj_kinematics, mj_com_pos = _c_function("mj_kinematics"), _c_function("mj_comPos")
-mj_com_vel, mj_passive = _c_function("mj_comVel"), _c_function("mj_passive")
+# The stages of ``mj_inverse`` that inverse dynamics needs; it does twice as much.
+mj_kinematics = _c_function("mj_kinematics")
+mj_com_pos = _c_function("mj_comPos")
+mj_com_vel = _c_function("mj_comVel")
+mj_passive = _c_function("mj_passive")
 mj_rne = _c_function("mj_rne", types.int32, types.voidptr)
-mj_crb, mj_factor_m = _c_function("mj_crb"), _c_function("mj_factorM")
+mj_crb = _c_function("mj_crb")
+mj_factor_m = _c_function("mj_factorM")
 mj_solve_m = _c_function("mj_solveM", types.voidptr, types.voidptr, types.int32)
 
-_DISABLE = mujoco.mjtDisableBit
-_WITHOUT = sum(
-    map(int, (_DISABLE.mjDSBL_CONSTRAINT, _DISABLE.mjDSBL_CONTACT, _DISABLE.mjDSBL_SENSOR))
+_WITHOUT = (
+    mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    | mujoco.mjtDisableBit.mjDSBL_SENSOR
 )
 # Bytes of scratch memory in each mjData: inverse dynamics of a few bodies need less than 2 kB.
 _ARENA = 1 << 16
@@ -62,19 +66,21 @@ class NominalData:
     """The nominal model and an mjData of it, for one run of a law."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        arrays = [getattr(self._data, name).ctypes.data for name in _ARRAYS]
+        # Kept, for as long as their addresses are in use.
+        self._model = model
+        self._data = mujoco.MjData(model)
         armature = model.dof_armature.ctypes.data
+        arrays = [getattr(self._data, name).ctypes.data for name in _ARRAYS]
         self._addresses = np.array([model._address, self._data._address, armature, *arrays])
 
     @property
     def address(self) -> float:
-        """Where the ``WORKSPACE`` is."""
+        """Address of the ``WORKSPACE``."""
         return float(self._addresses.ctypes.data)
 
 
 def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a robot with its dynamics only: nothing to see, to touch or to actuate.
+    """Compile the model of a robot with its dynamics only: no looks, contacts or actuators.
 
     Bodies that do not move against each other are one, which leaves the dynamics as they are
     and makes them fast. An mjData has 0.44 MB whatever its model, most of it for statistics of
@@ -83,25 +89,32 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     Args:
         spec: The robot, not changed.
     """
-    lean, full = spec.copy(), compile_spec(spec)
-    lean.memory, lean.nuserdata = _ARENA, 0
+    full = compile_spec(spec)
+    lean = spec.copy()
+    lean.memory = _ARENA
+    lean.nuserdata = 0
     lean.option.enableflags = 0
-    lean.option.disableflags |= _WITHOUT
+    lean.option.disableflags |= int(_WITHOUT)
     for part in (*lean.keys, *lean.sensors, *lean.tendons, *lean.actuators, *lean.excludes):
         lean.delete(part)
-    # What a fluid or gravcomp does depends on each body, and on its geoms.
-    if not (lean.option.density or lean.option.viscosity or np.any(full.body_gravcomp)):
-        for index, body in enumerate(lean.bodies[1:], start=1):
-            write_inertia(body, full.body_mass[index], full, index)
-        for part in (*lean.geoms, *lean.sites, *lean.cameras, *lean.lights):
-            lean.delete(part)
-        lean.compiler.fusestatic = True
+
+    # The effect of a fluid or of gravcomp depends on each body, and on its geoms.
+    if lean.option.density or lean.option.viscosity or np.any(full.body_gravcomp):
+        return compile_spec(lean)
+
+    for index, body in enumerate(lean.bodies[1:], start=1):
+        write_inertia(body, full.body_mass[index], full, index)
+    for part in (*lean.geoms, *lean.sites, *lean.cameras, *lean.lights):
+        lean.delete(part)
+    lean.compiler.fusestatic = True
     return compile_spec(lean)
 
 
 def inertia(model: mujoco.MjModel, q: ArrayLike) -> Array:
     """M(q) of a nominal model with the joints' armature, (n, n)."""
-    M, data = np.zeros((model.nv, model.nv)), forward(model, np.append(q, np.zeros(model.nv)))
+    n = model.nv
+    data = forward(model, np.append(q, np.zeros(n)))
+    M = np.zeros((n, n))
     mujoco.mj_fullM(model, data, M)
     return M
 
@@ -114,17 +127,21 @@ def bias(model: mujoco.MjModel, q: ArrayLike, dq: ArrayLike) -> Array:
 
 @numba.njit
 def vector_at(address: int, n: int) -> Any:
-    """The n numbers at an address."""
+    """View the n numbers at an address."""
     return array_at(address, (n,), np.float64)
 
 
 @numba.njit
 def place(w: Any, x: Any, n: int) -> None:
     """Bring the nominal model of a ``WORKSPACE`` to a state, (2 n,), with its passive torques."""
-    m, d = pointer(w.model), pointer(w.data)
-    qpos, qvel = vector_at(w.qpos, n), vector_at(w.qvel, n)
+    m = pointer(w.model)
+    d = pointer(w.data)
+    qpos = vector_at(w.qpos, n)
+    qvel = vector_at(w.qvel, n)
     for i in range(n):
-        qpos[i], qvel[i] = x[i], x[n + i]
+        qpos[i] = x[i]
+        qvel[i] = x[n + i]
+
     mj_kinematics(m, d)
     mj_com_pos(m, d)
     mj_com_vel(m, d)
@@ -141,13 +158,18 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
         a: Accelerations, (n,).
         tau: Torques, (n,); they may take the place of the accelerations.
     """
-    n, w = len(tau), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
-    qacc, bodies = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
-    passive, armature = vector_at(w.qfrc_passive, n), vector_at(w.armature, n)
+    n = len(tau)
+    w = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    armature = vector_at(w.armature, n)
+    passive = vector_at(w.qfrc_passive, n)
+    qacc = vector_at(w.qacc, n)
+    bodies = vector_at(w.qfrc_inverse, n)
+
     place(w, x, n)
     copy(a, qacc)
     mj_rne(pointer(w.model), pointer(w.data), np.int32(1), pointer(w.qfrc_inverse))
-    # M a + h of the bodies, what drives the joints, and what acts without an input.
+
+    # M a + h of the bodies, the motors' inertia, and the torques without an input.
     for i in range(n):
         tau[i] = bodies[i] + armature[i] * qacc[i] - passive[i]
 
@@ -155,14 +177,19 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
 @numba.njit
 def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
     """Write a = M(q)^-1 (tau - h(q, q') + passive), the inverse of ``inverse_dynamics``."""
-    n, w = len(a), array_at(np.int64(workspace), (1,), WORKSPACE)[0]
-    m, d = pointer(w.model), pointer(w.data)
-    qacc, force = vector_at(w.qacc, n), vector_at(w.qfrc_inverse, n)
+    n = len(a)
+    w = array_at(np.int64(workspace), (1,), WORKSPACE)[0]
+    m = pointer(w.model)
+    d = pointer(w.data)
     passive = vector_at(w.qfrc_passive, n)
+    qacc = vector_at(w.qacc, n)
+    force = vector_at(w.qfrc_inverse, n)
+
     place(w, x, n)
     mj_rne(m, d, np.int32(0), pointer(w.qfrc_inverse))
     for i in range(n):
         force[i] = tau[i] - force[i] + passive[i]
+
     mj_crb(m, d)
     mj_factor_m(m, d)
     mj_solve_m(m, d, pointer(w.qacc), pointer(w.qfrc_inverse), np.int32(1))

@@ -14,8 +14,8 @@ from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.files import body_names, compile_spec, joint_names
+from grosmc_mj.physics.hooks import quiet_reading
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.physics.quiet import quiet_reading
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.robots.actuators import joint_unit
@@ -36,9 +36,9 @@ class Robot:
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
-        notes: What was changed in the model that was given and why, in sentences.
-        built: The robot as it is built, with what laws do not know of: lags, delays and couplings
-            of joints; ``plant`` itself where there is none of this.
+        notes: Changes of the model that was read and their reasons, in sentences.
+        built: The robot as it is built, with effects that laws do not know of: lags, delays and
+            couplings of joints; ``plant`` itself without such effects.
     """
 
     plant: MujocoPlant
@@ -58,7 +58,7 @@ class Robot:
 
         Motors on joints are taken with their gear and limits; servos are replaced by torque control
         within their force range. Lags, delays and coupled joints are the plant's, see ``built``,
-        and no law's. What else drives a joint, or closes a loop, is refused.
+        and no law's. Anything else that drives a joint, or closes a loop, is refused.
 
         Args:
             model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
@@ -74,7 +74,8 @@ class Robot:
         with quiet_reading():
             spec, built, notes = robot_specs(model, joints, actuators)
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
-        return cls(plant, tuple(notes), plant if built is None else replace(plant, spec=built))
+        built_plant = plant if built is None else replace(plant, spec=built)
+        return cls(plant, tuple(notes), built_plant)
 
     @property
     def joints(self) -> int:
@@ -83,7 +84,7 @@ class Robot:
 
     @property
     def underactuated(self) -> bool:
-        """Whether a joint has no torque of its own."""
+        """True if a joint has no torque of its own."""
         return len(self.plant.system.inputs) < self.joints
 
     @cached_property
@@ -98,7 +99,7 @@ class Robot:
         Q: ArrayLike,
         R: ArrayLike,
     ) -> Task:
-        """What ``tracking_grosmc``, ``linearized_lqr`` and ``computed_torque_pd`` design for.
+        """Task that ``tracking_grosmc`` and ``computed_torque_pd`` design for.
 
         Args:
             reference: y_r(t) of every joint with two derivatives, joint by joint.
@@ -109,45 +110,59 @@ class Robot:
         Raises:
             ModelError: If it is underactuated.
         """
+        system = self.plant.system
         if self.underactuated:
             raise ModelError(
-                f"{self.plant.system.name} has {len(self.plant.system.inputs)} torques for "
-                f"{self.joints} joints, so its joints cannot all be led: take a state_task"
+                f"{system.name} has {len(system.inputs)} torques for {self.joints} joints, so its "
+                "joints cannot all be led: take a state_task"
             )
-        nominal = AnalyticPlant(self.plant.system, InWorkspace())
+        nominal = AnalyticPlant(system, InWorkspace())
         return Task(nominal, _coordinates(self, reference), parameters, Q, R)
 
 
+# Made once for a reference, so that its laws are compiled once.
 @cache
 def _coordinates(robot: Robot, reference: ReferenceFunction) -> RobotCoordinates:
-    """The errors of all joints from a reference, made once so that its laws are compiled once."""
+    """Errors of all joints from a reference."""
     return RobotCoordinates(robot.plant.system, reference, model=robot.nominal)
 
 
 def _system(spec: mujoco.MjSpec) -> System:
-    """Names and signals of a robot, read from its model."""
-    model, name = compile_spec(spec), spec.modelname or "robot"
-    joints, driven = joint_names(model), [int(row[0]) for row in model.actuator_trnid]
+    """Read names and signals of a robot from its model."""
+    model = compile_spec(spec)
+    name = spec.modelname or "robot"
+    joints = joint_names(model)
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
-    forces = [joint_unit(model, i) for i in range(model.njnt)]
-    units = ["m" if force == "N" else "rad" for force in forces]
-    numbers = [str(i).translate(_SUBSCRIPTS) for i in range(1, model.njnt + 1)]
-    signals = list(zip(joints, numbers, units, strict=True))
-    positions = [Signal(joint, f"q{number}", unit) for joint, number, unit in signals]
-    rates = [Signal(f"{joint} rate", f"q̇{number}", f"{unit}/s") for joint, number, unit in signals]
-    inputs = [
-        Signal(actuator, f"τ{numbers[joint]}", forces[joint])
-        for actuator, joint in zip(actuators, driven, strict=True)
-    ]
+    # Index of the joint of each actuator.
+    driven = tuple(int(row[0]) for row in model.actuator_trnid)
+    undriven = tuple(i for i in range(model.njnt) if i not in driven)
+
+    positions: list[Signal] = []
+    rates: list[Signal] = []
+    for index, joint in enumerate(joints):
+        number = _subscript(index + 1)
+        unit = "m" if joint_unit(model, index) == "N" else "rad"
+        positions.append(Signal(joint, f"q{number}", unit))
+        rates.append(Signal(f"{joint} rate", f"q̇{number}", f"{unit}/s"))
+
+    inputs: list[Signal] = []
+    for actuator, index in zip(actuators, driven, strict=True):
+        inputs.append(Signal(actuator, f"τ{_subscript(index + 1)}", joint_unit(model, index)))
+
     return System(
         name=name,
         title=name,
         states=(*positions, *rates),
         inputs=tuple(inputs),
         equations=NoEquations(name),
-        # What no actuator drives is what a law has to hold through the others.
-        controlled=tuple(i for i in range(model.njnt) if i not in driven) or tuple(driven),
+        # A law has to hold the joints without an actuator through the others.
+        controlled=undriven or driven,
         joints=joints,
         actuators=actuators,
         bodies=body_names(model),
     )
+
+
+def _subscript(number: int) -> str:
+    """A number in subscript digits."""
+    return str(number).translate(_SUBSCRIPTS)

@@ -21,7 +21,7 @@ from grosmc_mj.jitable import is_own, jitable
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.loop.start import ideal_loop
-from grosmc_mj.physics.quiet import (
+from grosmc_mj.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
     warnings_counted_only,

@@ -18,7 +18,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, one_line, shown, unknown_name
 from grosmc_mj.fields import Is, checked_call
 from grosmc_mj.files import written_aside
-from grosmc_mj.physics.hidden_states import HiddenState
+from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.versions import versions

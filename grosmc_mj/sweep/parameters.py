@@ -16,7 +16,8 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit, JointEdit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse

@@ -23,7 +23,8 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.runs import RunResult, Settings
 from grosmc_mj.machine import Stop, Transmission
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, Edit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import AddedMass, BodyEdit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.robots.dynamics import inertia

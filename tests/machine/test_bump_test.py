@@ -15,10 +15,34 @@ import numpy as np
 import pytest
 
 import grosmc_mj as gm
+from grosmc_mj.arrays import Array
 
 # Levels [V] and the time at each [s], of the laboratory's own test.
-LOW, HIGH, HALF = 0.5, 3.5, 1.25
+LOW = 0.5
+HIGH = 3.5
+HALF = 1.25
 LADDER = (Path(__file__).parents[2] / "docs" / "ladder.md").read_text(encoding="utf-8")
+
+
+def documented(row: str) -> tuple[str, ...]:
+    """K and tau in a row of the documentation's table, as they stand there."""
+    match = re.search(rf"\| {row} \| ([\d.]+) \| ([\d.]+) \|", LADDER)
+    assert match is not None
+    return match.groups()
+
+
+def bump_test(model: mujoco.MjModel, resistance: float) -> tuple[Array, Array]:
+    """Speeds after each step [rad/s] at the low voltage, then at the high one."""
+    data = mujoco.MjData(model)
+    steps = round(HALF / model.opt.timestep)
+    speeds: list[float] = []
+    for volts in (LOW, HIGH):
+        data.ctrl[0] = volts / resistance
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+            speeds.append(float(data.qvel[0]))
+    low, high = np.split(np.array(speeds), 2)
+    return low, high
 
 
 @pytest.mark.parametrize(
@@ -31,16 +55,10 @@ def test_the_bump_test_of_the_servo_is_that_of_its_documentation(row: str, built
     (motor,) = (part for part in parts if isinstance(part, gm.machine.Motor))
     nominal: Any = machine.nominal.plant
     plant = gm.MujocoPlant(nominal.system, nominal.spec, (), machine.settings.timestep)
-    model = (plant.edited(*parts) if built else plant).model
-    data, h, speeds = mujoco.MjData(model), model.opt.timestep, []
-    for volts in (LOW, HIGH):
-        data.ctrl[0] = volts / motor.resistance
-        for _ in range(round(HALF / h)):
-            mujoco.mj_step(model, data)
-            speeds.append(float(data.qvel[0]))
-    before, after = np.split(np.array(speeds), 2)
-    rise = after[-1] - before[-1]
-    reached = h * (1 + np.argmax(after >= before[-1] + (1 - math.exp(-1)) * rise))
-    documented = re.search(rf"\| {row} \| ([\d.]+) \| ([\d.]+) \|", LADDER)
-    assert documented is not None
-    assert documented.groups() == (f"{rise / (HIGH - LOW):.3g}", f"{1e3 * reached:.3g}")
+    model = plant.edited(*parts).model if built else plant.model
+
+    low, high = bump_test(model, motor.resistance)
+    rise = high[-1] - low[-1]
+    steps = 1 + np.argmax(high >= low[-1] + (1 - math.exp(-1)) * rise)
+    tau = model.opt.timestep * steps
+    assert documented(row) == (f"{rise / (HIGH - LOW):.3g}", f"{1e3 * tau:.3g}")

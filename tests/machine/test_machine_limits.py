@@ -13,74 +13,137 @@ from machined import stepped
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.machine import LuGre, MachinePart, Motor, Stop, SwingingLoad, Transmission, Wall
-from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
+
+# A part of the model's own inertia
+
+NOMINAL = MujocoPlant.load("servo", timestep=1e-5)
+STIFF = NOMINAL.edited(Transmission("shaft", 0.05, stiffness=1e5, damping=40.0, added=False))
 
 
-def test_a_part_of_the_models_inertia_is_taken_off_it() -> None:
-    nominal = MujocoPlant.load("servo", timestep=1e-5)
-    taken = Transmission("shaft", inertia=0.05, stiffness=1e5, damping=40.0, added=False)
-    plant = nominal.edited(taken)
-    soft, rigid = (
-        stepped(one, 0.25, lambda d: d.qpos[0], lambda t: math.sin(20 * t))
-        for one in (plant, nominal)
+def test_a_stiff_transmission_within_the_models_inertia_is_the_rigid_joint() -> None:
+    rigid, soft = (
+        stepped(plant, 0.25, lambda d: d.qpos[0], lambda t: math.sin(20 * t))
+        for plant in (NOMINAL, STIFF)
     )
     assert np.abs(soft - rigid).max() < 3e-4
-    for same in (plant, plant.rigid):
-        assert same.analytic().parameters == nominal.analytic().parameters
 
 
-def test_hidden_states_are_named_with_their_unit() -> None:
+@pytest.mark.parametrize("plant", [STIFF, STIFF.rigid])
+def test_a_part_of_the_models_inertia_leaves_its_numbers(plant: MujocoPlant) -> None:
+    assert plant.analytic().parameters == NOMINAL.analytic().parameters
+
+
+# Hidden states
+
+
+@pytest.fixture(scope="module")
+def machine() -> MujocoPlant:
+    """A cart-pendulum with a load, a belt and friction."""
     parts = (
         Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
         LuGre("slider", 1.0, stiffness=1e3),
         SwingingLoad("cart", 0.1, 0.2),
     )
-    plant = MujocoPlant.load("cart_pendulum", edits=parts)
-    units = {state.name: state.unit for state in plant.hidden_states}
-    assert units == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
+    return MujocoPlant.load("cart_pendulum", edits=parts)
+
+
+@pytest.fixture(scope="module")
+def run(machine: MujocoPlant) -> Trajectory:
+    """A run of it by the LQR."""
     law = find_experiment("cart_pendulum", "nominal").law("physics", "lqr")
-    run = simulate(plant, law, [0, 0.1, 0, 0], duration=0.05, control_period=1e-3)
+    return simulate(machine, law, [0, 0.1, 0, 0], duration=0.05, control_period=1e-3)
+
+
+def test_hidden_states_are_named_with_their_unit(machine: MujocoPlant) -> None:
+    units = {state.name: state.unit for state in machine.hidden_states}
+    assert units == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
+
+
+def test_hidden_states_are_recorded_beside_the_state(run: Trajectory) -> None:
     assert run.physics is not None
-    (state,) = (state for state in plant.hidden_states if state.name == "slider twist")
+    assert run.state.shape[1] == 4
+
+
+def test_a_motor_begins_with_its_joint(run: Trajectory) -> None:
+    assert run.physics is not None
+    assert run.physics[0, 1:4].tolist() == [0.0, 0.1, 0.0]
+
+
+def test_a_twist_is_read_from_a_run(machine: MujocoPlant, run: Trajectory) -> None:
+    assert run.physics is not None
+    (state,) = (state for state in machine.hidden_states if state.name == "slider twist")
     twist = state.of(run.physics)
     assert twist[0] == 0
     assert 0 < np.abs(twist).max() < 1e-2
-    assert run.state.shape[1] == 4
-    assert run.physics[0, 1:4].tolist() == [0.0, 0.1, 0.0]  # the motor begins with its joint
-    # A plant with states of its own has no derivative, but its rigid one has.
+
+
+def test_a_plant_with_hidden_states_has_no_derivative(machine: MujocoPlant) -> None:
     with pytest.raises(ModelError, match=r"states that x does not tell \(cart swing, slider twist"):
-        plant.derivative([0.0] * 4)
+        machine.derivative([0.0] * 4)
+
+
+def test_a_plant_with_hidden_states_has_no_linearization(machine: MujocoPlant) -> None:
     with pytest.raises(ModelError, match=r"ask its \.rigid plant"):
-        plant.linearization()
-    rigid = plant.rigid.derivative([0.0, 1.0, 0.0, 0.0], 1.0)
-    assert rigid == pytest.approx(plant.analytic().derivative([0.0, 1.0, 0.0, 0.0], 1.0))
+        machine.linearization()
+
+
+def test_the_rigid_plant_has_the_derivative_of_its_equations(machine: MujocoPlant) -> None:
+    x = [0.0, 1.0, 0.0, 0.0]
+    expected = machine.analytic().derivative(x, 1.0)
+    assert machine.rigid.derivative(x, 1.0) == pytest.approx(expected)
+
+
+# Impossible parts
 
 
 def model(*edits: Edit, name: str = "servo", integrator: Any = "RK4", h: float = 1e-3) -> Any:
     return MujocoPlant.load(name, edits=edits, integrator=integrator, timestep=h).model
 
 
-BRISTLES = LuGre("shaft", 0.05, 0.07, damping=3.0)
+# Arguments of wrong types are meant.
 wrong: Any = partial
+BRISTLES = LuGre("shaft", 0.05, 0.07, damping=3.0)
+UNDRIVEN = Transmission("hinge", 0.1, 1e3)
+HEAVY_PART = Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)
+
+
+@pytest.mark.parametrize(
+    ("edits", "words"),
+    [
+        ([Transmission("shfat", 0.1, 1e3)], r"unknown joint 'shfat'.*did you mean"),
+        ([LuGre("shaft", 0.1), LuGre("shaft", 0.2)], "two of the kind 'lugre'"),
+        ([Motor("currant", 0.1, 1.0)], "unknown input 'currant'"),
+        ([Transmission("shaft", 1e-4, 1e4)], r"at most 0\.00\d+ s, or make it softer"),
+        ([Motor("current", 0.1, 1.0, inductance=1e-5)], "another integrator, or leave"),
+        ([Motor("current", 0.1, 1.0, added=False)], "let them be added"),
+        ([HEAVY_PART], r"0\.06 is no part .* armature of 0 .* 0\.0577: give less"),
+    ],
+)
+def test_a_part_that_the_servo_cannot_have_is_refused_in_one_line(edits: Any, words: str) -> None:
+    with pytest.raises(ModelError, match=words) as refused:
+        model(*edits)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_transmission_without_a_motor_is_refused_in_one_line() -> None:
+    with pytest.raises(ModelError, match="no input drives joint 'hinge'") as refused:
+        model(UNDRIVEN, name="cart_pendulum")
+    assert "\n" not in str(refused.value)
+
+
+def test_bristles_under_an_implicit_integrator_are_refused_in_one_line() -> None:
+    with pytest.raises(ModelError, match=r"= 1\.05: take integrator RK4") as refused:
+        model(BRISTLES, integrator="implicitfast")
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (wrong(model, Transmission("shfat", 0.1, 1e3)), r"unknown joint 'shfat'.*did you mean"),
-        (wrong(model, LuGre("shaft", 0.1), LuGre("shaft", 0.2)), "two of the kind 'lugre'"),
-        (wrong(model, Transmission("hinge", 0.1, 1e3), name="cart_pendulum"),
-         "no input drives joint 'hinge'"),
-        (wrong(model, Motor("currant", 0.1, 1.0)), "unknown input 'currant'"),
-        (wrong(model, Transmission("shaft", 1e-4, 1e4)), r"at most 0\.00\d+ s, or make it softer"),
-        (wrong(model, Motor("current", 0.1, 1.0, inductance=1e-5)), "another integrator, or leave"),
-        (wrong(model, Motor("current", 0.1, 1.0, added=False)), "let them be added"),
-        (wrong(model, Transmission("shaft", inertia=0.06, stiffness=1e5, added=False)),
-         r"0\.06 is no part .* armature of 0 .* 0\.0577: give less"),
-        (wrong(model, BRISTLES, integrator="implicitfast"), r"= 1\.05: take integrator RK4"),
-        # A part's own numbers.
         (wrong(Transmission, "j", 0.1), "it is rigid: give a stiffness, a backlash or both"),
         (wrong(LuGre, "j", 0.2, 0.1), r"static = 0\.1 must be at least coulomb = 0\.2"),
         (wrong(Stop, "j", 1.0, -1.0), "low = 1 must be below high = -1"),
@@ -89,8 +152,8 @@ wrong: Any = partial
         (wrong(Wall, "b", 0.1, normal=(0, 0, 0)), "must point somewhere"),
         (wrong(Wall, "b", 0.1, at=(0, 0)), "3 finite numbers"),
     ],
-)  # fmt: skip
-def test_an_impossible_part_is_refused_in_one_line(make: Any, words: str) -> None:
+)
+def test_numbers_that_no_part_has_are_refused_in_one_line(make: Any, words: str) -> None:
     with pytest.raises(ModelError, match=words) as refused:
         make()
     assert "\n" not in str(refused.value)
@@ -105,10 +168,14 @@ def test_an_impossible_part_is_refused_in_one_line(make: Any, words: str) -> Non
     ],
 )
 def test_no_integrator_makes_the_damping_of_a_constraint_implicit(part: MachinePart) -> None:
+    """The timestep that the message tells is short enough."""
     with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most (.*) s,") as info:
         model(part, integrator="implicitfast")
     longest = float(str(info.value).split("at most ")[1].split()[0])
     assert model(part, integrator="implicitfast", h=longest)
+
+
+def test_explicit_euler_may_have_bristles() -> None:
     assert model(BRISTLES, integrator="Euler")
 
 
@@ -122,27 +189,45 @@ def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
         simulate(plant, law, x0, duration=0.01)
 
 
-def test_batches_of_machines_are_their_single_runs() -> None:
+# Batches
+
+
+def built_servo(stiffness: float) -> MujocoPlant:
+    parts = (
+        Transmission("shaft", inertia=0.01, stiffness=stiffness, damping=1.0, backlash=1e-3),
+        LuGre("shaft", 0.05),
+    )
+    return MujocoPlant.load("servo", edits=parts)
+
+
+PLANTS = [built_servo(300.0), built_servo(500.0)]
+STARTS = [[0.0, 0.0], [0.1, -0.2]]
+
+
+def physics_of_run(plants: Any, starts: Any, **settings: Any) -> Any:
+    """States of MuJoCo in a run by the law of the servo."""
     law = find_experiment("servo", "nominal").law("physics", "grosmc")
-    plants = [
-        MujocoPlant.load(
-            "servo",
-            edits=(
-                Transmission("shaft", inertia=0.01, stiffness=k, damping=1.0, backlash=1e-3),
-                LuGre("shaft", 0.05),
-            ),
-        )
-        for k in (300.0, 500.0)
-    ]
-    starts = [[0.0, 0.0], [0.1, -0.2]]
-    both = simulate(plants, law, starts, duration=0.2, control_period=1e-3)
-    assert both.physics is not None
-    for i, (plant, x0) in enumerate(zip(plants, starts, strict=True)):
-        alone = simulate(plant, law, x0, duration=0.2, control_period=1e-3)
-        assert alone.physics is not None
-        assert np.array_equal(alone.physics, both.physics[i])
-        # The motor begins with its joint.
-        assert alone.physics[0].tolist() == [0.0, x0[0], x0[0], x0[1], x0[1], 0.0]
-    ended = simulate(plants, law, starts, duration=0.2, control_period=1e-3, record=False)
-    assert ended.physics is not None
-    assert np.array_equal(ended.physics[:, -1], both.physics[:, -1])
+    run = simulate(plants, law, starts, duration=0.2, control_period=1e-3, **settings)
+    assert run.physics is not None
+    return run.physics
+
+
+@pytest.fixture(scope="module")
+def batch() -> Any:
+    return physics_of_run(PLANTS, STARTS)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_run_of_a_batch_of_machines_is_the_single_run(batch: Any, index: int) -> None:
+    alone = physics_of_run(PLANTS[index], STARTS[index])
+    np.testing.assert_array_equal(alone, batch[index])
+
+
+def test_each_motor_of_a_batch_begins_with_its_joint(batch: Any) -> None:
+    for physics, (angle, speed) in zip(batch, STARTS, strict=True):
+        assert physics[0].tolist() == [0.0, angle, angle, speed, speed, 0.0]
+
+
+def test_a_batch_that_is_not_recorded_has_its_last_states(batch: Any) -> None:
+    unrecorded = physics_of_run(PLANTS, STARTS, record=False)
+    np.testing.assert_array_equal(unrecorded[:, -1], batch[:, -1])

@@ -14,10 +14,23 @@ from scipy.integrate import solve_ivp
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.machine import Motor
-from grosmc_mj.physics.edits import BodyEdit, Edit, InputEdit, JointEdit
+from grosmc_mj.physics.edit import Edit
+from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
-K, R, L, N, V, BANDWIDTH, STEP = 7.68e-3, 2.6, 2e-3, 10.0, 6.0, 1e4, 1e-5
+# Constant [N m/A], resistance [ohm], inductance [H], gear, voltage [V] and bandwidth [rad/s].
+K = 7.68e-3
+R = 2.6
+L = 2e-3
+N = 10.0
+V = 6.0
+BANDWIDTH = 1e4
+STEP = 1e-5
+# Share of its way that a lag has gone after its time constant.
+REACHED = 1 - math.exp(-1)
+
+
+ON_SUPPLY = {"bandwidth": BANDWIDTH, "voltage": V}
 
 
 def motor(**numbers: Any) -> Motor:
@@ -26,37 +39,58 @@ def motor(**numbers: Any) -> Motor:
 
 def loop(**numbers: Any) -> Motor:
     """With a current loop on a supply."""
-    return motor(**{"bandwidth": BANDWIDTH, "voltage": V, **numbers})
+    return motor(**{**ON_SUPPLY, **numbers})
 
 
 def fine(*edits: Edit, timestep: float = STEP) -> MujocoPlant:
     return servo(*edits, timestep=timestep, integrator="implicitfast")
 
 
-def asked(amperes: float) -> float:
-    """The input that asks for a current of the winding."""
+def input_for(amperes: float) -> float:
+    """The input that demands a current of the winding."""
     return amperes * N * K / GEAR
+
+
+def angle(data: mujoco.MjData) -> float:
+    return data.qpos[0]
+
+
+def speed(data: mujoco.MjData) -> float:
+    return data.qvel[0]
 
 
 def torque(data: mujoco.MjData) -> float:
     return data.qfrc_actuator[0]
 
 
-def currents(plant: MujocoPlant, amperes: float, duration: float, speed: float = 0.0) -> Array:
-    """Of the winding at a held speed, where a current is asked for."""
+def activation(data: mujoco.MjData) -> float:
+    return data.act[-1]
+
+
+def currents(plant: MujocoPlant, amperes: float, duration: float, at_speed: float = 0.0) -> Array:
+    """Current of the winding at a held speed, for a demand."""
     winding = plant.hidden_states[-1]
-    act = stepped(plant, duration, lambda d: d.act[-1], asked(amperes), speed, held=True)
-    return winding.scale * act
+    u = input_for(amperes)
+    activations = stepped(plant, duration, activation, u, at_speed, held=True)
+    return winding.scale * activations
+
+
+def time_constant(rising: Array, final: float) -> float:
+    """Time until a signal has 63 % of its final value [s]."""
+    return STEP * float(np.argmax(rising >= REACHED * final))
+
+
+# Limits
 
 
 @pytest.mark.parametrize(
     ("numbers", "demand", "speed", "expected"),
     [
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, 60.0, (V - K * N * 60) / R),
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 100.0, -30.0, (V + K * N * 30) / R),
-        # What the supply has enough voltage for is given whatever the speed.
-        ({"bandwidth": BANDWIDTH, "voltage": V}, 0.25, 60.0, 0.25),
-        ({"bandwidth": BANDWIDTH, "voltage": V, "current": 1.5}, 100.0, 0.0, 1.5),
+        (ON_SUPPLY, 100.0, 60.0, (V - K * N * 60) / R),
+        (ON_SUPPLY, 100.0, -30.0, (V + K * N * 30) / R),
+        # A current that the supply has enough voltage for is given whatever the speed.
+        (ON_SUPPLY, 0.25, 60.0, 0.25),
+        ({**ON_SUPPLY, "current": 1.5}, 100.0, 0.0, 1.5),
         ({"inductance": L, "voltage": V}, 100.0, 0.0, V / R),
         ({"inductance": L}, V / R, 0.0, V / R),
         ({"current": 2.0}, 100.0, 0.0, 2.0),
@@ -69,113 +103,174 @@ def test_a_motor_gives_the_current_that_ohms_law_and_its_limits_leave(
     efficiency = 0.7
     plant = fine(HEAVY, motor(efficiency=efficiency, **numbers))
     duration = 2e-2 if "inductance" in numbers else 4e-3
-    arrived = stepped(plant, duration, torque, asked(demand * efficiency), speed, held=True)[-1]
-    assert arrived == pytest.approx(efficiency * N * K * expected, rel=1e-6)
+    u = input_for(demand * efficiency)
+    torques = stepped(plant, duration, torque, u, speed, held=True)
+    assert torques[-1] == pytest.approx(efficiency * N * K * expected, rel=1e-6)
     if plant.hidden_states and "current" not in numbers:
-        amperes = currents(plant, demand * efficiency, duration, speed)[-1]
-        assert amperes == pytest.approx(expected, rel=1e-6)
+        amperes = currents(plant, demand * efficiency, duration, speed)
+        assert amperes[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_current_loop_is_as_quick_as_its_supply_and_winding_allow() -> None:
-    """At the pole R/L no bound but the supply's acts: V = L i' + R i + K w is exact.
+# Lags
 
-    A quicker loop is ahead of Kirchhoff's law by (K w + R i)/V of the rise: the bound on the rate
-    is that of a winding at rest.
-    """
-    time, demand = STEP * np.arange(1, 201), 1.0
-    slow = currents(fine(HEAVY, loop(inductance=L, bandwidth=R / L)), 100.0, 2e-3)
-    np.testing.assert_allclose(slow, V / R * (1 - np.exp(-R / L * time)), rtol=1e-6)
+TIME = STEP * np.arange(1, 201)
+
+
+def test_a_loop_at_the_pole_of_its_winding_follows_kirchhoffs_law() -> None:
+    """At the pole R/L no bound but the supply's acts: V = L i' + R i + K w is exact."""
+    amperes = currents(fine(HEAVY, loop(inductance=L, bandwidth=R / L)), 100.0, 2e-3)
+    np.testing.assert_allclose(amperes, V / R * (1 - np.exp(-R / L * TIME)), rtol=1e-6)
+
+
+def kirchhoff(demand: float) -> Array:
+    """Current under the supply's voltage at rest, (200,)."""
 
     def rise(_t: float, i: Array) -> Array:
         return np.clip(BANDWIDTH * (demand - i), (-V - R * i) / L, (V - R * i) / L)
 
-    true = solve_ivp(rise, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12).y[0]
-    quick = currents(fine(HEAVY, loop(inductance=L)), demand, 2e-3)
-    assert np.all(quick >= true - 1e-6)
-    assert np.all(quick - true <= R * demand / V * np.minimum(V / L * time, demand) + 1e-6)
-    assert np.abs(np.diff(quick, prepend=0.0) / STEP).max() <= V / L * (1 + 1e-9)
-    assert quick[-1] == pytest.approx(demand, rel=1e-3)
-    # Without the limit of a winding the loop's own lag is all that there is.
-    free = currents(fine(HEAVY, loop()), demand, 2e-3)
-    assert np.diff(free, prepend=0.0).max() / STEP > 2 * V / L
+    solution = solve_ivp(rise, (0, TIME[-1]), [0.0], t_eval=TIME, rtol=1e-10, atol=1e-12)
+    return solution.y[0]
 
 
-def test_a_winding_and_a_loop_have_their_lag_and_a_motor_its_no_load_speed() -> None:
+def test_a_quick_loop_is_ahead_of_kirchhoffs_law_by_its_voltage_drop() -> None:
+    """By (K w + R i)/V of the rise: the bound on the rate is that of a winding at rest."""
+    demand = 1.0
+    amperes = currents(fine(HEAVY, loop(inductance=L)), demand, 2e-3)
+    exact = kirchhoff(demand)
+    ahead = R * demand / V * np.minimum(V / L * TIME, demand)
+    assert np.all(amperes >= exact - 1e-6)
+    assert np.all(amperes - exact <= ahead + 1e-6)
+    assert amperes[-1] == pytest.approx(demand, rel=1e-3)
+
+
+def test_a_supply_changes_a_current_by_v_over_l_at_most() -> None:
+    amperes = currents(fine(HEAVY, loop(inductance=L)), 1.0, 2e-3)
+    rates = np.diff(amperes, prepend=0.0) / STEP
+    assert np.abs(rates).max() <= V / L * (1 + 1e-9)
+
+
+def test_a_loop_without_an_inductance_has_its_own_lag_alone() -> None:
+    amperes = currents(fine(HEAVY, loop()), 1.0, 2e-3)
+    rates = np.diff(amperes, prepend=0.0) / STEP
+    assert rates.max() > 2 * V / L
+
+
+def test_a_winding_is_a_hidden_state_with_its_lag() -> None:
     plant = servo(HEAVY, motor(inductance=L), timestep=STEP)
     assert [(state.name, state.unit) for state in plant.hidden_states] == [("current winding", "A")]
-    reached = np.argmax(currents(plant, V / R, 2e-3) >= (1 - math.exp(-1)) * V / R) * STEP
-    assert reached == pytest.approx(L / R, rel=0.01)
-    quick = servo(BodyEdit("rotor", mass_scale=0.01), motor())
-    speeds = stepped(quick, 5.0, lambda d: d.qvel[0], asked(V / R))
+    tau = time_constant(currents(plant, V / R, 2e-3), V / R)
+    assert tau == pytest.approx(L / R, rel=0.01)
+
+
+def test_a_motor_runs_at_its_no_load_speed() -> None:
+    plant = servo(BodyEdit("rotor", mass_scale=0.01), motor())
+    speeds = stepped(plant, 5.0, speed, input_for(V / R))
     assert speeds[-1] == pytest.approx(V / (N * K), rel=1e-3)
-    # A current loop follows with its bandwidth, and makes up for the back-EMF.
-    plant = fine(motor(bandwidth=5e3))
-    rising = stepped(plant, 2e-3, torque, 1.0)
-    reached = np.argmax(rising >= (1 - math.exp(-1)) * GEAR) * STEP
-    assert (reached, rising[-1]) == (
-        pytest.approx(1 / 5e3, rel=0.06),
-        pytest.approx(GEAR, rel=1e-4),
-    )
-    assert stepped(plant, 0.1, lambda d: d.qvel[0], speed=3.0)[-1] == pytest.approx(3.0, rel=1e-6)
 
 
-def test_cogging_and_a_rotor_s_inertia_are_seen_through_the_gear() -> None:
-    for voltage in (V, math.inf):
-        plant = fine(HEAVY, loop(voltage=voltage, cogging=2e-3, cogging_periods=4.0))
-        data = mujoco.MjData(plant.model)
-        data.qpos[0] = 0.01
-        mujoco.mj_forward(plant.model, data)
-        assert torque(data) == pytest.approx(N * 2e-3 * math.sin(4 * N * 0.01), rel=1e-9)
-    # By its kinetic energy at the joint's speed the joint is slower by 1 + N^2 J_m/J.
-    data = mujoco.MjData((plant := servo(motor(ratio=-70.0, inertia=2e-5))).model)
+def test_a_current_loop_follows_with_its_bandwidth() -> None:
+    torques = stepped(fine(motor(bandwidth=5e3)), 2e-3, torque, 1.0)
+    assert time_constant(torques, GEAR) == pytest.approx(1 / 5e3, rel=0.06)
+    assert torques[-1] == pytest.approx(GEAR, rel=1e-4)
+
+
+def test_a_current_loop_makes_up_for_the_back_emf() -> None:
+    speeds = stepped(fine(motor(bandwidth=5e3)), 0.1, speed, speed=3.0)
+    assert speeds[-1] == pytest.approx(3.0, rel=1e-6)
+
+
+# The gear
+
+
+@pytest.mark.parametrize("voltage", [V, math.inf])
+def test_cogging_is_seen_through_the_gear(voltage: float) -> None:
+    model = fine(HEAVY, loop(voltage=voltage, cogging=2e-3, cogging_periods=4.0)).model
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.01
+    mujoco.mj_forward(model, data)
+    assert torque(data) == pytest.approx(N * 2e-3 * math.sin(4 * N * 0.01), rel=1e-9)
+
+
+def test_the_inertia_of_a_rotor_is_seen_through_the_gear() -> None:
+    """By its kinetic energy at the joint's speed the joint is slower by 1 + N^2 J_m/J."""
+    model = servo(motor(ratio=-70.0, inertia=2e-5)).model
+    data = mujoco.MjData(model)
     data.ctrl[0] = 0.5 / GEAR
-    mujoco.mj_forward(plant.model, data)
+    mujoco.mj_forward(model, data)
     assert data.qacc[0] == pytest.approx(0.5 / (J + 70.0**2 * 2e-5), rel=1e-9)
 
 
-def test_a_motor_that_the_model_has_already_changes_nothing_while_it_is_cold_and_slow() -> None:
-    part, brakes = motor(efficiency=0.8, added=False), JointEdit("shaft", damping=0.02)
-    plants = (MujocoPlant.load("servo", edits=(brakes, *parts)) for parts in ((), (part,)))
+def test_a_motor_that_the_model_has_already_changes_nothing() -> None:
+    """While it is cold and slow."""
+    part = motor(efficiency=0.8, added=False)
+    brakes = JointEdit("shaft", damping=0.02)
     rigid, driven = (
-        stepped(plant, 0.5, lambda d: d.qpos[0], lambda t: math.sin(5 * t)) for plant in plants
+        stepped(
+            MujocoPlant.load("servo", edits=edits),
+            0.5,
+            angle,
+            lambda t: math.sin(5 * t),
+        )
+        for edits in ((brakes,), (brakes, part))
     )
     assert driven == pytest.approx(rigid, rel=1e-9, abs=1e-12)
     assert part.emf_damping == pytest.approx(0.8 * (N * K) ** 2 / R)
 
 
-def test_a_winding_warms_up_to_its_thermal_resistance() -> None:
-    """As R i^2; behind a current loop without a supply, however large its resistance grows.
+# Heat
 
-    Copper's resistance grows by 0.39 % a kelvin, and a voltage heats it less then.
-    """
-    heated = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
-    plant = fine(HEAVY, motor(**heated), timestep=1e-3)
+HEATED = {"thermal_resistance": 5.0, "heat_capacity": 0.02}
+
+
+def test_a_voltage_heats_a_winding_to_its_thermal_resistance() -> None:
+    """By R i^2; copper's resistance grows by 0.39 % a kelvin, and a voltage heats it less then."""
+    plant = fine(HEAVY, motor(**HEATED), timestep=1e-3)
     (heat,) = plant.hidden_states
-    kelvin = heat.scale * stepped(plant, 2.0, lambda d: d.act[0], asked(V / R))[-1]
+    activations = stepped(plant, 2.0, lambda d: d.act[0], input_for(V / R))
+    kelvin = heat.scale * activations[-1]
     assert heat.unit == "K"
     assert kelvin == pytest.approx(5.0 * V**2 / (R * (1 + 0.0039 * kelvin)), rel=1e-3)
-    plant = fine(HEAVY, motor(bandwidth=500.0, **heated), timestep=1e-4)
+
+
+def test_a_current_loop_heats_a_winding_by_the_same_current() -> None:
+    """Without a supply, however large the winding's resistance grows."""
+    plant = fine(HEAVY, motor(bandwidth=500.0, **HEATED), timestep=1e-4)
     heat, winding = plant.hidden_states
-    kelvin, amperes = stepped(plant, 0.2, lambda d: (d.act[0], d.act[-1]), asked(1.5))[-1]
+    rows = stepped(plant, 0.2, lambda d: (d.act[0], d.act[-1]), input_for(1.5))
+    kelvin = heat.scale * rows[-1, 0]
+    amperes = winding.scale * rows[-1, 1]
     # The current is there within 2 ms of the 0.2 s.
     rise = 5.0 * R * 1.5**2 * (1 - math.exp(-0.2 / (5.0 * 0.02)))
-    assert heat.scale * kelvin == pytest.approx(rise, rel=0.01)
-    assert winding.scale * amperes == pytest.approx(1.5, rel=1e-6)
+    assert kelvin == pytest.approx(rise, rel=0.01)
+    assert amperes == pytest.approx(1.5, rel=1e-6)
 
 
-def test_a_motor_the_other_way_round_is_mirrored() -> None:
-    """Its current, where it turns against its joint; its input, under a negative gear."""
+# Reversed motors
 
-    def wave(plant: MujocoPlant, sign: float) -> Array:
-        """Angle, speed, torque and winding under an input that uses all of the supply."""
-        read = lambda d: (d.qpos[0], d.qvel[0], torque(d), d.act[-1])  # noqa: E731
-        rows = stepped(plant, 0.25, read, lambda t: sign * 3 * math.sin(100 * t))
-        return rows * [1, 1, 1, plant.hidden_states[0].scale]
 
-    for part in (motor(inductance=L, voltage=V), loop(inductance=L, bandwidth=500.0)):
-        rows = wave(fine(part, timestep=1e-4), 1.0)
-        assert np.abs(rows[:, 0]).max() > 0.01
-        against = wave(fine(replace(part, ratio=-N), timestep=1e-4), 1.0)
-        np.testing.assert_array_equal(against * [1, 1, 1, -1], rows)
-        turned = fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4)
-        np.testing.assert_array_equal(wave(turned, 1.0), wave(fine(part, timestep=1e-4), -1.0))
+def angle_speed_torque_current(data: mujoco.MjData) -> tuple[float, ...]:
+    return angle(data), speed(data), torque(data), activation(data)
+
+
+def wave(plant: MujocoPlant, sign: float = 1.0) -> Array:
+    """Angle, speed, torque and winding under an input that uses all of the supply."""
+    rows = stepped(plant, 0.25, angle_speed_torque_current, lambda t: sign * 3 * math.sin(100 * t))
+    return rows * [1, 1, 1, plant.hidden_states[0].scale]
+
+
+REVERSIBLE = [motor(inductance=L, voltage=V), loop(inductance=L, bandwidth=500.0)]
+
+
+@pytest.mark.parametrize("part", REVERSIBLE)
+def test_a_motor_that_turns_against_its_joint_has_the_opposite_current(part: Motor) -> None:
+    rows = wave(fine(part, timestep=1e-4))
+    against = wave(fine(replace(part, ratio=-N), timestep=1e-4))
+    assert np.abs(rows[:, 0]).max() > 0.01
+    np.testing.assert_array_equal(against * [1, 1, 1, -1], rows)
+
+
+@pytest.mark.parametrize("part", REVERSIBLE)
+def test_a_motor_under_a_negative_gear_has_the_opposite_input(part: Motor) -> None:
+    turned = wave(fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4))
+    opposite = wave(fine(part, timestep=1e-4), sign=-1.0)
+    np.testing.assert_array_equal(turned, opposite)

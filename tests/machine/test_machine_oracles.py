@@ -15,92 +15,156 @@ from grosmc_mj.machine.part import Oscillation
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
+# Transmissions. The motor's inertia, and the stiffness and damping of the twist.
 
-def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash_and_damps_the_twist() -> None:
-    """twist'' = -(k twist + d twist')(1/J + 1/J_m); within the backlash there is no k."""
-    motor, k, d, t = 0.01, 500.0, 0.2, 0.05
-    stiff, damped = (number * (1 / J + 1 / motor) for number in (k, d))
+J_M = 0.01
+STIFFNESS = 500.0
+DAMPING = 0.2
+
+
+def elastic_servo(backlash: float) -> MujocoPlant:
+    return servo(Transmission("shaft", J_M, STIFFNESS, DAMPING, backlash))
+
+
+def twist(data: mujoco.MjData) -> float:
+    return data.qpos[1] - data.qpos[0]
+
+
+def twist_rate(data: mujoco.MjData) -> float:
+    return data.qvel[1] - data.qvel[0]
+
+
+def twist_after(plant: MujocoPlant, steps: int) -> float:
+    """Twist [rad] after steps of 0.1 ms that begin with a rate of 1 rad/s."""
+    data = mujoco.MjData(plant.model)
+    data.qvel[1] = 1.0
+    mujoco.mj_step(plant.model, data, nstep=steps)
+    return twist(data)
+
+
+def test_a_twist_swings_by_stiffness_and_damping() -> None:
+    """twist'' = -(k twist + d twist')(1/J + 1/J_m)."""
+    t = 0.05
+    stiff = STIFFNESS * (1 / J + 1 / J_M)
+    damped = DAMPING * (1 / J + 1 / J_M)
     omega = math.sqrt(stiff - damped**2 / 4)
-    free = (1 - math.exp(-damped * t)) / damped
-    swinging = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
-    for backlash, twist in ((0.0, swinging), (0.2, free)):
-        part = Transmission("shaft", inertia=motor, stiffness=k, damping=d, backlash=backlash)
-        plant = servo(part)
-        data = mujoco.MjData(plant.model)
-        data.qvel[1] = 1.0
-        mujoco.mj_step(plant.model, data, nstep=500)
-        assert data.qpos[1] - data.qpos[0] == pytest.approx(twist, rel=1e-6)
-    for twist, torque in ((0.3, -100.0), (-0.3, 100.0), (0.05, 0.0)):
-        data.qpos[:], data.qvel[:] = (0.0, twist), 0.0
-        mujoco.mj_forward(plant.model, data)
-        assert data.qfrc_passive[:2] == pytest.approx([-torque, torque], abs=1e-9)
+    expected = math.exp(-damped / 2 * t) * math.sin(omega * t) / omega
+    assert twist_after(elastic_servo(0.0), 500) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_twist_is_damped_within_the_backlash() -> None:
+    """twist'' = -d twist' (1/J + 1/J_m)."""
+    t = 0.05
+    damped = DAMPING * (1 / J + 1 / J_M)
+    expected = (1 - math.exp(-damped * t)) / damped
+    assert twist_after(elastic_servo(0.2), 500) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "torque"), [(0.3, -100.0), (-0.3, 100.0), (0.05, 0.0)])
+def test_a_transmission_pulls_by_its_stiffness_beyond_its_backlash(
+    angle: float, torque: float
+) -> None:
+    model = elastic_servo(0.2).model
+    data = mujoco.MjData(model)
+    data.qpos[1] = angle
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[:2] == pytest.approx([-torque, torque], abs=1e-9)
+
+
+RIGID_TEETH = Transmission("shaft", inertia=0.01, backlash=0.2)
+
+
+def test_rigid_teeth_do_not_pull_within_their_play() -> None:
+    twists = stepped(servo(RIGID_TEETH), 0.2, twist, start=0.05)
+    assert np.ptp(twists) == 0
 
 
 def test_rigid_teeth_give_back_a_tenth_beyond_their_play() -> None:
-    plant = servo(Transmission("shaft", inertia=0.01, backlash=0.2))
-    twist = stepped(plant, 0.2, lambda d: d.qpos[1] - d.qpos[0], start=0.05)
-    assert np.ptp(twist) == 0  # within the play nothing pulls
+    plant = servo(RIGID_TEETH)
     data = mujoco.MjData(plant.model)
     data.qvel[1] = 1.0
     mujoco.mj_step(plant.model, data, nstep=1100)
     # A bounce of 4 ms is one of 40 timesteps.
-    assert data.qvel[1] - data.qvel[0] == pytest.approx(-0.1, rel=0.05)
-    assert 0.09 < data.qpos[1] - data.qpos[0] < 0.1
+    assert twist_rate(data) == pytest.approx(-0.1, rel=0.05)
+    assert 0.09 < twist(data) < 0.1
 
 
-def test_the_longest_stable_timesteps_are_the_textbooks() -> None:
-    """Of semi-implicit Euler and of RK4, at the ends of their regions of stability."""
-    euler, rk4 = mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4
-    for square, damping, integrator, longest in (
-        (25.0, 0.0, euler, 2 / 5),
-        (0.0, 5.0, euler, 2 / 5),
-        (25.0, 0.0, rk4, 2 * math.sqrt(2) / 5),
-        # Where 1 - z + z^2/2 - z^3/6 + z^4/24 = 1.
-        (0.0, 5.0, rk4, 2.785293563405282 / 5),
-    ):
-        oscillation = Oscillation(square, damping)
-        assert oscillation.longest_timestep(1.5, integrator) == pytest.approx(longest, rel=1e-5)
+# Timesteps
+
+EULER = mujoco.mjtIntegrator.mjINT_EULER
+RK4 = mujoco.mjtIntegrator.mjINT_RK4
 
 
-def test_lugre_has_its_force_at_a_held_speed() -> None:
+@pytest.mark.parametrize(
+    ("square", "damping", "integrator", "longest"),
+    [
+        (25.0, 0.0, EULER, 2 / 5),
+        (0.0, 5.0, EULER, 2 / 5),
+        (25.0, 0.0, RK4, 2 * math.sqrt(2) / 5),
+        # The root of 1 - z + z^2/2 - z^3/6 + z^4/24 = 1.
+        (0.0, 5.0, RK4, 2.785293563405282 / 5),
+    ],
+)
+def test_the_longest_stable_timestep_is_the_textbooks(
+    square: float, damping: float, integrator: mujoco.mjtIntegrator, longest: float
+) -> None:
+    """At the ends of the regions of stability of semi-implicit Euler and of RK4."""
+    oscillation = Oscillation(square, damping)
+    assert oscillation.longest_timestep(1.5, integrator) == pytest.approx(longest, rel=1e-5)
+
+
+# Friction and bounces
+
+
+@pytest.mark.parametrize("v", [0.01, -0.05])
+def test_lugre_has_its_force_at_a_held_speed(v: float) -> None:
     """z = g/s0 (1 - e), F = s0 z + s1 v e with e = exp(-s0 |v| t/g); of a step (0.01)^3 is lost."""
     part = LuGre("shaft", coulomb=0.1, static=0.15, stiffness=200.0, damping=0.5, stribeck=0.01)
-    for v in (0.01, -0.05):
-        rows = stepped(
-            servo(HEAVY, part), 0.2, lambda d: (d.time, d.qfrc_actuator[0]), speed=v, held=True
-        )
-        t, force = rows.T
-        g = 0.1 + 0.05 * math.exp(-((v / 0.01) ** 2))
-        e = np.exp(-200.0 * abs(v) * t / g)
-        expected = -math.copysign(g, v) * (1 - e) - 0.5 * v * e
-        np.testing.assert_allclose(force, expected, rtol=0, atol=1e-7)
+    plant = servo(HEAVY, part)
+    rows = stepped(plant, 0.2, lambda d: (d.time, d.qfrc_actuator[0]), speed=v, held=True)
+    t, force = rows.T
+
+    g = 0.1 + 0.05 * math.exp(-((v / 0.01) ** 2))
+    e = np.exp(-200.0 * abs(v) * t / g)
+    expected = -math.copysign(g, v) * (1 - e) - 0.5 * v * e
+    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-7)
 
 
-def test_a_stop_gives_back_its_restitution() -> None:
-    for e in (0.05, 0.6):
-        plant = servo(Stop("shaft", -1.0, 0.5, restitution=e))
-        assert -stepped(plant, 1.0, lambda d: d.qvel[0], speed=1.0)[-1] == pytest.approx(
-            e, rel=0.02
-        )
+@pytest.mark.parametrize("restitution", [0.05, 0.6])
+def test_a_stop_gives_back_its_restitution(restitution: float) -> None:
+    plant = servo(Stop("shaft", -1.0, 0.5, restitution=restitution))
+    speeds = stepped(plant, 1.0, lambda d: d.qvel[0], speed=1.0)
+    assert -speeds[-1] == pytest.approx(restitution, rel=0.02)
+
+
+def test_restitution_falls_with_the_damping_ratio() -> None:
     ratios = (0.0, 0.1, 0.5, 0.999999, 1.0, 1.000001, 2.0, 5.0)
-    found = [restitution_of(ratio) for ratio in ratios]
-    assert found[0] == 1.0
-    assert np.all(np.diff(found) < 0)
-    assert found[3:6:2] == pytest.approx([math.exp(-2)] * 2, rel=1e-5)
+    restitutions = [restitution_of(ratio) for ratio in ratios]
+    assert restitutions[0] == 1.0
+    assert np.all(np.diff(restitutions) < 0)
+
+
+@pytest.mark.parametrize("ratio", [0.999999, 1.000001])
+def test_restitution_is_continuous_at_critical_damping(ratio: float) -> None:
+    assert restitution_of(ratio) == pytest.approx(math.exp(-2), rel=1e-5)
 
 
 def test_a_wall_gives_back_its_restitution() -> None:
+    """The pole turns as well: the ball's own speed counts."""
     part = Wall("pole", 0.02, at=(0, 0, 1), point=(0.5, 0, 0), normal=(-1, 0, 0), restitution=0.5)
     model = MujocoPlant.load("cart_pendulum", edits=(part,), timestep=1e-4).model
     model.opt.gravity[:] = 0
-    data, ball = mujoco.MjData(model), model.geom("bumper 1").id
-    data.qvel[0], touched, before = 1.0, False, 0.0
-    while not (touched and data.ncon == 0):
+    ball = model.geom("bumper 1").id
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1.0
+
+    touched = False
+    before = 0.0
+    while not touched or data.ncon > 0:
         before = data.geom_xpos[ball, 0]
         mujoco.mj_step(model, data)
         touched = touched or data.ncon > 0
         assert data.time < 1
-    # The pole turns as well: what counts is the ball's own speed.
     assert (data.geom_xpos[ball, 0] - before) / 1e-4 == pytest.approx(-0.5, rel=0.02)
     assert abs(data.qvel[1]) > 0.1
 
@@ -108,9 +172,13 @@ def test_a_wall_gives_back_its_restitution() -> None:
 def test_a_swinging_load_begins_below_its_hinge() -> None:
     load = SwingingLoad("link", 1e-6, 0.3, at=(0.5, 0, 0))
     plant = MujocoPlant.load("arm", edits=(load,), timestep=1e-4)
-    q, v = starts(plant.model, plant.system, np.array([[0.4, 0.0]]))
-    model, data = plant.model, mujoco.MjData(plant.model)
-    data.qpos[:], data.qvel[:] = q[0], v[0]
+    model = plant.model
+    qpos, qvel = starts(model, plant.system, np.array([[0.4, 0.0]]))
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos[0]
+    data.qvel[:] = qvel[0]
     mujoco.mj_kinematics(model, data)
-    below = data.xipos[model.body("link swing").id] - data.xanchor[model.joint("link swing").id]
-    assert below == pytest.approx([0.0, 0.0, -0.3], abs=1e-12)
+
+    centre = data.xipos[model.body("link swing").id]
+    hinge = data.xanchor[model.joint("link swing").id]
+    assert centre - hinge == pytest.approx([0.0, 0.0, -0.3], abs=1e-12)

@@ -1,4 +1,4 @@
-"""Equations in sympy: what is generated from them is the hand-written plant, in both engines."""
+"""Equations in sympy: functions generated from them are the hand-written plant, in both engines."""
 
 from __future__ import annotations
 
@@ -27,31 +27,45 @@ EDITS = {
     "arm": (BodyEdit("link", 1.9, 1.1),),
     "two_link_arm": (BodyEdit("upper", 1.9, 1.1), BodyEdit("lower", 0.7, 1.3)),
 }
+VARIANTS = [(name, variant) for name in BY_HAND for variant in find_system(name).variants]
 
 
-@pytest.mark.parametrize("name", BY_HAND)
-def test_equations_are_the_hand_written_ones(name: str) -> None:
-    """To rounding of the terms that they are sums of, with numbers that are not round.
+@pytest.mark.parametrize(("name", "variant"), VARIANTS)
+def test_equations_are_the_hand_written_ones(name: str, variant: Any) -> None:
+    """They agree to rounding of the terms that they are sums of.
 
     The terms of d(x, w) are the shares of each component of the wrench, for d is linear in w.
     """
-    hand, random, system = BY_HAND[name], np.random.default_rng(0), find_system(name)
-    n = system.degrees_of_freedom
-    for plant in (MujocoPlant.load(name, edits=EDITS[name]).analytic(v) for v in system.variants):
-        p = plant.parameters
-        for _ in range(60):
-            x = np.concatenate([random.uniform(-math.pi, math.pi, n), random.normal(0, 5, n)])
-            u = random.normal(0, 5, len(system.inputs))
-            w = random.normal(0, 5, 6 * len(system.bodies))
-            g = np.reshape(hand.input_matrix(x, p), (2 * n, -1))
-            expected = hand.drift(x, p) + g @ u + hand.disturbance(x, w, p)
-            pushes = np.abs([hand.disturbance(x, row, p)[n:] for row in np.diag(w)]).sum()
-            atol = 1e-14 * (hand.size(x, p) + (np.abs(g) @ np.abs(u)).max() + pushes)
-            np.testing.assert_allclose(plant.derivative(x, u, w), expected, rtol=0, atol=atol)
+    hand = BY_HAND[name]
+    plant = MujocoPlant.load(name, edits=EDITS[name]).analytic(variant)
+    p = plant.parameters
+    n = plant.system.degrees_of_freedom
+
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        x = np.concatenate([random.uniform(-math.pi, math.pi, n), random.normal(0, 5, n)])
+        u = random.normal(0, 5, len(plant.system.inputs))
+        w = random.normal(0, 5, 6 * len(plant.system.bodies))
+        g = np.reshape(hand.input_matrix(x, p), (2 * n, -1))
+        expected = hand.drift(x, p) + g @ u + hand.disturbance(x, w, p)
+
+        disturbance_terms = [hand.disturbance(x, row, p)[n:] for row in np.diag(w)]
+        input_terms = np.abs(g) @ np.abs(u)
+        size = hand.size(x, p) + input_terms.max() + np.abs(disturbance_terms).sum()
+        actual = plant.derivative(x, u, w)
+        np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-14 * size)
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_regions_are_the_hand_written_ones(name: str) -> None:
+    """They agree at their edges too, and at the floats next to these."""
+    hand = BY_HAND[name]
+    system = find_system(name)
     edges = [share * math.pi for share in (-2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2)]
-    near = [np.nextafter(edge, side) for edge in edges for side in (-math.inf, math.inf)]
-    for angle in [*edges, *near, *np.linspace(-7, 7, 141).tolist()]:
-        x = np.repeat([angle, 0.0], n)
+    below = [np.nextafter(edge, -math.inf) for edge in edges]
+    above = [np.nextafter(edge, math.inf) for edge in edges]
+    for angle in [*edges, *below, *above, *np.linspace(-7, 7, 141).tolist()]:
+        x = np.repeat([angle, 0.0], system.degrees_of_freedom)
         assert system.singular(x) == hand.singular(x), angle
         assert system.linearizable(x) == hand.linearizable(x), angle
 
@@ -60,54 +74,84 @@ def test_equations_are_the_hand_written_ones(name: str) -> None:
 
 X1, X2, X3, W1, A, B = sp.symbols("x1 x2 x3 w1 a b")
 SQUARE: dict[str, Any] = {
-    "x": (X1, X2, X3), "f": (X2, A * X1 * X3, -X3), "g": ((0, 0), (2, X1), (B, 3 + X2**2)),
-    "h": (X1, X3), "w": (W1,), "d": (0, W1, 0),
-}  # fmt: skip
+    "x": (X1, X2, X3),
+    "f": (X2, A * X1 * X3, -X3),
+    "g": ((0, 0), (2, X1), (B, 3 + X2**2)),
+    "h": (X1, X3),
+    "w": (W1,),
+    "d": (0, W1, 0),
+}
+NUMBERS = SimpleNamespace(a=1.5, b=-0.5)
+STATE = np.array([0.2, 0.7, -0.4])
+
+
+def square(**changes: Any) -> Equations:
+    return Equations(**{**SQUARE, **changes})
 
 
 def test_several_inputs_add_up_row_by_row() -> None:
-    plant, calm = Equations(**SQUARE), Equations(**{**SQUARE, "w": (), "d": ()})
-    p, x = SimpleNamespace(a=1.5, b=-0.5), np.array([0.2, 0.7, -0.4])
-    assert (plant.inputs, plant.parameters) == (2, (A, B))
-    assert plant.drift(x, p) == (0.7, 1.5 * 0.2 * -0.4, 0.4)
-    assert plant.input_matrix(x, p) == (0, 0, 2, 0.2, -0.5, 3 + 0.7 * 0.7)
-    assert (plant.disturbance(x, [2.5], p), calm.disturbance(x, [], p)) == ((0, 2.5, 0), (0, 0, 0))
-    assert (calm.singular(x), calm.linearizable(x)) == (False, True)
-    plain = Equations(**{**SQUARE, "g": (0, 1, B), "h": (X1,)})
-    assert (plain.g, plain.inputs) == (((0,), (1,), (B,)), 1)
+    equations = square()
+    assert equations.inputs == 2
+    assert equations.parameters == (A, B)
+    assert equations.drift(STATE, NUMBERS) == (0.7, 1.5 * 0.2 * -0.4, 0.4)
+    assert equations.input_matrix(STATE, NUMBERS) == (0, 0, 2, 0.2, -0.5, 3 + 0.7 * 0.7)
+    assert equations.disturbance(STATE, [2.5], NUMBERS) == (0, 2.5, 0)
 
 
-def use(name: str, **change: Any) -> Any:
-    return getattr(Equations(**{**SQUARE, **change}), name)
+def test_equations_have_no_disturbance_by_default() -> None:
+    assert square(w=(), d=()).disturbance(STATE, [], NUMBERS) == (0, 0, 0)
+
+
+def test_equations_hold_everywhere_by_default() -> None:
+    equations = square()
+    assert not equations.singular(STATE)
+    assert equations.linearizable(STATE)
+
+
+def test_a_row_of_one_input_may_be_its_entry() -> None:
+    equations = square(g=(0, 1, B), h=(X1,))
+    assert equations.g == ((0,), (1,), (B,))
+    assert equations.inputs == 1
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: Equations(**{**SQUARE, "f": (X2, X3)}),
-         "f has 2 rows of 1, must have one for each of 3 states"),
-        (lambda: Equations(**{**SQUARE, "g": ((0, 0), (1, 2), (3,))}), "equations are no columns"),
-        (lambda: Equations(**{**SQUARE, "d": (0, W1)}), "d has 2 rows"),
-        (lambda: Equations(**{**SQUARE, "x": (X1, X2, X2)}),
-         r"states \[x1, x2, x2\] must be 3 different symbols"),
+        (lambda: square(f=(X2, X3)), "f has 2 rows of 1, must have one for each of 3 states"),
+        (lambda: square(g=((0, 0), (1, 2), (3,))), "equations are no columns"),
+        (lambda: square(d=(0, W1)), "d has 2 rows"),
+        (lambda: square(x=(X1, X2, X2)), r"states \[x1, x2, x2\] must be 3 different symbols"),
         # f(x) and g(x) are functions of the state and of the parameters, conditions of the state.
-        (lambda: use("drift", f=(X2, W1, X3)), "drift: unknown symbol w1"),
-        (lambda: use("linearizable", region=X1 > A), "unknown symbol a"),
-        # Functions that Python's math has not.
-        (lambda: use("drift", f=(X2, sp.Integral(sp.sin(X1**2), X1), X3)), "drift: "),
-        (lambda: replace(SERVO, states=SERVO.states[:1]),
-         "servo: 1 states are named, the equations have 2"),
-        (lambda: replace(SERVO, bodies=(1,)), "bodies = .* must be a tuple of names"),
-        (lambda: generate("speed", [X1 + sp.Symbol("z"), sp.Symbol("q")], "x", {X1: "x[0]"}),
-         r"speed: unknown symbol q, z; known: x1"),
+        (lambda: square(f=(X2, W1, X3)).drift, "drift: unknown symbol w1"),
+        (lambda: square(region=X1 > A).linearizable, "unknown symbol a"),
+        # Python's math has no such function.
+        (lambda: square(f=(X2, sp.Integral(sp.sin(X1**2), X1), X3)).drift, "drift: "),
     ],
-)  # fmt: skip
+)
 def test_equations_that_do_not_fit_are_refused(call: Any, words: str) -> None:
     with pytest.raises(ModelError, match=words):
         call()
 
 
-# What is printed as what
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"states": SERVO.states[:1]}, "servo: 1 states are named, the equations have 2"),
+        ({"bodies": (1,)}, "bodies = .* must be a tuple of names"),
+    ],
+)
+def test_a_system_that_does_not_fit_its_equations_is_refused(changes: Any, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        replace(SERVO, **changes)
+
+
+# Generated code
+
+
+def test_unknown_symbols_are_refused() -> None:
+    expressions = [X1 + sp.Symbol("z"), sp.Symbol("q")]
+    with pytest.raises(ModelError, match=r"speed: unknown symbol q, z; known: x1"):
+        generate("speed", expressions, "x", {X1: "x[0]"})
 
 
 VALUES = {
@@ -126,12 +170,15 @@ VALUES = {
 
 
 def test_expressions_are_computed_as_by_hand() -> None:
-    """As floats, for compiled code has one type for all entries of a tuple."""
-    function, x = generate("values", list(VALUES), "x", {X1: "x[0]"}), np.array([0.7])
+    """All are floats, for compiled code has one type for all entries of a tuple."""
+    function = generate("values", list(VALUES), "x", {X1: "x[0]"})
+    x = np.array([0.7])
     assert function(x) == pytest.approx(tuple(VALUES.values()), rel=1e-15)
     assert all(type(entry) is float for entry in function([0.7]))
     assert numba.njit(lambda x: function(x))(x) == function(x)
-    # A traceback shows the generated line.
+
+
+def test_a_traceback_shows_the_generated_line() -> None:
     function = generate("root", [sp.sqrt(X1)], "x", {X1: "x[0]"})
     with pytest.raises(ValueError, match="math domain error") as info:
         function([-1.0])

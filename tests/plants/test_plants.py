@@ -1,4 +1,4 @@
-"""The facts that all plants share: equations against MuJoCo, numbers, one interface, refusals."""
+"""Facts that all plants share: equations against MuJoCo, numbers, one interface, refusals."""
 
 from __future__ import annotations
 
@@ -31,10 +31,19 @@ NUMBERS: dict[str, Any] = {
     "cart_pendulum": plants.CartPendulumParameters(M=1.0, m=0.2, L=0.5, g=9.8),
     "arm": plants.ArmParameters(m=0.02, l=0.5, g=9.8, J=0.035, M_c=0.06),
     "two_link_arm": plants.TwoLinkParameters(
-        m1=1.5, l1=0.5, c1=0.25, I1=0.03125, m2=1.0, l2=0.4, c2=0.2, I2=0.16 / 12, mp=0.2, Ip=0.0,
+        m1=1.5,
+        l1=0.5,
+        c1=0.25,
+        I1=0.03125,
+        m2=1.0,
+        l2=0.4,
+        c2=0.2,
+        I2=0.16 / 12,
+        mp=0.2,
+        Ip=0.0,
         g=9.8,
     ),
-}  # fmt: skip
+}
 
 
 @cache
@@ -48,44 +57,75 @@ def analytic(name: str) -> AnalyticPlant:
 
 # Numbers
 
+SERVO_NUMBERS = {"J": 18 * 5.77e-2}
+PENDULUM_NUMBERS = {"M": 0.5, "m": 0.46, "L": 0.85}
+ARM_NUMBERS = {"m": 0.04, "l": 0.625}
+UPPER_NUMBERS = {"l1": 0.75, "c1": 0.375, "I1": 2.25 * 0.03125}
+LOWER_NUMBERS = {"m2": 2.0, "l2": 0.6, "c2": 0.3, "I2": 4.5 * 0.16 / 12, "mp": 1.0}
+
 
 @pytest.mark.parametrize(
     ("name", "edits", "changes"),
     [
-        ("servo", (BodyEdit("rotor", 2.0, 3.0),), {"J": 18 * 5.77e-2}),
-        ("cart_pendulum", (BodyEdit("pole", 2.3, 1.7), BodyEdit("cart", 0.5)),
-         {"M": 0.5, "m": 0.46, "L": 0.85}),
-        ("arm", (BodyEdit("link", 2.0, 1.25),), {"m": 0.04, "l": 0.625}),
-        ("two_link_arm", (BodyEdit("upper", 1.0, 1.5),),
-         {"l1": 0.75, "c1": 0.375, "I1": 2.25 * 0.03125}),
-        ("two_link_arm", (BodyEdit("lower", 2.0, 1.5), BodyEdit("payload", 5.0)),
-         {"m2": 2.0, "l2": 0.6, "c2": 0.3, "I2": 4.5 * 0.16 / 12, "mp": 1.0}),
+        ("servo", (), {}),
+        ("cart_pendulum", (), {}),
+        ("arm", (), {}),
+        ("two_link_arm", (), {}),
+        ("servo", (BodyEdit("rotor", 2.0, 3.0),), SERVO_NUMBERS),
+        ("cart_pendulum", (BodyEdit("pole", 2.3, 1.7), BodyEdit("cart", 0.5)), PENDULUM_NUMBERS),
+        ("arm", (BodyEdit("link", 2.0, 1.25),), ARM_NUMBERS),
+        ("two_link_arm", (BodyEdit("upper", 1.0, 1.5),), UPPER_NUMBERS),
+        ("two_link_arm", (BodyEdit("lower", 2.0, 1.5), BodyEdit("payload", 5.0)), LOWER_NUMBERS),
     ],
-)  # fmt: skip
-def test_numbers_are_read_from_the_model_as_it_is_edited(name: str, edits: Any, changes: Any):
-    for plant, own in ((physics(name), {}), (physics(name, *edits), changes)):
-        expected = dataclasses.asdict(dataclasses.replace(NUMBERS[name], **own))
-        for variant in SYSTEMS[name].variants:
-            actual = dataclasses.asdict(plant.analytic(variant).parameters)
-            right = {**expected, **({"printed": 1.0} if variant == "printed" else {})}
-            # The hub of the arm has an inertia of 1e-15, without which it would not compile.
-            assert actual == pytest.approx(right, rel=1e-12)
-        assert plant.parameters == plant.analytic().parameters
+)
+def test_numbers_are_read_from_the_model(name: str, edits: Any, changes: Any) -> None:
+    plant = physics(name, *edits)
+    expected = dataclasses.asdict(dataclasses.replace(NUMBERS[name], **changes))
+    for variant in SYSTEMS[name].variants:
+        actual = dataclasses.asdict(plant.analytic(variant).parameters)
+        expected_of_variant = dict(expected)
+        if variant == "printed":
+            expected_of_variant["printed"] = 1.0
+        # The hub of the arm has an inertia of 1e-15, without which it would not compile.
+        assert actual == pytest.approx(expected_of_variant, rel=1e-12)
+    assert plant.parameters == plant.analytic().parameters
 
 
-def test_numbers_that_are_none_of_the_plant_s_are_refused() -> None:
-    may_be_zero = {"B", "M_c", "c1", "I1", "c2", "I2", "mp", "Ip", "printed"}
-    for name, numbers in NUMBERS.items():
-        for field in dataclasses.asdict(numbers).keys() - may_be_zero:
-            with pytest.raises(ModelError, match=rf"{name}: {field} = 0"):
-                dataclasses.replace(numbers, **{field: 0.0})
-        for field in dataclasses.asdict(numbers).keys() - {"printed"}:
-            for wrong in (-1.0, math.nan, math.inf):
-                with pytest.raises(ModelError, match=rf"{name}: {field} = {wrong:g}"):
-                    dataclasses.replace(numbers, **{field: wrong})
+MAY_BE_ZERO = {"B", "M_c", "c1", "I1", "c2", "I2", "mp", "Ip", "printed"}
+FIELDS = [(name, field.name) for name in NUMBERS for field in dataclasses.fields(NUMBERS[name])]
+POSITIVE_FIELDS = [(name, field) for name, field in FIELDS if field not in MAY_BE_ZERO]
+MEASURED_FIELDS = [(name, field) for name, field in FIELDS if field != "printed"]
+
+
+@pytest.mark.parametrize(("name", "field"), POSITIVE_FIELDS)
+def test_zero_is_refused(name: str, field: str) -> None:
+    with pytest.raises(ModelError, match=f"{name}: {field} = 0"):
+        dataclasses.replace(NUMBERS[name], **{field: 0.0})
+
+
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize(("name", "field"), MEASURED_FIELDS)
+def test_negative_and_infinite_numbers_are_refused(name: str, field: str, value: float) -> None:
+    with pytest.raises(ModelError, match=f"{name}: {field} = {value:g}"):
+        dataclasses.replace(NUMBERS[name], **{field: value})
 
 
 # The equations against MuJoCo
+
+# The arm's hub carries the cable, and a cart has no length.
+FIXED_LENGTH = ("cart", "hub")
+# Bodies whose inertia may be any.
+FREE_INERTIA = {"arm": ("hub", "link"), "two_link_arm": ("payload",)}
+
+
+def scaled_bodies(plant: MujocoPlant, mass: float, length: float) -> list[BodyEdit]:
+    """Scale all bodies that have a mass."""
+    edits: list[BodyEdit] = []
+    for body in plant.system.bodies:
+        if plant.model.body(body).mass > 0:
+            length_scale = 1.0 if body in FIXED_LENGTH else length
+            edits.append(BodyEdit(body, mass, length_scale))
+    return edits
 
 
 def test_the_corrected_equations_have_the_accelerations_of_mujoco(plant: MujocoPlant) -> None:
@@ -94,24 +134,23 @@ def test_the_corrected_equations_have_the_accelerations_of_mujoco(plant: MujocoP
     Rounding: measured 7e-16 (servo), 2e-14 (pendulum) and 5e-14 (arm, whose cable loses digits
     near pi/2) of the largest term.
     """
-    random, name = np.random.default_rng(1), plant.system.name
-    own = {"arm": ("hub", "link"), "two_link_arm": ("payload",)}.get(name, ())
-    edits = [[], *([BodyEdit(body, inertia=(0.02, 0.03, 0.04))] for body in own)]
-    # The arm's hub carries the cable, and a cart has no length.
-    fixed, heavy = {"cart", "hub"}, [b for b in plant.system.bodies if plant.model.body(b).mass > 0]
+    random = np.random.default_rng(1)
+    assert acceleration_difference(plant, plant.analytic(), random, 500) < 1e-10
+
+    free_inertia = FREE_INERTIA.get(plant.system.name, ())
+    edits = [[BodyEdit(body, inertia=(0.02, 0.03, 0.04))] for body in free_inertia]
     for mass, length in ((0.25, 0.5), (4.0, 0.5), (0.7, 4.0), (4.0, 4.0)):
-        edits.append([BodyEdit(body, mass, 1.0 if body in fixed else length) for body in heavy])
+        edits.append(scaled_bodies(plant, mass, length))
     for changes in edits:
-        edited, states = plant.edited(*changes), 25 if changes else 500
-        difference = acceleration_difference(edited, edited.analytic(), random, states)
-        assert difference < 1e-10, changes
+        edited = plant.edited(*changes)
+        assert acceleration_difference(edited, edited.analytic(), random, 25) < 1e-10, changes
 
 
-def test_a_wrong_plant_disagrees_beyond_the_report_s_bound() -> None:
-    servo, right, random = physics("servo"), analytic("servo"), np.random.default_rng(3)
-    for number in ("J", "B", "Kt"):
-        wrong = right.changed(scales={number: 1 + 1e-6})
-        assert acceleration_difference(servo, wrong, random, 20) > AGREEMENT_BOUND
+@pytest.mark.parametrize("number", ["J", "B", "Kt"])
+def test_a_wrong_number_disagrees_beyond_the_bound_of_the_report(number: str) -> None:
+    wrong = analytic("servo").changed(scales={number: 1 + 1e-6})
+    difference = acceleration_difference(physics("servo"), wrong, np.random.default_rng(3), 20)
+    assert difference > AGREEMENT_BOUND
 
 
 # Starts, inputs and a timestep [s] at which the error of RK4 is above rounding: the servo is so
@@ -124,24 +163,38 @@ RUNS: dict[str, Any] = {
 }
 
 
-def test_equations_and_mujoco_with_rk4_converge_at_order_4_by_the_same_steps(name: str) -> None:
+def test_equations_and_mujoco_converge_at_order_4_by_the_same_steps(name: str) -> None:
     """Both use the classical fourth-order rule, so they agree far below its error."""
-    (start, u, timestep), twin, bodies = RUNS[name], physics(name).analytic(), SYSTEMS[name].bodies
+    start, u, timestep = RUNS[name]
+    twin = physics(name).analytic()
+    bodies = SYSTEMS[name].bodies
     w = np.random.default_rng(5).uniform(-0.3, 0.3, (len(bodies), 6))
-    exact = solve_ivp(
-        lambda t, x: twin.derivative(x, u, w), (0.0, 1.0), start, method="DOP853", rtol=1e-12,
+    disturbances = [Disturbance(body, row) for body, row in zip(bodies, w.tolist(), strict=True)]
+
+    solution = solve_ivp(
+        lambda t, x: twin.derivative(x, u, w),
+        (0.0, 1.0),
+        start,
+        method="DOP853",
+        rtol=1e-12,
         atol=1e-13,
-    ).y[:, -1]  # fmt: skip
-    pushes, errors = [Disturbance(*push) for push in zip(bodies, w.tolist(), strict=True)], []
+    )
+    exact = solution.y[:, -1]
+
+    def final_error(plant: Any, h: float) -> float:
+        run = simulate(plant, held(u), start, duration=1.0, timestep=h, disturbances=disturbances)
+        return np.abs(run.state[-1] - exact).max()
+
+    in_mujoco: list[float] = []
+    as_equations: list[float] = []
     for h in (timestep, timestep / 2):
         plant = MujocoPlant.load(name, timestep=h, integrator="RK4")
-        for one in (plant, plant.analytic()):
-            run = simulate(one, held(u), start, duration=1.0, timestep=h, disturbances=pushes)
-            errors.append(np.abs(run.state[-1] - exact).max())
+        in_mujoco.append(final_error(plant, h))
+        as_equations.append(final_error(plant.analytic(), h))
     # Below 5e-11 the error of the reference and rounding would be part of the order.
-    assert min(errors) > 5e-11
-    assert 3.7 < math.log2(errors[0] / errors[2]) < 4.3
-    assert errors[::2] == pytest.approx(errors[1::2], abs=1e-12)
+    assert min(in_mujoco + as_equations) > 5e-11
+    assert 3.7 < math.log2(in_mujoco[0] / in_mujoco[1]) < 4.3
+    assert in_mujoco == pytest.approx(as_equations, abs=1e-12)
 
 
 # Linear models. Central differences with a step of 6e-6 lose its square, 4e-11, times a third
@@ -150,7 +203,8 @@ def test_equations_and_mujoco_with_rk4_converge_at_order_4_by_the_same_steps(nam
 
 def largest_error(actual: tuple[Array, Array], expected: tuple[Array, Array]) -> float:
     """The largest difference in A or in B over the largest entry of each."""
-    return max(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(actual, expected, strict=True))
+    errors = [np.abs(a - b).max() / np.abs(b).max() for a, b in zip(actual, expected, strict=True)]
+    return max(errors)
 
 
 @pytest.mark.parametrize(
@@ -163,53 +217,94 @@ def largest_error(actual: tuple[Array, Array], expected: tuple[Array, Array]) ->
     ],
 )
 def test_the_linear_model_is_the_jacobian_in_symbols(name: str, edits: Any, x: Any) -> None:
-    """Where the input that f(x) + g(x) u = 0 asks for holds the plant."""
     plant = physics(name, *edits)
-    twin, drift = plant.analytic(), plant.analytic().derivative(x)
+    twin = plant.analytic()
+    # The input that holds the plant: f(x) + g(x) u = 0.
     g = np.reshape(plant.system.equations.input_matrix(x, twin.parameters), (len(x), -1))
-    u = -np.linalg.lstsq(g, drift)[0]
+    u = -np.linalg.lstsq(g, twin.derivative(x))[0]
+
     assert largest_error(linearize(plant, x, u), twin.jacobian(x, u)) < 1e-9
     assert largest_error(twin.linearization(x, u), twin.jacobian(x, u)) == 0
 
 
-def test_printed_plants_and_the_pole_s_torque_are_those_of_the_chapter() -> None:
-    plant, rest = physics("cart_pendulum"), np.zeros(4)
-    # m (4/3 - m/(M+m)) / (4/3 - m^2/(M+m)) = 0.2 * 35/39, from the two values of a in eq. (40).
-    gains = [plant.analytic(v).derivative(rest, 1.0)[3] for v in ("printed", "corrected")]
-    assert gains[0] / gains[1] == pytest.approx(0.2 * 35 / 39, rel=1e-12)
-    # C = 0.03 cos q for 0.03 cos(q) q' in eq. (57): no brake that falls with the rate.
-    q, rate = 0.4, 2.0
-    rates = [physics("arm").analytic(v).derivative([q, rate])[1] for v in ("printed", "corrected")]
+def test_the_printed_pendulum_has_the_gain_of_the_chapter() -> None:
+    """m (4/3 - m/(M+m)) / (4/3 - m^2/(M+m)) = 0.2 * 35/39, from the two a of eq. (40)."""
+    plant = physics("cart_pendulum")
+    printed = plant.analytic("printed").derivative(np.zeros(4), 1.0)[3]
+    corrected = plant.analytic("corrected").derivative(np.zeros(4), 1.0)[3]
+    assert printed / corrected == pytest.approx(0.2 * 35 / 39, rel=1e-12)
+
+
+def test_the_printed_arm_lacks_a_brake_that_falls_with_the_rate() -> None:
+    """C = 0.03 cos q for 0.03 cos(q) q' in eq. (57)."""
+    q = 0.4
+    rate = 2.0
+    printed = physics("arm").analytic("printed").derivative([q, rate])[1]
+    corrected = physics("arm").analytic("corrected").derivative([q, rate])[1]
     missing = 0.03 * math.cos(q) * rate * (rate - 1) / (0.1 + 0.06 * math.sin(q))
-    assert rates[0] - rates[1] == pytest.approx(missing, rel=1e-9)
-    # The hinge is along -y, and the cart is pushed too, (M + m) p'' = m L theta''.
-    wrench = [0.0] * 10 + [-pole_torque(-3.0, NUMBERS["cart_pendulum"]), 0.0]
-    rates = plant.derivative(rest, wrench=wrench)
+    assert printed - corrected == pytest.approx(missing, rel=1e-9)
+
+
+def test_pole_torque_accelerates_the_upright_pole_by_d() -> None:
+    """The hinge is along -y, and the cart is pushed too, (M + m) p'' = m L theta''."""
+    torque = pole_torque(-3.0, NUMBERS["cart_pendulum"])
+    wrench = [0.0] * 10 + [-torque, 0.0]
+    rates = physics("cart_pendulum").derivative(np.zeros(4), wrench=wrench)
     np.testing.assert_allclose(rates[2:], [0.1 * -3.0 / 1.2, -3.0], rtol=1e-13)
 
 
 # One interface
 
 
-def test_limits_steps_names_and_changes() -> None:
+@pytest.fixture(scope="module")
+def limited_servo() -> MujocoPlant:
+    """A servo with limits of its input and another integrator than its model."""
     spec = physics("servo").spec.copy()
-    spec.actuators[0].ctrlrange, spec.actuators[0].ctrllimited = (-2.0, 1.0), True
-    plant = MujocoPlant(SERVO, spec, (), 2e-3, "implicit")
-    equations = plant.analytic()
-    np.testing.assert_array_equal(plant.input_limits, [[-2.0], [1.0]])
-    np.testing.assert_array_equal(equations.input_limits, [[-math.inf], [math.inf]])
-    assert (plant.kind, plant.step_length, plant.stepped_by) == ("physics", 2e-3, "implicit")
-    known = equations.kind, equations.step_length, equations.stepped_by
-    assert known == ("corrected", None, "RK4")
-    assert (plant.restepped, physics("servo").restepped) == (True, False)
-    assert plant.digest != physics("servo").digest
+    spec.actuators[0].ctrlrange = (-2.0, 1.0)
+    spec.actuators[0].ctrllimited = True
+    return MujocoPlant(SERVO, spec, (), 2e-3, "implicit")
+
+
+def test_input_limits_are_those_of_the_actuators(limited_servo: MujocoPlant) -> None:
+    np.testing.assert_array_equal(limited_servo.input_limits, [[-2.0], [1.0]])
+
+
+def test_equations_have_no_input_limits(limited_servo: MujocoPlant) -> None:
+    limits = limited_servo.analytic().input_limits
+    np.testing.assert_array_equal(limits, [[-math.inf], [math.inf]])
+
+
+def test_a_model_is_stepped_by_its_integrator(limited_servo: MujocoPlant) -> None:
+    assert limited_servo.kind == "physics"
+    assert limited_servo.step_length == 2e-3
+    assert limited_servo.stepped_by == "implicit"
+    assert limited_servo.restepped
+    assert not physics("servo").restepped
+
+
+def test_equations_are_stepped_by_runge_kutta(limited_servo: MujocoPlant) -> None:
+    equations = limited_servo.analytic()
+    assert equations.kind == "corrected"
+    assert equations.step_length is None
+    assert equations.stepped_by == "RK4"
+
+
+def test_a_changed_model_has_another_digest(limited_servo: MujocoPlant) -> None:
+    assert limited_servo.digest != physics("servo").digest
+
+
+def test_an_edit_of_a_model_is_a_factor_on_a_parameter() -> None:
     heavier = physics("cart_pendulum").changed([BodyEdit("pole", mass_scale=2.0)])
-    same = physics("cart_pendulum").analytic().changed(scales={"m": 2.0})
-    assert heavier.parameters.m == pytest.approx(same.parameters.m)
+    scaled = physics("cart_pendulum").analytic().changed(scales={"m": 2.0})
+    assert heavier.parameters.m == pytest.approx(scaled.parameters.m)
+
+
+def test_equations_without_a_change_are_themselves() -> None:
+    equations = analytic("servo")
     assert equations.changed() is equations
 
 
-# What is refused
+# Refusals
 
 
 @pytest.mark.parametrize(
@@ -229,48 +324,63 @@ def test_limits_steps_names_and_changes() -> None:
 def test_a_model_that_the_equations_do_not_describe_is_refused(
     system: Any, part: str, field: str, value: Any, words: str
 ) -> None:
-    spec, (kind, _, owner) = load_spec(system.name), part.partition(" ")
-    setattr(getattr(spec, kind)(owner) if owner else spec.option, field, value)
+    spec = load_spec(system.name)
+    kind, _, owner = part.partition(" ")
+    element = getattr(spec, kind)(owner) if owner else spec.option
+    setattr(element, field, value)
     with pytest.raises(ModelError, match=words):
         AnalyticPlant.from_model(system, spec.compile())
 
 
-def pendulum(x: Any, *others: Any) -> Any:
-    return analytic("cart_pendulum").derivative(x, *others)
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ([[0.0] * 4],),
+        ([0.0] * 4, 0.0, [0.0] * 6),
+        # One for each state would be multiplied element by element and pass for a result.
+        ([0.0] * 4, [1.0] * 4),
+    ],
+)
+def test_arguments_of_a_wrong_shape_are_refused(arguments: Any) -> None:
+    with pytest.raises(ArgumentError, match=r"must be \(4,\), \(1,\) and \(12,\)"):
+        analytic("cart_pendulum").derivative(*arguments)
 
 
-def linear(x: Any, u: Any = 0.0) -> Any:
-    return linearize(physics("cart_pendulum"), x, u)
+@pytest.mark.parametrize(
+    ("x", "u", "words"),
+    [
+        ([0.0, 0.0], 0.0, r"cart_pendulum: x has shape \(2,\)"),
+        ([0.0, math.nan, 0.0, 0.0], 0.0, "must be finite numbers"),
+        (None, math.inf, "u = inf must be finite numbers"),
+        (None, 1.0, r"1\.0\] is no equilibrium: x' = \[0\.0, 0\.0, 0\.952\d*, 1\.42"),
+        ([0.0, 0.0, 0.2, 0.0], 0.0, "is no equilibrium"),
+    ],
+)
+def test_linearization_elsewhere_than_at_an_equilibrium_is_refused(
+    x: Any, u: float, words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        linearize(physics("cart_pendulum"), x, u)
 
 
-SHAPES = r"must be \(4,\), \(1,\) and \(12,\)"
+def robot_drift() -> Any:
+    return Robot.from_mjcf(model_path("two_link_arm")).plant.system.equations.drift
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: pendulum([[0.0] * 4]), SHAPES),
-        (lambda: pendulum([0.0] * 4, 0.0, [0.0] * 6), SHAPES),
-        # One for each state would be multiplied element by element and pass for a result.
-        (lambda: pendulum([0.0] * 4, [1.0] * 4), SHAPES),
-        (lambda: linear([0.0, 0.0]), r"cart_pendulum: x has shape \(2,\)"),
-        (lambda: linear([0.0, math.nan, 0.0, 0.0]), "must be finite numbers"),
-        (lambda: linear(None, math.inf), "u = inf must be finite numbers"),
-        (lambda: linear(None, 1.0),
-         r"1\.0\] is no equilibrium: x' = \[0\.0, 0\.0, 0\.952\d*, 1\.42"),
-        (lambda: linear([0.0, 0.0, 0.2, 0.0]), "is no equilibrium"),
         (lambda: analytic("servo").changed([BodyEdit("rotor", 2.0)]), "scale a parameter instead"),
         (lambda: physics("servo").changed(scales={"J": 2.0}), "edit a body or a joint instead"),
         (lambda: analytic("servo").changed(scales={"q": 2.0}), "unknown parameter of servo 'q'"),
         (lambda: analytic("servo").model, "no model in MuJoCo"),
         (lambda: physics("servo").analytic("printed"), "no variant 'printed': valid: corrected"),
         (lambda: AnalyticPlant.from_model(SERVO, load_model("arm")), "not a model of servo"),
-        (lambda: Robot.from_mjcf(model_path("two_link_arm")).plant.system.equations.drift,
-         r"has no equations in symbols \(f\): MuJoCo computes"),
+        (robot_drift, r"has no equations in symbols \(f\): MuJoCo computes"),
         (lambda: plants.find_system("crane"), "valid: servo, cart_pendulum, arm"),
         (lambda: physics("arm", BodyEdit("hub", length_scale=2.0)).analytic(), "same radius"),
     ],
-)  # fmt: skip
-def test_what_no_plant_is_or_does_is_refused(call: Any, words: str) -> None:
-    with pytest.raises((ArgumentError, ModelError), match=words):
+)
+def test_a_question_that_a_plant_cannot_answer_is_refused(call: Any, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
         call()

@@ -1,9 +1,8 @@
-"""A robot from its MJCF alone: its dynamics, its laws and what is refused."""
+"""A robot from its MJCF alone: its dynamics, its laws and models that are refused."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -39,8 +38,28 @@ N = 3
 
 
 @cache
-def tree(old: str = "", new: str = "") -> Robot:
-    return Robot.from_mjcf(TREE.replace(old, new) if old else TREE)
+def tree() -> Robot:
+    return Robot.from_mjcf(TREE)
+
+
+@cache
+def tree_in_fluid() -> Robot:
+    spec = tree_spec()
+    spec.option.density = 1000
+    spec.option.viscosity = 0.1
+    return Robot.from_mjcf(spec)
+
+
+@cache
+def tree_with_gravity_compensation() -> Robot:
+    spec = tree_spec()
+    spec.body("tool").gravcomp = 1
+    return Robot.from_mjcf(spec)
+
+
+@cache
+def underactuated() -> Robot:
+    return Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
 
 
 @cache
@@ -48,8 +67,13 @@ def two_link() -> Robot:
     return Robot.from_mjcf(load_spec("two_link_arm"))
 
 
+def tree_spec() -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(TREE)
+
+
 def weights(n: int) -> tuple[Array, Array]:
-    return np.kron(np.eye(n), np.diag([100.0, 0.0])), np.eye(n)
+    Q = np.kron(np.eye(n), np.diag([100.0, 0.0]))
+    return Q, np.eye(n)
 
 
 @cache
@@ -59,6 +83,7 @@ def tree_task() -> Task:
     return tree().task(fourier_series(N, 1), series, *weights(N))
 
 
+@cache
 def two_link_task() -> Task:
     return two_link().task(setpoints(2, 2), Setpoints(0.3, -0.4), *weights(2))
 
@@ -67,191 +92,383 @@ def states(n: int, count: int = 5) -> Array:
     return np.random.default_rng(7).uniform(-1, 1, (count, 2 * n))
 
 
-def at(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
+def forward(model: mujoco.MjModel, x: Array, **fields: Any) -> mujoco.MjData:
     """MuJoCo's forward dynamics of a model in a state."""
-    data, n = mujoco.MjData(model), len(x) // 2
-    data.qpos[:], data.qvel[:] = x[:n], x[n:]
+    n = len(x) // 2
+    data = mujoco.MjData(model)
+    data.qpos[:] = x[:n]
+    data.qvel[:] = x[n:]
     for name, value in fields.items():
         getattr(data, name)[:] = value
     mujoco.mj_forward(model, data)
     return data
 
 
-def test_inertia_and_bias_are_those_of_lagranges_equations() -> None:
-    """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping; by central differences."""
-    robot, model, unit, e = tree(), tree().plant.model, np.eye(N), 1e-5
-    damping = np.array([joint.damping[0] for joint in robot.plant.spec.joints])
+# Dynamics
 
-    def energy(q: Array, dq: Array) -> Array:
-        data = at(model, np.append(q, dq))
-        mujoco.mj_energyPos(model, data)
-        mujoco.mj_energyVel(model, data)
-        return data.energy.copy()
-
-    for x in states(N):
-        q, dq = x[:N], x[N:]
-        # (a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of it.
-        twice = [[energy(q, a + b)[1] - energy(q, a - b)[1] for b in unit] for a in unit]
-        M = inertia(robot.nominal, q)
-        np.testing.assert_allclose(M, np.array(twice) / 2, rtol=0, atol=1e-13)
-        ends = [(q + e * row, q - e * row) for row in unit]
-        slopes = [
-            np.subtract(*(inertia(robot.nominal, q) for q in pair)) / (2 * e) for pair in ends
-        ]
-        # The springs' energy is part of MuJoCo's potential.
-        force = [np.subtract(*(energy(q, 0 * q)[0] for q in pair)) / (2 * e) for pair in ends]
-        coriolis = np.einsum("kij,k,j->i", slopes, dq, dq)
-        coriolis -= 0.5 * np.einsum("ijk,j,k->i", slopes, dq, dq)
-        # The differences' rounding is eps/e of the energy, their curvature e^2.
-        expected = coriolis + force + damping * dq
-        np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-8)
+# Step of central differences.
+STEP = 1e-5
 
 
-def test_inertia_and_bias_are_mujocos_with_gravity_compensation_and_fluid() -> None:
-    """Bodies are not fused then: a body's own force would be lost."""
-    for robot in (
-        tree(),
-        tree('timestep="0.001"', 'timestep="0.001" density="1000" viscosity="0.1"'),
-        tree('name="tool"', 'name="tool" gravcomp="1"'),
-    ):
-        for x in states(N, 2):
-            data, M = at(robot.plant.model, x), np.zeros((N, N))
-            expected = data.qfrc_bias - data.qfrc_passive
-            np.testing.assert_allclose(
-                bias(robot.nominal, x[:N], x[N:]), expected, rtol=0, atol=1e-12
-            )
-            mujoco.mj_fullM(robot.plant.model, data, M)
-            np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
+def energy(q: Array, dq: Array) -> Array:
+    """Potential and kinetic energy of the tree; springs have a part in the potential."""
+    model = tree().plant.model
+    data = forward(model, np.append(q, dq))
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    return data.energy.copy()
 
 
-def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics() -> None:
+def slope(function: Any, q: Array) -> Array:
+    """Derivatives of a function of q by central differences, a row for each joint."""
+    rows = [function(q + e) - function(q - e) for e in STEP * np.eye(len(q))]
+    return np.array(rows) / (2 * STEP)
+
+
+@pytest.mark.parametrize("x", states(N))
+def test_inertia_is_that_of_the_kinetic_energy(x: Array) -> None:
+    """(a + b)'M(a + b) - (a - b)'M(a - b) = 4 a'M b, and the energy is half of it."""
+    q = x[:N]
+    unit = np.eye(N)
+    twice = [[energy(q, a + b)[1] - energy(q, a - b)[1] for b in unit] for a in unit]
+    M = inertia(tree().nominal, q)
+    np.testing.assert_allclose(M, np.array(twice) / 2, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("x", states(N))
+def test_bias_is_that_of_lagranges_equations(x: Array) -> None:
+    """h = M' q' - d(q' M q'/2)/dq + dV/dq, less springs and damping.
+
+    The differences' rounding is eps/e of the energy, their curvature e^2.
+    """
+    q = x[:N]
+    dq = x[N:]
+    damping = np.array([joint.damping[0] for joint in tree().plant.spec.joints])
+    inertia_slope = slope(lambda q: inertia(tree().nominal, q), q)
+    force = slope(lambda q: energy(q, np.zeros(N))[0], q)
+    coriolis = np.einsum("kij,k,j->i", inertia_slope, dq, dq)
+    coriolis -= 0.5 * np.einsum("ijk,j,k->i", inertia_slope, dq, dq)
+    expected = coriolis + force + damping * dq
+    np.testing.assert_allclose(bias(tree().nominal, q, dq), expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("make", [tree, tree_in_fluid, tree_with_gravity_compensation])
+@pytest.mark.parametrize("x", states(N, 2))
+def test_inertia_and_bias_are_mujocos(make: Any, x: Array) -> None:
+    """In a fluid bodies are not fused: a body's own force would be lost."""
+    robot = make()
+    q = x[:N]
+    dq = x[N:]
+    data = forward(robot.plant.model, x)
+    M = np.zeros((N, N))
+    mujoco.mj_fullM(robot.plant.model, data, M)
+    expected = data.qfrc_bias - data.qfrc_passive
+    np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(inertia(robot.nominal, q), M, rtol=0, atol=1e-13)
+
+
+ON_A_FLOOR = """
+<mujoco><worldbody><geom type="plane" size="9 9 1"/>
+  <body name="link"><joint name="j" range="-1 1" limited="true"/>
+    <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+ON_A_FLOOR_IN_A_FLUID = """
+<mujoco><option density="1"/><worldbody><geom type="plane" size="9 9 1"/>
+  <body name="link"><joint name="j" range="-1 1" limited="true"/>
+    <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+
+
+@pytest.mark.parametrize("text", [ON_A_FLOOR, ON_A_FLOOR_IN_A_FLUID])
+def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics(text: str) -> None:
     """Beyond its limit and within the floor, which a fluid's model keeps as it keeps all geoms."""
-    floor = "<worldbody><geom type='plane' size='9 9 1'/>"
-    limited = one_joint("range='-1 1' limited='true'")
-    for fluid in ("", "<option density='1'/>"):
-        robot = Robot.from_mjcf(limited.replace("<worldbody>", fluid + floor))
-        for model, constrained in ((robot.plant.model, True), (robot.nominal, False)):
-            assert bool(at(model, np.array([1.5, 0.0])).nefc) is constrained
+    robot = Robot.from_mjcf(text)
+    x = np.array([1.5, 0.0])
+    assert forward(robot.plant.model, x).nefc > 0
+    assert forward(robot.nominal, x).nefc == 0
 
 
-def test_computed_torque_gives_the_acceleration_that_it_is_computed_for() -> None:
+# Laws
+
+
+@pytest.mark.parametrize("x", states(N))
+def test_computed_torque_gives_the_acceleration_that_it_is_computed_for(x: Array) -> None:
     """On the nominal plant, by mj_forward of all bodies: no fused one is missing."""
     law = linearized_lqr(tree_task())
-    error, p = law.coordinates, law.parameters
-    for x in states(N):
-        memory, _kept = law.begin()
-        u = np.atleast_1d(law.input_at(0.3, x, memory))
-        expected = -p.K @ np.array(error.error_state(0.3, x, p))
-        expected += np.array(error.reference(0.3, p.reference))[2::3]
-        qacc = at(tree().plant.model, x, qfrc_applied=u).qacc
-        # The torques are up to 30 N m, on inertias down to 0.2 kg m^2.
-        np.testing.assert_allclose(qacc, expected, rtol=0, atol=1e-12)
+    error = law.coordinates
+    p = law.parameters
+    memory, _workspace = law.begin()
+    u = np.atleast_1d(law.input_at(0.3, x, memory))
+
+    z = np.array(error.error_state(0.3, x, p))
+    expected = -p.K @ z + np.array(error.reference(0.3, p.reference))[2::3]
+    qacc = forward(tree().plant.model, x, qfrc_applied=u).qacc
+    # The torques are up to 30 N m, on inertias down to 0.2 kg m^2.
+    np.testing.assert_allclose(qacc, expected, rtol=0, atol=1e-12)
 
 
-def test_error_coordinates_agree_with_the_symbolic_ones() -> None:
-    law = tracking_grosmc(two_link_task(), 10.0, 30.0)
-    ours, p = law.coordinates, law.parameters
-    plant = MujocoPlant.load("two_link_arm")
-    theirs = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
-    symbolic = replace(p, plant=plant.analytic().parameters)
-    heavier, w = BodyEdit("payload", mass_scale=3.0), np.random.default_rng(1).uniform(-5, 5, 18)
-    true, twin = two_link().plant.edited(heavier), plant.edited(heavier).analytic()
-    assert (ours.size, ours.units, ours.output_rows) == (4, theirs.units, theirs.output_rows)
-    for x in states(2):
-        z, u = np.array(ours.error_state(1.0, x, p)), np.random.default_rng(2).normal(0, 5, (1, 2))
-        pairs: list[Any] = [
-            (z, theirs.error_state(1.0, x, symbolic)),
-            *zip(ours.dynamics(1.0, x, p), theirs.dynamics(1.0, x, symbolic), strict=True),
-            (ours.place(1.0, z, p), x),
-            (ours.along([1.0], x[None], p)[0], z),
-        ]
-        motions = [
-            ours.error_dynamics([1.0], x[None], p, true, w[None], more) for more in (None, u)
-        ]
-        other = theirs.error_dynamics([1.0], x[None], symbolic, twin, w[None])
-        pairs += (pair for motion in motions for pair in zip(motion, other, strict=True))
-        for a, b in pairs:
-            np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12)
-        np.testing.assert_allclose(ours.unmatched(z, motions[0][0][0]), 0, atol=1e-15)
+class Pair:
+    """Coordinates of the two-link arm by MuJoCo and in symbols, each with its parameters."""
+
+    def __init__(self) -> None:
+        law = tracking_grosmc(two_link_task(), 10.0, 30.0)
+        self.robot: Any = law.coordinates
+        self.p: Any = law.parameters
+        self.symbolic = ErrorCoordinates(TWO_LINK_ARM, setpoints(2, 2))
+        nominal = MujocoPlant.load("two_link_arm").analytic()
+        self.symbolic_p: Any = replace(self.p, plant=nominal.parameters)
 
 
-def test_the_design_model_moves_by_mujocos_accelerations() -> None:
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    return Pair()
+
+
+def require_close(actual: Any, expected: Any) -> None:
+    for ours, theirs in zip(actual, expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-12)
+
+
+def test_coordinates_have_the_size_and_units_of_the_symbolic_ones(pair: Pair) -> None:
+    assert pair.robot.size == 4
+    assert pair.robot.units == pair.symbolic.units
+    assert pair.robot.output_rows == pair.symbolic.output_rows
+
+
+each_two_link_state = pytest.mark.parametrize("x", states(2))
+
+
+@each_two_link_state
+def test_the_error_is_that_of_the_symbolic_coordinates(pair: Pair, x: Array) -> None:
+    z = pair.robot.error_state(1.0, x, pair.p)
+    require_close(z, pair.symbolic.error_state(1.0, x, pair.symbolic_p))
+    require_close(pair.robot.along([1.0], x[None], pair.p)[0], z)
+
+
+@each_two_link_state
+def test_place_is_the_inverse_of_the_error(pair: Pair, x: Array) -> None:
+    z = np.array(pair.robot.error_state(1.0, x, pair.p))
+    require_close(pair.robot.place(1.0, z, pair.p), x)
+
+
+@each_two_link_state
+def test_the_dynamics_are_those_of_the_symbolic_coordinates(pair: Pair, x: Array) -> None:
+    expected = pair.symbolic.dynamics(1.0, x, pair.symbolic_p)
+    require_close(pair.robot.dynamics(1.0, x, pair.p), expected)
+
+
+@pytest.mark.parametrize("u", [None, np.random.default_rng(2).normal(0, 5, (1, 2))])
+@each_two_link_state
+def test_the_motion_of_another_plant_is_that_of_the_symbolic_coordinates(
+    pair: Pair, x: Array, u: Array | None
+) -> None:
+    heavier = BodyEdit("payload", mass_scale=3.0)
+    w = np.random.default_rng(1).uniform(-5, 5, (1, 18))
+    true_plant = two_link().plant.edited(heavier)
+    twin = MujocoPlant.load("two_link_arm").edited(heavier).analytic()
+    motion = pair.robot.error_dynamics([1.0], x[None], pair.p, true_plant, w, u)
+    expected = pair.symbolic.error_dynamics([1.0], x[None], pair.symbolic_p, twin, w)
+    require_close(motion, expected)
+
+    z = np.array(pair.robot.error_state(1.0, x, pair.p))
+    drift = motion[0][0]
+    np.testing.assert_allclose(pair.robot.unmatched(z, drift), 0, atol=1e-15)
+
+
+@pytest.mark.parametrize("x", states(N))
+def test_the_design_model_moves_by_mujocos_accelerations(x: Array) -> None:
+    h = 1e-3
+    u = np.array([0.4, -0.3, 0.2])
     task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
-    law, h, u = computed_torque_pd(task, 9.0, 6.0), 1e-3, np.array([0.4, -0.3, 0.2])
-    (memory, _kept), moves = law.begin(), design_model(law, "this test")
-    for x in states(N):
-        moved, qacc = x.copy(), at(tree().plant.model, x, ctrl=u).qacc
-        moves.advance(0.3, moved, u, h, memory, law.parameters, moves.own)
-        q = x[:N] + h * x[N:] + 0.5 * h**2 * qacc
-        np.testing.assert_allclose(moved, [*q, *(x[N:] + h * qacc)], rtol=1e-9)
+    law = computed_torque_pd(task, 9.0, 6.0)
+    memory, _workspace = law.begin()
+    model = design_model(law, "this test")
+    moved = x.copy()
+    model.advance(0.3, moved, u, h, memory, law.parameters, model.own)
+
+    qacc = forward(tree().plant.model, x, ctrl=u).qacc
+    q = x[:N] + h * x[N:] + 0.5 * h**2 * qacc
+    dq = x[N:] + h * qacc
+    np.testing.assert_allclose(moved, [*q, *dq], rtol=1e-9)
 
 
-def test_gears_gains_and_servos_become_torques_in_the_order_of_the_joints() -> None:
-    robot = tree()
-    system, model = robot.plant.system, robot.plant.model
+# Reading
+
+
+def test_inputs_are_in_the_order_of_the_joints() -> None:
+    system = tree().plant.system
     assert system.joints == ("turn", "lift", "push")
     assert system.actuators == ("turn_servo", "lift_servo", "push_force")
-    units = [signal.unit for signal in (*system.inputs, *system.states)]
-    assert units == ["N m", "N m", "N", "rad", "rad", "m", "rad/s", "rad/s", "m/s"]
+
+
+def test_units_are_those_of_hinges_and_slides() -> None:
+    system = tree().plant.system
+    assert [signal.unit for signal in system.inputs] == ["N m", "N m", "N"]
+    units = [signal.unit for signal in system.states]
+    assert units == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
+
+
+def test_gears_and_gains_become_limits_of_torques() -> None:
+    plant = tree().plant
     limits = [[-30, 30], [-math.inf, math.inf], [-10, 20]]
-    np.testing.assert_array_equal(robot.plant.input_limits.T, limits)
-    assert np.all(model.actuator_gear[:, 0] == 1)
-    text = "\n".join(robot.notes)
-    for words in ("position servo (kp 50, kv 5) is left out", "gear -20", "contacts",
-                  "velocity servo (kv 9) is left out, torque control without limits"):  # fmt: skip
-        assert words in text
+    np.testing.assert_array_equal(plant.input_limits.T, limits)
+    assert np.all(plant.model.actuator_gear[:, 0] == 1)
 
 
-def test_joints_that_are_not_named_are_locked_with_their_sensors_and_keyframes() -> None:
-    sensors = "".join(f'<jointpos joint="{name}"/>' for name in ("turn", "push"))
-    more = f'<sensor>{sensors}</sensor><keyframe><key qpos="0.1 0.2 0.3"/></keyframe></mujoco>'
-    robot = Robot.from_mjcf(TREE.replace("</mujoco>", more), joints=["lift", "turn"])
-    assert robot.plant.system.joints == ("turn", "lift")
-    assert robot.plant.system.actuators == ("turn_servo", "lift_servo")
-    assert "locked where the model has them: joints push" in robot.notes
-    assert "left out: actuators push_force" in robot.notes
-    locked = inertia(tree().nominal, [0.3, -0.2, 0.0])[:2, :2]
-    np.testing.assert_allclose(inertia(robot.nominal, [0.3, -0.2]), locked, rtol=0, atol=1e-14)
-    model = robot.plant.model
-    assert (model.nsensor, model.sensor_objid[0], model.nkey) == (1, model.joint("turn").id, 0)
+@pytest.mark.parametrize(
+    "words",
+    [
+        "position servo (kp 50, kv 5) is left out",
+        "gear -20",
+        "contacts",
+        "velocity servo (kv 9) is left out, torque control without limits",
+    ],
+)
+def test_notes_say_what_was_changed(words: str) -> None:
+    assert words in "\n".join(tree().notes)
 
 
-def test_parts_without_a_name_get_one_that_nothing_has() -> None:
+@pytest.fixture(scope="module")
+def partly_locked() -> Robot:
+    """The tree with sensors of two joints and a keyframe, one of these joints locked."""
+    spec = tree_spec()
+    for name in ("turn", "push"):
+        spec.add_sensor(
+            type=mujoco.mjtSensor.mjSENS_JOINTPOS,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=name,
+        )
+    spec.add_key(qpos=[0.1, 0.2, 0.3])
+    return Robot.from_mjcf(spec, joints=["lift", "turn"])
+
+
+def test_joints_that_are_not_named_are_locked(partly_locked: Robot) -> None:
+    assert partly_locked.plant.system.joints == ("turn", "lift")
+    assert partly_locked.plant.system.actuators == ("turn_servo", "lift_servo")
+    assert "locked where the model has them: joints push" in partly_locked.notes
+    assert "left out: actuators push_force" in partly_locked.notes
+
+
+def test_a_locked_joint_has_its_row_and_column_of_the_inertia_taken_off(
+    partly_locked: Robot,
+) -> None:
+    M = inertia(partly_locked.nominal, [0.3, -0.2])
+    expected = inertia(tree().nominal, [0.3, -0.2, 0.0])[:2, :2]
+    np.testing.assert_allclose(M, expected, rtol=0, atol=1e-14)
+
+
+def test_sensors_of_locked_joints_and_keyframes_go(partly_locked: Robot) -> None:
+    model = partly_locked.plant.model
+    assert model.nsensor == 1
+    assert model.sensor_objid[0] == model.joint("turn").id
+    assert model.nkey == 0
+
+
+THREE_JOINTS = """
+<mujoco><worldbody>
+  <body><joint name="joint3"/><geom size="0.1" pos="0.3 0 0"/>
+  <body><joint name="lift"/><geom size="0.1" pos="0.3 0 0"/>
+  <body><joint/><geom size="0.1" pos="0.3 0 0"/></body></body></body></worldbody>
+  <actuator><motor joint="joint3"/><motor joint="lift"/></actuator></mujoco>
+"""
+
+
+def test_a_joint_without_a_name_gets_one_that_nothing_has() -> None:
     """The third joint would be called as the first is."""
-    named = TREE.replace('"turn"', '"joint3"').replace('<joint name="push" ', "<joint ")
-    push = '    <motor name="push_force" joint="push" gear="-20" ctrlrange="-1 0.5"/>\n'
-    assert push in named
-    model = Robot.from_mjcf(named.replace(push, "")).plant.model
+    model = Robot.from_mjcf(THREE_JOINTS).plant.model
     assert [model.joint(i).name for i in range(N)] == ["joint3", "lift", "joint3_"]
-    # A joint without an actuator.
+
+
+def test_a_joint_without_an_actuator_makes_a_robot_underactuated() -> None:
     assert any("no actuator drives push" in note for note in underactuated().notes)
     assert underactuated().underactuated
     assert len(underactuated().plant.input_limits.T) == 2
 
 
-def underactuated() -> Robot:
-    return Robot.from_mjcf(TREE, actuators=["turn_servo", "lift_servo"])
+# Refusals: models of one link
+
+BALL_JOINT = """
+<mujoco><worldbody><body name="link"><joint name="j" type="ball"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+FREE_JOINT = """
+<mujoco><worldbody><body name="link"><freejoint name="j"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+NO_JOINT = """
+<mujoco><worldbody><body name="link"><geom size="0.1" pos="0.3 0 0"/></body></worldbody></mujoco>
+"""
+GRAVITY_ON_ACTUATOR = """
+<mujoco><worldbody><body name="link"><joint name="j" actuatorgravcomp="true"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+NO_MASS = """
+<mujoco><worldbody><body name="link"><joint name="j"/>
+  <geom size="0.1" mass="0" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+TENDON_MOTOR = """
+<mujoco><worldbody><body name="link"><joint name="j"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
+  <actuator><motor tendon="t"/></actuator></mujoco>
+"""
+DAMPED_TENDON = """
+<mujoco><worldbody><body name="link"><joint name="j"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <tendon><fixed name="t" damping="2"><joint joint="j" coef="1"/></fixed></tendon>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+NO_TIMESTEP = """
+<mujoco model="one"><option timestep="0"/><worldbody><body name="link"><joint name="j"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
+INFINITE_RANGE = '<motor name="motor" joint="hinge" ctrlrange="-20 inf" gear="1"/>'
 
 
-def one_joint(joint: str = "", actuator: str = "<motor joint='j'/>", more: str = "") -> str:
-    return (
-        f"<mujoco><worldbody><body name='link'><joint name='j' {joint}/>"
-        "<geom size='0.1' pos='0.3 0 0'/><site name='s' pos='0.5 0 0'/></body></worldbody>"
-        f"<actuator>{actuator}</actuator>{more}</mujoco>"
-    )
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        pytest.param(BALL_JOINT, "'j' is a ball joint", id="ball"),
+        pytest.param(FREE_JOINT, "is a free joint", id="free"),
+        pytest.param(NO_JOINT, "no joint that a law could move", id="no joint"),
+        pytest.param(GRAVITY_ON_ACTUATOR, "actuatorgravcomp", id="gravity on the actuator"),
+        pytest.param(NO_MASS, "mass and inertia", id="no mass"),
+        pytest.param(TENDON_MOTOR, "pulls a tendon", id="tendon"),
+        pytest.param(DAMPED_TENDON, "tendons with stiffness", id="damped tendon"),
+        pytest.param(NO_TIMESTEP, "one: its timestep is 0 s, must lie between", id="no timestep"),
+        pytest.param(
+            ONE.format("", INFINITE_RANGE),
+            r"actuator_ctrlrange\[0, 1\] = inf must be finite",
+            id="infinite range",
+        ),
+        pytest.param("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml", id="missing file"),
+    ],
+)
+def test_a_model_that_is_no_robot_is_refused(model: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(model)
 
 
-LINK = ONE.format("", '<motor name="motor" joint="hinge" ctrlrange="-20 20" gear="1"/>')
-TENDON = "<tendon><fixed name='t' {}><joint joint='j' coef='1'/></fixed></tendon>"
-MODELS: list[tuple[Any, str]] = [
-    (one_joint("type='ball'"), "'j' is a ball joint"),
-    (one_joint().replace("<joint name='j' />", "<freejoint name='j'/>"), "is a free joint"),
-    (one_joint().replace("<joint name='j' />", "").replace("<motor joint='j'/>", ""), "no joi"),
-    (one_joint("actuatorgravcomp='true'"), "actuatorgravcomp"),
-    (one_joint().replace("size='0.1'", "size='0.1' mass='0'"), "mass and inertia"),
-    *((one_joint(actuator=actuator), words) for actuator, words in (
+# A link; a hole for its actuators.
+LINK = """
+<mujoco><worldbody><body name="link"><joint name="j"/>
+  <geom size="0.1" pos="0.3 0 0"/><site name="s" pos="0.5 0 0"/></body></worldbody>
+  <actuator>{}</actuator></mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("actuators", "words"),
+    [
         ("", "no actuator drives 'j': name one with actuators"),
-        ("<motor joint='j'/>" * 2, "joint 'j' has 2 actuators"),
+        ("<motor joint='j'/><motor joint='j'/>", "joint 'j' has 2 actuators"),
         ("<general joint='j' dyntype='integrator'/>", "activation"),
         ("<muscle joint='j' lengthrange='0 1'/>", "is a muscle, which pulls"),
         ("<motor site='s'/>", "acts on a site"),
@@ -260,36 +477,55 @@ MODELS: list[tuple[Any, str]] = [
         ("<damper joint='j' kv='1' ctrlrange='0 1'/>", "depends on the state"),
         ("<motor joint='j' gear='0'/>", "no gear"),
         ("<motor joint='j' armature='1'/>", "belongs to its joint"),
-    )),
-    (one_joint(actuator="<motor tendon='t'/>", more=TENDON.format("")), "pulls a tendon"),
-    (one_joint(more=TENDON.format("damping='2'")), "tendons with stiffness"),
-    *((LINK.replace(good, bad), words) for good, bad, words in (
-        ('timestep="0.001"', 'timestep="0"', "one: its timestep is 0 s, must lie between"),
-        ('"-20 20"', '"-20 inf"', r"actuator_ctrlrange\[0, 1\] = inf must be finite"),
-    )),
-    ("nowhere.xml", "the MJCF cannot be read: .*nowhere.xml"),
-]  # fmt: skip
-WRONG_NAMES: list[tuple[dict[str, Any], str]] = [
-    ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
-    ({"joints": ["lift", "lift"]}, "named twice"),
-    ({"joints": ["lift"], "actuators": ["push_force"]}, "'push_force' drives the joint 'push'"),
-    ({"actuators": []}, "no actuator drives"),
-]
-REFUSED: list[tuple[Callable[[], Any], str]] = [
-    *((lambda xml=xml: Robot.from_mjcf(xml), words) for xml, words in MODELS),
-    *((lambda names=names: Robot.from_mjcf(TREE, **names), words) for names, words in WRONG_NAMES),
-    (lambda: underactuated().task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0),
-     r"2 torques for 3 joints.*take a state_task"),
-    (lambda: linear_lqr(two_link_task()), "no equations in symbols"),
-    (lambda: regulating_grosmc(two_link_task(), Uncertainty({}, (1.0,) * 18, (1.0,) * 4, 1.0)),
-     "no equations in symbols"),
-    (lambda: two_link().plant.analytic(), "no equations in symbols"),
-    (lambda: adaptive(two_link_task(), 1.0, 1.0),
-     "two_link_arm has no torques Y theta in symbols.*: take lqi, pid or adrc"),
-]  # fmt: skip
+    ],
+)
+def test_an_actuator_that_no_torque_stands_for_is_refused(actuators: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(LINK.format(actuators))
 
 
-@pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
-def test_no_robot_or_no_design_for_one_is_refused(call: Callable[[], Any], words: str) -> None:
-    with pytest.raises((ModelError, ArgumentError, PremiseError), match=words):
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ({"actuators": ["lift_serv"]}, "did you mean 'lift_servo'"),
+        ({"joints": ["lift", "lift"]}, "named twice"),
+        (
+            {"joints": ["lift"], "actuators": ["push_force"]},
+            "'push_force' drives the joint 'push'",
+        ),
+        ({"actuators": []}, "no actuator drives"),
+    ],
+)
+def test_wrong_names_are_refused(names: dict[str, Any], words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(TREE, **names)
+
+
+# Refusals: designs
+
+
+def test_joints_of_an_underactuated_robot_cannot_all_be_led() -> None:
+    with pytest.raises(ModelError, match=r"2 torques for 3 joints.*take a state_task"):
+        underactuated().task(setpoints(3, 2), Setpoints(0.0, 0.0), np.eye(6), 1.0)
+
+
+UNCERTAINTY = Uncertainty({}, (1.0,) * 18, (1.0,) * 4, 1.0)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: linear_lqr(two_link_task()),
+        lambda: regulating_grosmc(two_link_task(), UNCERTAINTY),
+        lambda: two_link().plant.analytic(),
+    ],
+)
+def test_a_robot_has_no_equations_in_symbols(call: Any) -> None:
+    with pytest.raises((ModelError, ArgumentError), match="no equations in symbols"):
         call()
+
+
+def test_the_adaptive_law_needs_torques_in_symbols() -> None:
+    words = "two_link_arm has no torques Y theta in symbols.*: take lqi, pid or adrc"
+    with pytest.raises(PremiseError, match=words):
+        adaptive(two_link_task(), 1.0, 1.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import commands
 import mujoco
@@ -21,91 +20,175 @@ from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
+# Drives with lags and delays
+
 IDEAL = '<motor name="drive" joint="hinge" gear="2" ctrlrange="-10 10"/>'
-LIMITED = LAG.replace("ctrlrange", 'actlimited="true" actrange="{}" ctrlrange')
+LIMITED_LAG = (
+    '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gainprm="4" gear="-2" '
+    'actlimited="true" actrange="-1 2" ctrlrange="-3 5"/>'
+)
+LAG_AND_DELAY = (
+    '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gainprm="4" gear="-2" '
+    'ctrlrange="-3 5" delay="0.012" nsample="15"/>'
+)
 SERVO = (
     '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
     'ctrlrange="-1 1" forcerange="-4 4"/>'
 )
+PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
+FORCE_RANGE = " actuatorfrcrange='-2 3'"
 
 
 @cache
-def robot(actuator: str, joint: str = "", integrator: Any = None) -> Robot:
-    return Robot.from_mjcf(ONE.format(joint, actuator), integrator=integrator)
+def robot(actuator: str, joint: str = "") -> Robot:
+    """A link with a drive.
+
+    RK4 looks beyond an activation's limits within a step, and reads a delayed input there.
+    """
+    return Robot.from_mjcf(ONE.format(joint, actuator), integrator="implicitfast")
 
 
 def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float = 0.0) -> Array:
     """Torque of the drive at the hinge, held at a place and speed, after each step."""
-    model, rows = plant.model, []
+    model = plant.model
     data = mujoco.MjData(model)
     data.ctrl[0] = u
+    rows: list[float] = []
     for _ in range(steps):
-        data.qpos[0], data.qvel[0] = q, v
+        data.qpos[0] = q
+        data.qvel[0] = v
         mujoco.mj_step(model, data)
         rows.append(data.qfrc_actuator[0])
     return np.array(rows)
 
 
-def waved(model: mujoco.MjModel, size: float, steps: int) -> Array:
-    """Joints and torques under a sine at the first input."""
-    data, rows = mujoco.MjData(model), []
-    for step in range(steps):
-        data.ctrl[0] = size * math.sin(0.02 * step)
-        mujoco.mj_step(model, data)
-        rows.append([*data.qpos, *data.qvel, *data.qfrc_actuator])
-    return np.array(rows)
+LAG_NOTE = "the plant has a lag of 0.02 s, which no law knows"
+DELAY_NOTE = "a delay of 0.012 s, which no law"
+SERVO_NOTE = "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"
+each_drive = pytest.mark.parametrize(
+    ("actuator", "joint"),
+    [
+        (LAG, ""),
+        (DELAY, ""),
+        (LAG_AND_DELAY, ""),
+        (LIMITED_LAG, ""),
+        (SERVO, ""),
+        (PID, ""),
+        (DELAY, FORCE_RANGE),
+    ],
+)
+# Positions and speeds, neither of which pulls: a torque is no position.
+each_position = pytest.mark.parametrize(("q", "v"), [(0.0, 0.0), (0.6, 3.0)])
 
 
-PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
-LAGS = "the plant has a lag of 0.02 s, which no law knows"
-DELAYS = "a delay of 0.012 s, which no law"
-BOTH = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
+@each_drive
+def test_the_nominal_plant_is_ideal(actuator: str, joint: str) -> None:
+    plant = robot(actuator, joint).plant
+    assert plant.model.na == 0
+    assert plant.hidden_states == ()
+
+
+@each_drive
+def test_a_drive_leaves_the_nominal_dynamics(actuator: str, joint: str) -> None:
+    assert inertia(robot(actuator, joint).nominal, [0.2]) == inertia(robot(IDEAL).nominal, [0.2])
 
 
 @pytest.mark.parametrize(
-    ("actuator", "joint", "low", "high", "words"),
+    ("actuator", "names"),
     [
-        (LAG, "", -40, 24, f"{LAGS}; torque control within [-40, 24]"),
-        (DELAY, "", -20, 20, DELAYS),
-        (BOTH, "", -40, 24, f"a lag of 0.02 s and {DELAYS}"),
-        (LIMITED.format("-1 2"), "", -16, 8, LAGS),
-        (SERVO, "", -8, 8, "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"),
-        (PID, "", -math.inf, math.inf, "position servo (kp 30"),
-        (DELAY, " actuatorfrcrange='-2 3'", -2, 3, DELAYS),
+        (LAG, ["drive lag"]),
+        (DELAY, []),
+        (LAG_AND_DELAY, ["drive lag"]),
+        (LIMITED_LAG, ["drive lag"]),
+        (SERVO, ["drive lag"]),
+        (PID, []),
     ],
-)  # fmt: skip
-def test_a_drive_gives_its_torque_in_its_limits_after_its_lag_or_delay(
-    actuator: str, joint: str, low: float, high: float, words: str
+)
+def test_a_lag_is_a_hidden_state(actuator: str, names: list[str]) -> None:
+    assert [state.name for state in robot(actuator).built.hidden_states] == names
+
+
+@pytest.mark.parametrize(
+    ("actuator", "joint", "words"),
+    [
+        (LAG, "", f"{LAG_NOTE}; torque control within [-40, 24]"),
+        (DELAY, "", DELAY_NOTE),
+        (LAG_AND_DELAY, "", f"a lag of 0.02 s and {DELAY_NOTE}"),
+        (LIMITED_LAG, "", LAG_NOTE),
+        (SERVO, "", SERVO_NOTE),
+        (PID, "", "position servo (kp 30"),
+        (DELAY, FORCE_RANGE, DELAY_NOTE),
+    ],
+)
+def test_a_note_says_what_no_law_knows(actuator: str, joint: str, words: str) -> None:
+    note = robot(actuator, joint).notes[0]
+    assert note.startswith("actuator 'drive': ")
+    assert words in note
+
+
+LIMITS = [
+    (LAG, "", -40, 24),
+    (DELAY, "", -20, 20),
+    (LAG_AND_DELAY, "", -40, 24),
+    (LIMITED_LAG, "", -16, 8),
+    (SERVO, "", -8, 8),
+    (DELAY, FORCE_RANGE, -2, 3),
+]
+
+
+@pytest.mark.parametrize(
+    ("actuator", "joint", "low", "high"), [*LIMITS, (PID, "", -math.inf, math.inf)]
+)
+def test_limits_are_torques_whatever_they_were_limits_of(
+    actuator: str, joint: str, low: float, high: float
 ) -> None:
-    """Limits are torques whatever they were limits of; a servo loses its own loop.
+    """A servo loses its own loop."""
+    limits = robot(actuator, joint).plant.input_limits
+    np.testing.assert_allclose(limits.T, [[low, high]], rtol=1e-12)
 
-    RK4 looks beyond an activation's limits within a step, and reads a delayed input there.
-    """
-    one, u = robot(actuator, joint, integrator="implicitfast"), 1.5
-    # The nominal plant is ideal, and laws know nothing else.
-    assert (one.plant.model.na, one.plant.hidden_states) == (0, ())
-    names = [state.name for state in one.built.hidden_states]
-    lagged = "dyntype" in actuator or "timeconst" in actuator
-    assert names == (["drive lag"] if lagged else [])
-    mine, ideal = (inertia(which.nominal, [0.2]) for which in (one, robot(IDEAL)))
-    assert mine == ideal
-    assert one.notes[0].startswith("actuator 'drive': ")
-    assert words in one.notes[0]
-    np.testing.assert_allclose(one.plant.input_limits.T, [[low, high]], rtol=1e-12)
-    demands = ((u, u), (1e3, high), (-1e3, low)) if math.isfinite(high) else ((u, u),)
-    # Neither place nor speed pulls, and a torque is not a place.
-    for q, v in ((0.0, 0.0), (0.6, 3.0)):
-        assert torques(one.plant, u, 1, q, v)[0] == pytest.approx(u, rel=1e-12)
-        for demand, end in demands:
-            assert torques(one.built, demand, 400, q, v)[-1] == pytest.approx(end, rel=1e-6)
-        first, late = torques(one.built, u, 30, q, v), 12 if "delay" in actuator else 0
-        assert not first[:late].any()
-        if lagged:
-            left = u - first[late:]
-            np.testing.assert_allclose(left[1:] / left[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
-        else:
-            assert first[late:].tolist() == [first[-1]] * (30 - late)
 
+@each_position
+@each_drive
+def test_a_drive_gives_its_torque(actuator: str, joint: str, q: float, v: float) -> None:
+    plants = robot(actuator, joint)
+    assert torques(plants.plant, 1.5, 1, q, v)[0] == pytest.approx(1.5, rel=1e-12)
+    assert torques(plants.built, 1.5, 400, q, v)[-1] == pytest.approx(1.5, rel=1e-6)
+
+
+@each_position
+@pytest.mark.parametrize(("actuator", "joint", "low", "high"), LIMITS)
+def test_a_drive_gives_no_more_than_its_limits(
+    actuator: str, joint: str, low: float, high: float, q: float, v: float
+) -> None:
+    built = robot(actuator, joint).built
+    assert torques(built, 1e3, 400, q, v)[-1] == pytest.approx(high, rel=1e-6)
+    assert torques(built, -1e3, 400, q, v)[-1] == pytest.approx(low, rel=1e-6)
+
+
+@each_position
+@pytest.mark.parametrize(
+    ("actuator", "delay"), [(LAG, 0), (LAG_AND_DELAY, 12), (LIMITED_LAG, 0), (SERVO, 0)]
+)
+def test_a_torque_follows_by_its_lag_after_its_delay(
+    actuator: str, delay: int, q: float, v: float
+) -> None:
+    rising = torques(robot(actuator).built, 1.5, 30, q, v)
+    missing = 1.5 - rising[delay:]
+    assert not rising[:delay].any()
+    np.testing.assert_allclose(missing[1:] / missing[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
+
+
+@each_position
+@pytest.mark.parametrize(("actuator", "joint"), [(DELAY, ""), (PID, ""), (DELAY, FORCE_RANGE)])
+def test_a_torque_without_a_lag_steps_after_its_delay(
+    actuator: str, joint: str, q: float, v: float
+) -> None:
+    rising = torques(robot(actuator, joint).built, 1.5, 30, q, v)
+    assert not rising[:12].any()
+    assert rising[12:].tolist() == [rising[-1]] * 18
+
+
+# A case of a robot as built
 
 CASE = """
 [plant]
@@ -124,78 +207,150 @@ epsilon = 5
 """
 
 
-def test_a_file_runs_on_the_built_plant_and_says_what_no_law_knows(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def case_file(tmp_path: Path) -> Path:
     (tmp_path / "arm.xml").write_text(ONE.format("", DELAY), encoding="utf-8")
     file = tmp_path / "case.toml"
     file.write_text(CASE, encoding="utf-8")
-    experiment = Experiment.load(file)
-    one, physics = experiment.nominal.robot, experiment.plant("physics")
-    assert one is not None
-    assert physics.digest == one.built.digest != one.plant.digest
+    return file
+
+
+def test_a_case_runs_on_the_built_plant(case_file: Path) -> None:
+    experiment = Experiment.load(case_file)
+    read = experiment.nominal.robot
+    assert read is not None
+    assert experiment.plant("physics").digest == read.built.digest != read.plant.digest
+
     run = experiment.run("physics", "grosmc").trajectory
-    same = simulate(one.built, experiment.law("physics", "grosmc"), [0.1, 0.0], duration=0.1)
-    np.testing.assert_array_equal(run.state, same.state)
-    assert commands.run("run", file, "--out", tmp_path, "--no-figures") == 0
+    law = experiment.law("physics", "grosmc")
+    expected = simulate(read.built, law, [0.1, 0.0], duration=0.1)
+    np.testing.assert_array_equal(run.state, expected.state)
+
+
+def test_the_command_says_what_no_law_knows(
+    case_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert commands.run("run", case_file, "--out", tmp_path, "--no-figures") == 0
     assert "which no law knows; torque control" in " ".join(capsys.readouterr().out.split())
 
 
+# Couplings of joints
+
 WELD = '<weld body1="a" body2="b"/>'
+WELD_THAT_IS_OFF = '<weld body1="a" body2="b" active="false"/>'
+CONNECT = '<connect body1="a" body2="b" anchor="0 0 0"/>'
+HELD = '<joint joint1="first" polycoef="0.1 0 0 0 0" solref="-40 -2"/>'
+COUPLED = TWO.format(SECOND, STIFF)
 
 
-def test_coupled_joints_are_the_plants_and_no_laws() -> None:
-    text = TWO.format(SECOND, STIFF)
-    one, free = Robot.from_mjcf(text), Robot.from_mjcf(TWO.format(SECOND, ""))
-    assert (one.plant.model.neq, one.nominal.neq, one.built.model.neq) == (0, 0, 1)
-    assert one.notes == (
+def waved(model: mujoco.MjModel, size: float, steps: int) -> Array:
+    """Joints and torques under a sine at the first input."""
+    data = mujoco.MjData(model)
+    rows: list[list[float]] = []
+    for step in range(steps):
+        data.ctrl[0] = size * math.sin(0.02 * step)
+        mujoco.mj_step(model, data)
+        rows.append([*data.qpos, *data.qvel, *data.qfrc_actuator])
+    return np.array(rows)
+
+
+@pytest.fixture(scope="module")
+def coupled() -> Robot:
+    return Robot.from_mjcf(COUPLED)
+
+
+@pytest.fixture(scope="module")
+def free() -> Robot:
+    return Robot.from_mjcf(TWO.format(SECOND, ""))
+
+
+def test_the_built_plant_alone_has_a_coupling(coupled: Robot) -> None:
+    assert coupled.plant.model.neq == 0
+    assert coupled.nominal.neq == 0
+    assert coupled.built.model.neq == 1
+
+
+def test_a_note_says_that_no_law_knows_a_coupling(coupled: Robot, free: Robot) -> None:
+    assert coupled.notes == (
         "the plant couples the joints 'first' and 'second' (equality), which no law knows: laws "
         "move each on its own",
         *free.notes,
     )
-    q, dq = [0.2, -0.4], [1.0, 0.3]
-    np.testing.assert_array_equal(inertia(one.nominal, q), inertia(free.nominal, q))
-    np.testing.assert_array_equal(bias(one.nominal, q, dq), bias(free.nominal, q, dq))
-    original = mujoco.MjModel.from_xml_string(text)
-    theirs, built, plain = (
-        waved(model, 1.0, 500) for model in (original, one.built.model, one.plant.model)
-    )
-    np.testing.assert_array_equal(theirs, built)
-    slip, free_slip = (np.abs(run[:, 0] - 2 * run[:, 1]).max() for run in (built, plain))
+
+
+def test_a_coupling_leaves_the_nominal_dynamics(coupled: Robot, free: Robot) -> None:
+    q = [0.2, -0.4]
+    dq = [1.0, 0.3]
+    np.testing.assert_array_equal(inertia(coupled.nominal, q), inertia(free.nominal, q))
+    np.testing.assert_array_equal(bias(coupled.nominal, q, dq), bias(free.nominal, q, dq))
+
+
+def test_the_built_plant_moves_as_the_model_that_was_read(coupled: Robot) -> None:
+    original = mujoco.MjModel.from_xml_string(COUPLED)
+    expected = waved(original, 1.0, 500)
+    np.testing.assert_array_equal(waved(coupled.built.model, 1.0, 500), expected)
+
+
+def test_a_coupling_keeps_its_joints_together(coupled: Robot) -> None:
+    built = waved(coupled.built.model, 1.0, 500)
+    plain = waved(coupled.plant.model, 1.0, 500)
+    slip = np.abs(built[:, 0] - 2 * built[:, 1]).max()
+    free_slip = np.abs(plain[:, 0] - 2 * plain[:, 1]).max()
     assert slip < 0.01 * free_slip
 
 
-def test_couplings_that_are_off_or_of_a_locked_joint_go_and_one_joint_may_be_held() -> None:
-    off = Robot.from_mjcf(TWO.format(SECOND, WELD.replace("/>", ' active="false"/>')))
+def test_a_coupling_that_is_off_goes() -> None:
+    off = Robot.from_mjcf(TWO.format(SECOND, WELD_THAT_IS_OFF))
+    assert off.built == off.plant
+
+
+def test_a_coupling_of_a_locked_joint_goes() -> None:
     alone = Robot.from_mjcf(TWO.format("", STIFF), joints=["first"])
-    assert (off.built, alone.built) == (off.plant, alone.plant)
+    assert alone.built == alone.plant
     assert "left out: the coupling (equality) of 'first' and 'second'" in alone.notes
-    held = '<joint joint1="first" polycoef="0.1 0 0 0 0" solref="-40 -2"/>'
-    note = Robot.from_mjcf(TWO.format(SECOND, held)).notes[0]
+
+
+def test_one_joint_may_be_held() -> None:
+    note = Robot.from_mjcf(TWO.format(SECOND, HELD)).notes[0]
     assert note.startswith("the plant holds the joint 'first' (equality), which no")
 
 
+# Refusals
+
+LAG_OF_ZERO = '<general name="d" joint="hinge" dyntype="filter" dynprm="0"/>'
+DAMPED = '<general name="d" joint="hinge" damping="0.1"/>'
+DC_MOTOR = '<dcmotor name="d" joint="hinge" motorconst="0.05" resistance="2"/>'
+DC_MOTOR_WORDS = (
+    r"is a DC motor: make it a motor here, and give its winding in a \[\[motor\]\] table"
+)
+AFFINE_GAIN = (
+    '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gaintype="affine" '
+    'gainprm="4 1 0" gear="-2" ctrlrange="-3 5"/>'
+)
+
+
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("actuator", "words"),
     [
-        *((ONE.format("", actuator), words) for actuator, words in (
-            ('<general name="d" joint="hinge" dyntype="filter" dynprm="0"/>',
-             "has a lag of 0 s, which nothing can simulate"),
-            ('<general name="d" joint="hinge" damping="0.1"/>',
-             "damping of its own, which belongs to its jo"),
-            ('<dcmotor name="d" joint="hinge" motorconst="0.05" resistance="2"/>',
-             r"is a DC motor: make it a motor here, and give its winding in a \[\[motor\]\] table"),
-            (LAG.replace('gainprm="4"', 'gaintype="affine" gainprm="4 1 0"'),
-             "gain that depends on"),
-        )),
-        (TWO.format(SECOND, '<connect body1="a" body2="b" anchor="0 0 0"/>'),
-         r"constraints \(connect\)"),
-        (TWO.format(SECOND, WELD), r"constraints \(weld\): they close loops"),
-        (TWO.format("", STIFF), r"joint 'second' is coupled .* leave it out of joints"),
+        (LAG_OF_ZERO, "has a lag of 0 s, which nothing can simulate"),
+        (DAMPED, "damping of its own, which belongs to its jo"),
+        (DC_MOTOR, DC_MOTOR_WORDS),
+        (AFFINE_GAIN, "gain that depends on"),
     ],
-)  # fmt: skip
-def test_drives_and_constraints_that_no_torque_stands_for_are_refused(
-    text: str, words: str
-) -> None:
+)
+def test_a_drive_that_no_torque_stands_for_is_refused(actuator: str, words: str) -> None:
     with pytest.raises(ModelError, match=words):
-        Robot.from_mjcf(text)
+        Robot.from_mjcf(ONE.format("", actuator))
+
+
+@pytest.mark.parametrize(
+    ("second", "coupling", "words"),
+    [
+        (SECOND, CONNECT, r"constraints \(connect\)"),
+        (SECOND, WELD, r"constraints \(weld\): they close loops"),
+        ("", STIFF, r"joint 'second' is coupled .* leave it out of joints"),
+    ],
+)
+def test_a_constraint_that_closes_a_loop_is_refused(second: str, coupling: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(TWO.format(second, coupling))

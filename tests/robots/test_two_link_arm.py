@@ -21,14 +21,15 @@ from shipped import (
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import computed_torque_pd
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 
-SYSTEM, REGULATION = "two_link_arm", "two_link_arm regulation"
-SIDES = [np.array(sides) for sides in itertools.product((-1.0, 1.0), repeat=2)]
+SYSTEM = "two_link_arm"
+REGULATION = "two_link_arm regulation"
 
 
 @cache
@@ -39,6 +40,9 @@ def nominal() -> AnalyticPlant:
 @cache
 def law(name: str, case: str = "regulation") -> Controller:
     return chapter_controller(name, nominal(), case=case)
+
+
+# Outputs
 
 
 def tip_jacobian(x: Array) -> Array:
@@ -53,7 +57,8 @@ def tip_jacobian(x: Array) -> Array:
 
 
 def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> None:
-    random, p = np.random.default_rng(2), nominal().parameters
+    p = nominal().parameters
+    random = np.random.default_rng(2)
     for _ in range(5):
         x = np.concatenate([random.uniform(-math.pi, math.pi, 2), random.normal(0, 3, 2)])
         E = np.reshape(TWO_LINK_TIP.linearization.decoupling_matrix(x, p), (2, 2))
@@ -63,65 +68,113 @@ def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> Non
 
 def test_place_is_inverse_kinematics() -> None:
     """The elbow-up state with that tip and that velocity of the tip, all around the circle."""
-    random, c = np.random.default_rng(5), TWO_LINK_CIRCLE
+    circle = TWO_LINK_CIRCLE
+    centre = np.array([circle.centre1, circle.centre2])
     parameters = law("grosmc", "nominal").parameters
+    random = np.random.default_rng(5)
     for t in np.linspace(0, 2, 9).tolist():
-        z, turn = random.uniform(-1, 1, 4) * [0.1, 0.3, 0.1, 0.3], c.frequency * t
+        z = random.uniform(-1, 1, 4) * [0.1, 0.3, 0.1, 0.3]
         x = TWO_LINK_TIP.place(t, z, parameters)
-        point = [c.centre1 + c.radius * math.cos(turn), c.centre2 + c.radius * math.sin(turn)]
-        speed = c.radius * c.frequency * np.array([-math.sin(turn), math.cos(turn)])
-        expected = elbow_up(point + z[::2], nominal().parameters)
+
+        angle = circle.frequency * t
+        radius = circle.radius * np.array([math.cos(angle), math.sin(angle)])
+        speed = circle.frequency * np.array([-radius[1], radius[0]])
+        expected = elbow_up(centre + radius + z[::2], nominal().parameters)
         np.testing.assert_allclose(x[:2], expected, atol=1e-9)
         np.testing.assert_allclose(tip_jacobian(x) @ x[2:], speed + z[1::2], atol=1e-9)
         np.testing.assert_allclose(TWO_LINK_TIP.error_state(t, x, parameters), z, atol=1e-9)
 
 
-def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family() -> None:
-    """s_i' sgn(s_i) <= -eta for both, whatever the sides: what the margin and the gains are for.
+# Gains
 
-    Next to the surfaces, by the true plant's own accelerations: at corners of the declared family
-    and at random points within.
+
+def declared_points() -> list[tuple[float, Array]]:
+    """Scales of the payload and errors: corners of the declared family, and points within."""
+    low, high = TWO_LINK_UNCERTAINTY.scales["mp"]
+    region = np.array(TWO_LINK_UNCERTAINTY.region)
+    points: list[tuple[float, Array]] = []
+    for signs in itertools.product((-1.0, 0.0, 1.0), repeat=4):
+        points += [(low, region * signs), (high, region * signs)]
+
+    random = np.random.default_rng(7)
+    for _ in range(20):
+        points.append((random.uniform(low, high), region * random.uniform(-1, 1, 4)))
+    return points
+
+
+@pytest.mark.parametrize("side2", [-1.0, 1.0])
+@pytest.mark.parametrize("side1", [-1.0, 1.0])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family(
+    sign: float, side1: float, side2: float
+) -> None:
+    """s_i' sgn(s_i) <= -eta for both, whatever the sides: the margin and the gains are for that.
+
+    Next to the surfaces, by the true plant's own accelerations.
     """
-    declared, random, p = TWO_LINK_UNCERTAINTY, np.random.default_rng(7), law("grosmc").parameters
-    (low, high), region = declared.scales["mp"], np.array(declared.region)
-    signs = itertools.product((-1.0, 0.0, 1.0), repeat=4)
-    pairs = [(scale, region * sign) for sign in signs for scale in (low, high)]
-    pairs += [(random.uniform(low, high), region * random.uniform(-1, 1, 4)) for _ in range(20)]
-    for (scale, z), sign, sides in itertools.product(pairs, (-1.0, 1.0), SIDES):
-        plant, w = nominal().changed(scales={"mp": scale}), sign * np.array(declared.wrench)
-        x, memory = TWO_LINK_JOINTS.place(0.0, z, p), law("grosmc").memory()
+    grosmc = law("grosmc")
+    p = grosmc.parameters
+    sides = np.array([side1, side2])
+    w = sign * np.array(TWO_LINK_UNCERTAINTY.wrench)
+    for scale, z in declared_points():
+        plant = nominal().changed(scales={"mp": scale})
+        x = TWO_LINK_JOINTS.place(0.0, z, p)
+        memory = grosmc.memory()
         assert isinstance(memory, SurfaceMemory)
-        memory.z0[:], memory.t = z - np.linalg.pinv(p.G) @ (1e-6 * sides), 1.0
-        u = law("grosmc").input_at(1.0, x, memory)
+        memory.z0[:] = z - np.linalg.pinv(p.G) @ (1e-6 * sides)
+        memory.t = 1.0
+        u = grosmc.input_at(1.0, x, memory)
         assert np.sign(memory.s).tolist() == sides.tolist()
-        rates = p.G @ plant.derivative(x, u, w)[[0, 2, 1, 3]] - p.S @ z
-        assert np.all(sides * rates <= -declared.reaching_rate)
+
+        z_rate = plant.derivative(x, u, w)[[0, 2, 1, 3]]
+        s_rate = p.G @ z_rate - p.S @ z
+        assert np.all(sides * s_rate <= -TWO_LINK_UNCERTAINTY.reaching_rate)
+
+
+def least_dominance(payload: float) -> float:
+    """Least diagonal dominance over the poses of the region, with G = [0 1 0 0; 0 0 0 1/3]."""
+    p = nominal().parameters
+    heavy = replace(p, mp=payload)
+    G_r = np.diag([1.0, 1 / 3])
+    margins: list[float] = []
+    for turn in np.linspace(-0.6, 0.6, 25):
+        q = np.array([0.0, -math.pi / 2 + turn])
+        R = np.linalg.inv(two_link_inertia(q, heavy)) @ two_link_inertia(q, p)
+        R = G_r @ R @ np.linalg.inv(G_r)
+        diagonal = np.diag(R)
+        margins.append(np.min(diagonal - np.abs(R - np.diag(diagonal)).sum(axis=1)))
+    return min(margins)
 
 
 def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
-    """Over the poses of the declared region, with G = [0 1 0 0; 0 0 0 1/3], by hand."""
-    p, G_r, margins = nominal().parameters, np.diag([1.0, 1 / 3]), []
-    for turn in np.linspace(-0.6, 0.6, 25):
-        q, heavy = np.array([0.0, -math.pi / 2 + turn]), replace(p, mp=0.6)
-        R = np.linalg.inv(two_link_inertia(q, heavy)) @ two_link_inertia(q, p)
-        R = G_r @ R @ np.linalg.inv(G_r)
-        margins.append(np.min(np.diag(R) - np.abs(R - np.diag(np.diag(R))).sum(axis=1)))
+    """The grid of states is coarser than the one by hand, but both have the region's edges."""
     ratio = TWO_LINK_UNCERTAINTY.reaching_rate / law("grosmc").parameters.eta
-    # The grid of states is coarser than the one by hand, but both have the region's edges.
-    assert ratio == pytest.approx(min(margins), rel=1e-9)
-    # Up to 1 kg under G = B+: no gain helps, and none is given.
-    heavier, control = replace(TWO_LINK_UNCERTAINTY, scales={"mp": (1.0, 5.0)}), law("lqr")
+    assert ratio == pytest.approx(least_dominance(0.6), rel=1e-9)
+
+
+def test_no_gain_makes_up_for_a_payload_five_times_as_heavy() -> None:
+    """Up to 1 kg under G = B+: none is given."""
+    heavier = replace(TWO_LINK_UNCERTAINTY, scales={"mp": (1.0, 5.0)})
+    control = law("lqr")
     with pytest.raises(GainError, match="no switching gain can make up"):
         heavier.gains(control.designed, control.parameters)
 
 
-def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output() -> None:
-    pd = computed_torque_pd(task_of(REGULATION, nominal()), 4.0, 0.6).designed.lqr
-    assert pd is not None
+# Computed torque
+
+
+@pytest.fixture(scope="module")
+def pd() -> LqrDesign:
+    return computed_torque_pd(task_of(REGULATION, nominal()), 4.0, 0.6).designed.lqr
+
+
+def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output(pd: LqrDesign) -> None:
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
     np.testing.assert_allclose(np.sort_complex(pd.poles), np.sort_complex(expected), rtol=1e-6)
-    # Its price by Lyapunov's equation.
+
+
+def test_pd_has_its_price_by_lyapunovs_equation(pd: LqrDesign) -> None:
     chains = TWO_LINK_JOINTS.linearization
     closed = chains.A - chains.B @ pd.K
-    rest = closed.T @ pd.P + pd.P @ closed + pd.Q + pd.K.T @ pd.R @ pd.K
-    np.testing.assert_allclose(rest, 0, atol=1e-9 * np.abs(pd.Q).max())
+    residual = closed.T @ pd.P + pd.P @ closed + pd.Q + pd.K.T @ pd.R @ pd.K
+    np.testing.assert_allclose(residual, 0, atol=1e-9 * np.abs(pd.Q).max())

@@ -21,7 +21,7 @@ from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import PARTS, MachinePart
-from grosmc_mj.physics.edits import Edit
+from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import System
 
 

@@ -13,6 +13,17 @@ import mujoco
 from grosmc_mj.errors import SetupError
 from grosmc_mj.physics.mjdata import mujoco_library
 
+_lock = threading.Lock()
+# Number of blocks in all threads in which MuJoCo's warnings are not printed.
+_silent = 0
+# Number of blocks in all threads in which MuJoCo's clock is suspended.
+_suspensions = 0
+# Address of the clock that was suspended.
+_clock: int | None = None
+
+# MuJoCo's callbacks that have a part in the motion.
+_CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")
+
 
 @contextmanager
 def warnings_counted_only() -> Iterator[None]:
@@ -30,10 +41,11 @@ def warnings_counted_only() -> Iterator[None]:
     try:
         yield
     finally:
-        with _lock:
-            _silent -= ours
-            if ours and _silent == 0:
-                mujoco.set_mju_user_warning(None)
+        if ours:
+            with _lock:
+                _silent -= 1
+                if _silent == 0:
+                    mujoco.set_mju_user_warning(None)
 
 
 @contextmanager
@@ -76,18 +88,6 @@ def _ignore(_message: str) -> None:
     """Say nothing."""
 
 
-_lock = threading.Lock()
-# Number of blocks in all threads in which MuJoCo's warnings are not printed.
-_silent = 0
-# Number of blocks in all threads in which MuJoCo's clock is suspended.
-_suspensions = 0
-# Address of the clock that was suspended.
-_clock: int | None = None
-
-# MuJoCo's callbacks that have a part in the motion.
-_CALLBACKS = ("control", "passive", "act_dyn", "act_gain", "act_bias", "contactfilter", "sensor")
-
-
 def refuse_foreign_callback() -> None:
     """Refuse to run while somebody else's callback would set the control or add forces.
 
@@ -96,8 +96,8 @@ def refuse_foreign_callback() -> None:
     """
     for kind in _CALLBACKS:
         if getattr(mujoco, f"get_mjcb_{kind}")() is not None:
-            does = "overrule the law" if kind == "control" else "change the plant"
+            effect = "overrule the law" if kind == "control" else "change the plant"
             raise SetupError(
                 f"a MuJoCo {kind} callback is already installed in this process and would "
-                f"{does}: remove it with mujoco.set_mjcb_{kind}(None)"
+                f"{effect}: remove it with mujoco.set_mjcb_{kind}(None)"
             )
