@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.errors import ArgumentError
 
@@ -73,7 +74,7 @@ class JudgeCommand(Command):
             screen.say_files(screen.console(), picture)
         if self.page is not None:
             screen.say_files(screen.console(), *write_page(findings, lab, self.page))
-        return screen.DIFFERS if lines else screen.DONE
+        return DIFFERS if lines else DONE
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class SweepCommand(Command):
             content = sweeps_result(list(sweep(lab, claims, advance)), lab)
         path = STORED if self.record else self.out / "sweeps.json"
         screen.say_result(content, path, full=self.verbose)
-        return screen.DONE
+        return DONE
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ class PremisesCommand(Command):
         path = self.out / f"premises_{experiments[0].case.system}.json"
         points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
         screen.say_result(premises_result(audits, lab.settings), path, points, full=self.verbose)
-        return screen.DONE
+        return DONE
 
 
 CLAIMS = {

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Out
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 
 
 @dataclass(frozen=True)
@@ -53,5 +54,5 @@ class DiffCommand(Command):
         for title, lines in (("Made from", comparison.sources), ("Not read", comparison.notices)):
             if lines:
                 console.print(f"{title}:", style="bold")
-                screen.say_lines(console, lines, "", all=self.verbose)
-        return screen.DIFFERS if comparison.worse else screen.DONE
+                screen.say_lines(console, lines, "", full=self.verbose)
+        return DIFFERS if comparison.worse else DONE

@@ -11,6 +11,7 @@ from tyro.conf import arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
@@ -107,5 +108,5 @@ class FilmCommand(Command):
             workers=self.workers, gif=self.gif,
         )  # fmt: skip
         ended = [f"{result.key}: {result.ended}" for result in results if result.ended]
-        screen.say_lines(console, ended, all=self.verbose)
-        return screen.DONE
+        screen.say_lines(console, ended, full=self.verbose)
+        return DONE

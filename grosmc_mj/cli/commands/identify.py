@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ class IdentifyCommand(_OfLog):
         draw(parts, held, plant.system, files[0])
         write_case(best, log.name, files[1])
         screen.say_files(screen.console(), *files)
-        return screen.DONE
+        return DONE
 
 
 @dataclass(frozen=True)
@@ -137,4 +138,4 @@ class CompareCommand(_OfLog):
                     film, path.with_suffix(".mp4"), advance=lambda: advance("film")
                 )
             screen.say_files(screen.console(), written.film, written.poster)
-        return screen.DONE
+        return DONE

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import TARGET
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class ListCommand(Command):
             _say_one(screen.console(), self.target)
         else:
             _say_everything(screen.console())
-        return screen.DONE
+        return DONE
 
 
 def _say_everything(console: Console) -> None:

@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
@@ -58,7 +59,7 @@ class NewCommand(Command):
         screen.console().print(
             f"{' and '.join(files)} written; run: grosmc-mj run {name}.toml", soft_wrap=True
         )
-        return screen.DONE
+        return DONE
 
 
 def _text_of(name: str) -> str:

@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, together
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class ReportCommand(Command):
         if path.suffix.lower() not in (".html", ".htm"):
             raise ArgumentError(f"-o {path} must end in .html")
         report_on(screen.console(), paths, path, full=self.verbose)
-        return screen.DONE
+        return DONE
 
 
 def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool = False) -> None:
@@ -63,5 +64,5 @@ def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool
         raise ArgumentError(together([words, *(f"unreadable: {x}" for x in reading.notices)]))
     written = write_page(reading, paths, path)
     console.print(f"{len(reading.documents)} documents in {written.size / 1e6:.1f} MB")
-    screen.say_lines(console, [f"left out: {line}" for line in written.notices], "dim", all=full)
+    screen.say_lines(console, [f"left out: {line}" for line in written.notices], "dim", full=full)
     screen.say_files(console, path)

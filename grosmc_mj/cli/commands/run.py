@@ -12,6 +12,7 @@ from tyro.conf import arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Laws, Out, Target
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
@@ -67,7 +68,7 @@ class RunCommand(Command):
             _check(experiment)
         self.out.mkdir(parents=True, exist_ok=True)
         kept = [self._run(one, alone=len(experiments) == 1) for one in experiments]
-        return screen.DONE if all(kept) else screen.DIFFERS
+        return DONE if all(kept) else DIFFERS
 
     def _run(self, experiment: Experiment, *, alone: bool) -> bool:
         """Whether an experiment keeps what it requires."""
@@ -134,7 +135,9 @@ class RunCommand(Command):
             # Results that cannot be written are printed.
             words = f"{answer['words']}." if alone else f"{path.stem}: {answer['words']}."
             screen.say_verdict(console, words, good=answer["verdict"] == KEPT)
-            screen.say_lines(console, list(_wrong(experiment, results, premises)), all=self.verbose)
+            screen.say_lines(
+                console, list(_wrong(experiment, results, premises)), full=self.verbose
+            )
             for audit in premises:
                 held = f"{len(audit.premises) - len(audit.failed())} of {len(audit.premises)} hold"
                 console.print(f"premises of {audit.controller}: {held}", style="dim")
@@ -143,7 +146,7 @@ class RunCommand(Command):
             if alone:
                 console.print(runs_table(results))
                 for lines in _described(experiment):
-                    screen.say_lines(console, lines, "dim", all=self.verbose)
+                    screen.say_lines(console, lines, "dim", full=self.verbose)
             if self.verbose:
                 screen.say_tables(content)
                 for audit in premises:

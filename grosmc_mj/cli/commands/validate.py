@@ -14,6 +14,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
 
@@ -94,7 +95,7 @@ class ValidateCommand(Command):
             film_results(screen.console(), done.results, settings, self.out)
         if self.report:
             report_on(screen.console(), [self.out], self.out / REPORT)
-        return screen.DIFFERS if done.differences else screen.DONE
+        return DIFFERS if done.differences else DONE
 
     def _selected(self) -> list[Experiment]:
         """The experiments of the targets, each once."""

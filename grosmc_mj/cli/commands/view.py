@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import shown_experiment
 from grosmc_mj.errors import SetupError
 
@@ -34,10 +33,6 @@ class ViewCommand(Command):
         switching: Switching law of a system's sliding mode laws, as for film.
         surface: printed or discrete, as for film.
     """
-
-    removed: ClassVar[Mapping[str, str]] = {
-        "--replay": "view runs the case as you watch, and grosmc-mj film shows a recorded run"
-    }
 
     target: Target
     laws: OptionalName = None
@@ -67,4 +62,4 @@ class ViewCommand(Command):
         except RuntimeError as error:  # of MuJoCo's own too, such as that macOS needs mjpython
             film = f"grosmc-mj film {self.target} --laws {name}"
             raise SetupError(f"{error}; for a film of it run: {film}") from error
-        return screen.DONE
+        return DONE

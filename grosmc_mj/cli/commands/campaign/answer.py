@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.results.tables import number
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import ALL, Findings, findings_tables, judged_words, rate_interval
@@ -58,7 +59,7 @@ def say_verdict(
     for law in campaign.laws:
         if law not in campaign.judged:
             console.print(f"{law}: nothing is required of it.", style="dim")
-    return screen.DIFFERS if missed else screen.DONE
+    return DIFFERS if missed else DONE
 
 
 def say_findings(
@@ -89,7 +90,7 @@ def say_findings(
                 f"{law}: {driver.parameter} drives its margin most "
                 f"({100 * (driver.share or 0):.0f} % of the variance of the ranks)"
             )
-    screen.say_lines(console, lines, "", all=False)
+    screen.say_lines(console, lines, "", full=False)
     notes = [
         judged_words(findings.judges),
         f"{findings.sampled.words}. {findings.sampled.footnote}",
@@ -113,7 +114,7 @@ def say_worst(
         if plant.shrunk is not None:
             line += f"; nearest that fails: {campaign.words(plant.shrunk)}"
         lines.append(line)
-    screen.say_lines(console, lines, "", all=False)
+    screen.say_lines(console, lines, "", full=False)
     if full and searches:
         console.print(worst_table(campaign, searches), "")
 
@@ -133,6 +134,6 @@ def say_radius(
         ):
             line += "" if at is None else f"{words} {at:.3g}"
         lines.append(line)
-    screen.say_lines(console, lines, "", all=False)
+    screen.say_lines(console, lines, "", full=False)
     if full and searches:
         console.print(radius_table(campaign, searches), "")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional, arg
@@ -93,10 +92,6 @@ class CampaignCommand(Command):
             extends it. It is needed if it names a model or Python, which is imported from beside it
             if it is what the campaign recorded.
     """
-
-    removed: ClassVar[Mapping[str, str]] = {
-        "--replay": "--plant WHICH writes the case file of a run's plant, which grosmc-mj run takes"
-    }
 
     target: Annotated[Positional[str], arg(metavar=f"{TARGET}|FOLDER", name="target")]
     runs: Annotated[int, arg(metavar="N")] = 1024

@@ -10,6 +10,7 @@ from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import TARGET, result_name
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ class LadderCommand(Command):
         if self.film:
             files = (*files, self._film(studied, laws[self.film], rows))
         screen.say_files(screen.console(), *files)
-        return screen.DONE
+        return DONE
 
     def _path(self, studied: Ladder) -> Path:
         """Where the result is written."""

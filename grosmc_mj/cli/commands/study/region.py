@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
@@ -106,7 +107,7 @@ class RegionCommand(Command):
         console.print(study.region_table(region, maps))
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, target, figure)
-        return screen.DONE
+        return DONE
 
 
 def _write_partial(region: Region, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:

@@ -10,6 +10,7 @@ from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import TARGET, result_name
 from grosmc_mj.errors import ArgumentError
 
@@ -79,7 +80,7 @@ class ToleranceCommand(Command):
         finally:
             self._answer(rows())
         screen.say_files(screen.console(), *files)
-        return screen.DONE
+        return DONE
 
     def _write(
         self, studied: Setting, rows: list[Tolerance], *, complete: bool
