@@ -115,7 +115,7 @@ def test_the_answer_of_a_machine_describes_it_part_by_part(capsys: Screen) -> No
 
 
 def listed(output: str) -> dict[str, str]:
-    """What list says of each title, without the remark in brackets."""
+    """Return the words of list by title, without remarks in brackets."""
     entries: dict[str, str] = {}
     for line in output.splitlines():
         words = line.partition("  (")[0].strip().split(None, 1)
