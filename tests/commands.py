@@ -1,4 +1,4 @@
-"""The command line in this process: its exit codes, and the one line of a mistake."""
+"""Commands run in this process: their exit codes, and the one line of a mistake."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Patch = pytest.MonkeyPatch
 
 
 def run(*arguments: object) -> int:
-    """Exit code of a command."""
+    """Run a command; returns its exit code."""
     with pytest.raises(SystemExit) as stop:
         cli.main([str(argument) for argument in arguments])
     assert isinstance(stop.value.code, int)
@@ -20,7 +20,7 @@ def run(*arguments: object) -> int:
 
 
 def assert_one_line(error: str) -> None:
-    """Standard error is one line that can be printed, of a mistake that was foreseen."""
+    """Assert that standard error is one printable line about a mistake that was foreseen."""
     assert error.startswith("grosmc-mj: ")
     assert error.count("\n") == 1
     assert error[:-1].isprintable()

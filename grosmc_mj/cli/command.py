@@ -1,28 +1,28 @@
-"""What every command of the command line is."""
+"""Base class of the commands, and types of options that several of them have."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional
 
 from grosmc_mj.cli.targets import TARGET
 
-# An option that is on if it is there.
+# An option without a value: on if it is present.
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 Out = Annotated[Path, tyro.conf.arg(metavar="DIR")]
 Target = Annotated[Positional[str], tyro.conf.arg(metavar=TARGET, name="target")]
-# Laws and settings of which the file, or the command, has the default.
+
+# Options whose default comes from the case file or from the command.
 OptionalName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")]
 OptionalSurface = Annotated[
     str | None, tyro.conf.arg(metavar="printed|discrete", help_behavior_hint="")
 ]
 
-# Laws of a file by their names, of its controllers or of its [laws].
+# Names of laws: of the file's controllers, or of its [laws].
 Laws = Annotated[
     tuple[str, ...],
     tyro.conf.arg(
@@ -41,21 +41,21 @@ class Command:
 
     Attributes:
         verbose: Print every table after the answer.
-        removed: Options that are gone, with a clause that says what takes their place.
     """
-
-    removed: ClassVar[Mapping[str, str]] = {}
 
     verbose: Flag = False
 
     @property
     def simulates(self) -> bool:
-        """Whether it needs MuJoCo."""
+        """True if the command needs MuJoCo."""
         return True
 
     # No abstract class: tyro would import typeguard to see that a command is none.
     def execute(self) -> int:
-        """Carry it out; returns the exit code.
+        """Carry out the command.
+
+        Returns:
+            The exit code.
 
         Raises:
             GrosmcError: If something is wrong.

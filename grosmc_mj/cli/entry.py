@@ -1,4 +1,4 @@
-"""The program: from its start to its exit code, whatever happens in between.
+"""Entry point of the program: every error becomes one line and an exit code.
 
 Nothing is imported here that takes long, so that Ctrl-C and errors of imports are answered too.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import gc
 import logging
 import os
@@ -14,7 +15,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,23 +35,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     wrong, 130 interrupted by Ctrl-C or SIGTERM. A reader of the output that has gone changes none
     of them.
     """
+    is_program = arguments is None
     if arguments is None:
-        _settle()
+        arguments = sys.argv[1:]
+    if is_program:
+        _tune_process()
     _open_closed_streams()
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = _DEBUG in words
-    words = [word for word in words if word != _DEBUG]
+
+    debug = _DEBUG in arguments
+    words = [word for word in arguments if word != _DEBUG]
     with Output.standard() as output:
-        with _quiet(debug or arguments is not None), _terminable():
-            code = _code(words, debug)
+        with _libraries_quiet(debug or not is_program), _terminable():
+            code = _exit_code(words, debug)
         output.finish()
+
     if output.lost is not None:
         code = _complain(f"standard output: {output.lost}")
     sys.exit(code)
 
 
-def _code(arguments: Sequence[str], debug: bool) -> int:
-    """The exit code of a command, all of whose errors are one line."""
+def _exit_code(arguments: Sequence[str], debug: bool) -> int:
+    """Carry out a command, and say each of its errors in one line; returns the exit code."""
     try:
         from grosmc_mj.cli.program import execute
 
@@ -70,17 +75,26 @@ def _code(arguments: Sequence[str], debug: bool) -> int:
     except Exception as error:
         _trace(debug)
         message = f"unforeseen {type(error).__name__}: {shown(error, str)}"
-        return _complain(message if debug else f"{message}; {_DEBUG} shows where")
+        if not debug:
+            message += f"; {_DEBUG} shows where"
+        return _complain(message)
 
 
 def _complain(message: str) -> int:
-    """Say in one line what was wrong, or in one line a mistake."""
-    lines = [one_line(line) for line in message.split(NEXT)]
-    text = NEXT.join(f"{x[: _LONGEST - 3]}..." if len(x) > _LONGEST else x for x in lines)
+    """Say in one line what was wrong, or each mistake in a line; returns the exit code."""
+    lines = [_printable(line) for line in message.split(NEXT)]
     # Whoever closed standard error does not want to know.
     with contextlib.suppress(OSError, ValueError):
-        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
+        print(f"{PROGRAM}: {NEXT.join(lines)}", file=sys.stderr, flush=True)
     return WRONG
+
+
+def _printable(text: str) -> str:
+    """Return a text on one line, cut off if it is too long."""
+    line = one_line(text)
+    if len(line) > _LONGEST:
+        return f"{line[: _LONGEST - 3]}..."
+    return line
 
 
 def _trace(debug: bool) -> None:
@@ -91,11 +105,11 @@ def _trace(debug: bool) -> None:
         traceback.print_exc()
 
 
-def _settle() -> None:
-    """Have this process spend little on what a short program of small matrices has no use for.
+def _tune_process() -> None:
+    """Switch off what costs a short program of small matrices time and gains it nothing.
 
-    What imports make lives to the end: Python looks through it less often, and not once more at
-    the exit. Threads of a BLAS cost more than matrices of ten rows could gain by them.
+    Imported modules live to the end: the garbage collector looks through them less often, and not
+    once more at the exit. Threads of a BLAS cost more than matrices of ten rows gain by them.
     """
     gc.set_threshold(100_000, 50, 100)
     atexit.register(gc.freeze)
@@ -103,24 +117,29 @@ def _settle() -> None:
 
 
 @contextlib.contextmanager
-def _quiet(loud: bool) -> Iterator[None]:
-    """Keep what libraries warn of from coming between our lines; our own warnings are lines."""
+def _libraries_quiet(loud: bool) -> Iterator[None]:
+    """Print our own warnings as lines, and those of libraries not at all.
+
+    Args:
+        loud: Print those of libraries too, as Python does.
+    """
     with warnings.catch_warnings():
         if not loud and not sys.warnoptions:
             logging.disable(logging.WARNING)
             warnings.simplefilter("ignore")
         warnings.simplefilter("always", ImplausibleWarning)
-        others = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
-            """Ours in a line, those of others as Python shows them."""
-            if issubclass(category, ImplausibleWarning):
-                _complain(str(message))
-            else:
-                others(message, category, *where)
-
-        warnings.showwarning = show
+        warnings.showwarning = functools.partial(_show_warning, warnings.showwarning)
         yield
+
+
+def _show_warning(
+    default: Callable[..., None], message: Warning | str, category: type[Warning], *where: Any
+) -> None:
+    """Show a warning of ours in a line, and one of a library as Python shows it."""
+    if issubclass(category, ImplausibleWarning):
+        _complain(str(message))
+    else:
+        default(message, category, *where)
 
 
 @contextlib.contextmanager
@@ -129,6 +148,7 @@ def _terminable() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
@@ -147,6 +167,8 @@ def _open_closed_streams() -> None:
             os.fstat(descriptor)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115  for as long as we run
+            null = Path(os.devnull).open("w")  # noqa: SIM115  open for as long as we run
+            setattr(sys, name, null)

@@ -1,7 +1,12 @@
-"""What the command line's exit codes mean."""
+"""Exit codes of the command line."""
 
 from __future__ import annotations
 
-# Kept; a verdict that something is not kept; anything else that is wrong; stopped by Ctrl-C or
-# SIGTERM.
-DONE, DIFFERS, WRONG, INTERRUPTED = 0, 1, 2, 130
+# Done, and everything that is required is kept.
+DONE = 0
+# A verdict: something is not kept, or not as recorded.
+DIFFERS = 1
+# Anything else that is wrong.
+WRONG = 2
+# Stopped by Ctrl-C or SIGTERM.
+INTERRUPTED = 130

@@ -1,10 +1,10 @@
-"""Films as commands write them: film itself, and those of validate and run."""
+"""Films that the commands film, validate and run write."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
@@ -15,22 +15,33 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.case import Case
     from grosmc_mj.experiments.runs import RunResult, Settings
     from grosmc_mj.films.film import Film
+    from grosmc_mj.films.pool import RenderingPool
 
 FOLDER = "films"
 
 
 def write_with_progress(
-    console: Console, case: Case, film: Film, path: Path, settings: Settings, **options: Any
+    console: Console,
+    case: Case,
+    film: Film,
+    path: Path,
+    settings: Settings,
+    *,
+    pool: RenderingPool | None = None,
+    workers: int | None = None,
+    gif: bool = False,
 ) -> None:
-    """Write the film of a case, and say how large it is and where it and its pictures are.
+    """Write the film of a case, and print its size and the paths of its files.
 
     Args:
-        console: Where it is said.
-        case: What was run.
-        film: Of its runs.
+        console: Where they are printed.
+        case: The case.
+        film: Film of its runs.
         path: The MP4.
-        settings: How it was run.
-        options: Of ``write_case_film``.
+        settings: Settings of the runs.
+        pool: Rendering processes, if they are open already.
+        workers: Number of rendering processes otherwise; by default one a core.
+        gif: True to write a small GIF too.
 
     Raises:
         SetupError: If it cannot be rendered or written.
@@ -39,49 +50,64 @@ def write_with_progress(
 
     with screen.progress(len(film.times), "frames") as advance:
         written = write_case_film(
-            case, film, path, settings=settings, advance=lambda: advance(path.name), **options
+            case,
+            film,
+            path,
+            settings=settings,
+            workers=workers,
+            pool=pool,
+            gif=gif,
+            advance=lambda: advance(path.name),
         )
+
+    seconds = written.frames / film.format.fps
+    megabytes = path.stat().st_size / 1e6
     console.print(
-        f"{written.frames} frames, {written.frames / film.format.fps:.1f} s, "
-        f"{path.stat().st_size / 1e6:.1f} MB ({written.backend}, ffmpeg {written.ffmpeg.version})",
+        f"{written.frames} frames, {seconds:.1f} s, "
+        f"{megabytes:.1f} MB ({written.backend}, ffmpeg {written.ffmpeg.version})",
         markup=False,
     )
-    screen.say_files(console, *filter(None, (path, written.poster, written.gif)))
+    files = [file for file in (path, written.poster, written.gif) if file is not None]
+    screen.say_files(console, *files)
 
 
 def film_results(
     console: Console, results: Sequence[RunResult], settings: Settings, folder: Path
 ) -> None:
-    """Film every case of a validation, or say in one line why not; what is there is kept."""
+    """Film every case of a validation, or say in one line why not; current films are kept."""
     from grosmc_mj.experiments.films import films_of
 
-    films = {
-        folder / FOLDER / f"{case.system}_{case.name}.mp4": (case, film)
-        for case, film in films_of(results)
-    }
+    films: dict[Path, tuple[Case, Film]] = {}
+    for case, film in films_of(results):
+        path = folder / FOLDER / f"{case.system}_{case.name}.mp4"
+        films[path] = (case, film)
     _write_missing(console, films, settings)
 
 
 def film_runs(
     console: Console, results: Sequence[RunResult], settings: Settings, path: Path
 ) -> None:
-    """Film runs in MuJoCo, side by side, or say in one line why not; what is there is kept."""
+    """Film runs in MuJoCo, side by side, or say in one line why not; a current film is kept."""
     from grosmc_mj.experiments.films import film_of
     from grosmc_mj.films.film import MOST_TAKES
 
-    shown = [result for result in results if result.plant == "physics"][-MOST_TAKES:]
-    films = {path: (shown[0].case, film_of(shown))} if shown else {}
+    in_mujoco = [result for result in results if result.plant == "physics"]
+    filmed = in_mujoco[-MOST_TAKES:]
+    films: dict[Path, tuple[Case, Film]] = {}
+    if filmed:
+        films[path] = (filmed[0].case, film_of(filmed))
     _write_missing(console, films, settings)
 
 
 def _write_missing(
     console: Console, films: Mapping[Path, tuple[Case, Film]], settings: Settings
 ) -> None:
-    """Write the films that are not there yet, or say in one line why not."""
+    """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
     from grosmc_mj.films.pool import open_pool
 
-    missing = {path: shown for path, shown in films.items() if not is_current(shown[1], path)}
+    missing = {path: item for path, item in films.items() if not is_current(item[1], path)}
+
     try:
         if missing:
             with open_pool() as pool:

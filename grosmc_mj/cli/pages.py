@@ -20,14 +20,19 @@ from grosmc_mj.studies.rivals import SYSTEMS, rivals, rivals_table
 from grosmc_mj.studies.tolerance import tolerances_text
 
 
+def _results(documents: Sequence[Any]) -> str:
+    """Return the tables of one document of validate."""
+    return results_markdown(*documents)
+
+
 def _rivals(_: Sequence[Any]) -> str:
-    """All cases are run."""
+    """Run the rivals on all their systems, and return the table."""
     return rivals_table(row for system in SYSTEMS for row in rivals(system))
 
 
-# What makes the text between the marks of that name, of the documents that it is given.
+# Functions that make the text between the marks of a name from documents.
 TEXTS: Mapping[str, Callable[[Sequence[Any]], str]] = {
-    "results": lambda documents: results_markdown(*documents),
+    "results": _results,
     "rivals": _rivals,
     "tolerances": tolerances_text,
     "ladders": ladders_text,
@@ -39,7 +44,7 @@ def write_text(name: str, page: Path, *files: Path) -> None:
 
     Args:
         name: A key of ``TEXTS``.
-        page: With the marks.
+        page: Page with the marks.
         files: Documents that the text is made from.
 
     Raises:
@@ -48,6 +53,7 @@ def write_text(name: str, page: Path, *files: Path) -> None:
     for path in files:
         if not path.is_file():
             raise SetupError(f"{path} is missing: run make validate in the checkout first")
+
     documents = [json.loads(path.read_text(encoding="utf-8")) for path in files]
     replace_marked(page, name, lambda: TEXTS[name](documents))
 

@@ -1,4 +1,4 @@
-"""What the commands share: exit codes, the console, brief tables, the progress bar."""
+"""Output that commands share: consoles, verdicts, brief tables, progress."""
 
 from __future__ import annotations
 
@@ -8,82 +8,89 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.cli.exit_codes import DIFFERS as DIFFERS
-from grosmc_mj.cli.exit_codes import DONE as DONE
-from grosmc_mj.cli.exit_codes import WRONG as WRONG
 from grosmc_mj.errors import SetupError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
+    from rich.progress import Progress, TaskID
 
     from grosmc_mj.results.tables import Table
 
-# An answer fits in a screen: forty lines of so many columns.
+# An answer fits on a screen: forty lines of so many columns.
 WIDTH = 100
 # The tables of --verbose may be as wide.
 _FULL_WIDTH = 200
 # Seconds between two lines of progress where there is no bar.
 LINE_EVERY = 10.0
-# Of one kind, such as results that differ; and rows of a table.
-_MOST_LINES, _MOST_ROWS = 5, 16
+# Lines of one kind that an answer shows, such as results that differ; and rows of a table.
+_MOST_LINES = 5
+_MOST_ROWS = 16
 
 
 def console() -> Console:
-    """Standard output, as wide as an answer."""
+    """Return standard output, as wide as an answer."""
     from rich.console import Console
 
     return Console(highlight=False, width=WIDTH)
 
 
 def wide_console() -> Console:
-    """Standard output, never narrower than the widest table."""
+    """Return standard output, never narrower than the widest table."""
     from rich.console import Console
 
     return Console(highlight=False, width=max(_FULL_WIDTH, Console().width))
 
 
 def say_verdict(to: Console, words: str, *, good: bool) -> None:
-    """Print the line that an answer begins with."""
-    to.print(words, style=f"bold {'green' if good else 'red'}", markup=False)
+    """Print the line that an answer begins with, green if it is good, else red."""
+    color = "green" if good else "red"
+    to.print(words, style=f"bold {color}", markup=False)
 
 
-def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, all: bool) -> None:
+def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, full: bool) -> None:
     """Print lines of one kind: all of them, or the first ones and how many there are more."""
-    shown = lines if all else lines[:_MOST_LINES]
-    for line in shown:
-        to.print(line, style=style, markup=False, soft_wrap=all)
-    if left := len(lines) - len(shown):
-        to.print(f"... and {left} more: --verbose has them", style=style)
+    printed = lines if full else lines[:_MOST_LINES]
+    for line in printed:
+        to.print(line, style=style, markup=False, soft_wrap=full)
+
+    more = len(lines) - len(printed)
+    if more:
+        to.print(f"... and {more} more: --verbose has them", style=style)
 
 
 def say_files(to: Console, *files: Path) -> None:
-    """Print where everything is, in a line or a line each; paths are not folded."""
-    words = ", ".join(map(str, files))
-    for line in [words] if len(words) <= WIDTH else map(str, files):
+    """Print paths of files, in one line or in a line each; paths are not folded."""
+    paths = [str(file) for file in files]
+    line = ", ".join(paths)
+    lines = [line] if len(line) <= WIDTH else paths
+    for line in lines:
         to.print(line, soft_wrap=True, markup=False)
 
 
 def notice(line: str) -> None:
-    """Say what is no result, beside the results."""
+    """Print a line that is no result on standard error."""
     print(line, file=sys.stderr)
 
 
 @contextlib.contextmanager
 def partial_results_kept(write: Callable[[], Sequence[Path]], advice: str = "") -> Iterator[None]:
-    """Write what is there and say where, if what is done within is interrupted or fails.
+    """Write partial results and print their paths if this block is interrupted or fails.
 
     Args:
-        write: Writes it, and returns where it is.
+        write: Writes them, and returns their paths.
         advice: What to do after an interrupt; to start over by default.
     """
     try:
         yield
     except (Exception, KeyboardInterrupt) as end:
-        with contextlib.suppress(SetupError):  # the first error is the one to tell
-            if files := write():
+        # The error that ended the block is the one to report, not a second one here.
+        with contextlib.suppress(SetupError):
+            files = write()
+            if files:
                 say_files(console(), *files)
+
         if advice and isinstance(end, KeyboardInterrupt):
             raise KeyboardInterrupt(advice) from None
         raise
@@ -98,7 +105,7 @@ def brief_table(
     most: int = 12,
     styles: Sequence[str] = (),
 ) -> Table:
-    """A table of at most so many rows for an answer; words wrap, and numbers never do.
+    """Return a table of at most so many rows for an answer; words wrap, and numbers never do.
 
     Args:
         title: Above it.
@@ -111,15 +118,16 @@ def brief_table(
     from grosmc_mj.results.tables import numbers, phrases, table
 
     headers = [*phrases(*columns[:words]), *numbers(*columns[words:])]
-    return _cut(table(title, headers, rows, styles=styles), most)
+    return _first_rows(table(title, headers, rows, styles=styles), most)
 
 
-def _cut(table: Table, most: int) -> Table:
-    """The first rows of a table; the caption says how many there are more."""
-    if (left := len(table.rows) - most) <= 0:
+def _first_rows(table: Table, most: int) -> Table:
+    """Return the first rows of a table; the caption says how many there are more."""
+    more = len(table.rows) - most
+    if more <= 0:
         return table
-    more = f"... and {left} more: --verbose has them"
-    return table.model_copy(update={"rows": table.rows[:most], "legend": more})
+    legend = f"... and {more} more: --verbose has them"
+    return table.model_copy(update={"rows": table.rows[:most], "legend": legend})
 
 
 def say_result(
@@ -131,33 +139,35 @@ def say_result(
     brief: int = 1,
     tables: Sequence[Table] = (),
 ) -> None:
-    """Write a result and print its answer, what is wrong, its tables, and where it is.
+    """Write a result's document, then print its answer, mistakes, tables and path.
 
-    One that cannot be written is printed all the same.
+    A result that cannot be written is printed all the same.
 
     Args:
-        content: A result's document.
+        content: The document.
         path: Its JSON file.
-        lines: What is wrong, a line each.
-        full: Whether to print all lines, and all tables of the document.
+        lines: Mistakes, a line each.
+        full: True to print all lines, and all tables of the document.
         brief: How many of them are printed otherwise, cut to a screen.
-        tables: To print in their place.
+        tables: Tables to print in place of the document's.
     """
     from grosmc_mj.results.document import write_json
     from grosmc_mj.results.result import KEPT, MEASURED
 
-    answer = content["answers"][0]
     try:
         write_json(path, content)
     finally:
-        say_verdict(
-            console(), f"{answer['words'].rstrip('.')}.", good=answer["verdict"] in (KEPT, MEASURED)
-        )
-        say_lines(console(), lines, all=full)
+        answer = content["answers"][0]
+        words = answer["words"].rstrip(".")
+        say_verdict(console(), f"{words}.", good=answer["verdict"] in (KEPT, MEASURED))
+        say_lines(console(), lines, full=full)
+
         if tables:
             console().print(*tables)
+        elif full:
+            say_tables(content)
         else:
-            say_tables(content, None if full else brief)
+            say_tables(content, brief)
     say_files(console(), path)
 
 
@@ -165,39 +175,64 @@ def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
     """Print the tables of a result's document: all, or the first ones, cut to a screen."""
     from grosmc_mj.results.result import Sheet
 
-    tables = [Sheet.model_validate(sheet).table for sheet in content["sheets"][:brief]]
-    for table in (table for table in tables if table.rows):
+    for sheet in content["sheets"][:brief]:
+        table = Sheet.model_validate(sheet).table
+        if not table.rows:
+            continue
         if brief is None:
             wide_console().print(table, "")
         else:
-            console().print(_cut(table, _MOST_ROWS))
+            console().print(_first_rows(table, _MOST_ROWS))
 
 
 class _Lines:
     """Progress as lines on standard error, one every ten seconds at most."""
 
     def __init__(self, console: Console, total: int, unit: str) -> None:
-        self._console, self._total, self._unit, self._done = console, total, unit, 0
-        self._began = self._said = time.monotonic()
+        self._console = console
+        self._total = total
+        self._unit = unit
+        self._done = 0
+        self._start = time.monotonic()
+        self._last_line = self._start
 
     def __call__(self, text: str = "", by: int = 1) -> None:
-        """Note what has been done."""
+        """Count so many more as done, and print a line if the last one is old enough."""
         self._done += by
         now = time.monotonic()
-        if now - self._said < LINE_EVERY:
+        if now - self._last_line < LINE_EVERY:
             return
-        self._said = now
-        words = f"{self._done} of {self._total} {self._unit}".rstrip()
-        text = f": {' '.join(text.split())}" if text.strip() else ""
-        line = f"{words} in {now - self._began:.0f} s{text}"
+        self._last_line = now
+
+        count = f"{self._done} of {self._total} {self._unit}".rstrip()
+        line = f"{count} in {now - self._start:.0f} s"
+        if text.strip():
+            line += f": {' '.join(text.split())}"
         self._console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
+class _Bar:
+    """Progress as a bar of rich."""
+
+    def __init__(self, bar: Progress, task: TaskID) -> None:
+        self._bar = bar
+        self._task = task
+
+    def __call__(self, text: str = "", by: int = 1) -> None:
+        """Count so many more as done, and put a text before the bar."""
+        self._bar.update(self._task, advance=by, description=f"{text:<40}")
 
 
 @contextlib.contextmanager
 def progress(total: int, unit: str = "") -> Iterator[Any]:
-    """A progress bar on standard error; advance it by calling.
+    """Show progress on standard error: a bar, or lines now and then where that is no terminal.
 
-    Where that is no terminal, a line now and then.
+    Args:
+        total: Steps of the work.
+        unit: Name of a step, in the plural.
+
+    Yields:
+        A function ``advance(text="", by=1)``, to be called when a step is done.
     """
     from rich.console import Console
     from rich.progress import (
@@ -213,6 +248,7 @@ def progress(total: int, unit: str = "") -> Iterator[Any]:
     if not error_console.is_terminal:
         yield _Lines(error_console, total, unit)
         return
+
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -224,5 +260,4 @@ def progress(total: int, unit: str = "") -> Iterator[Any]:
         console=error_console,
         transient=True,
     ) as bar:
-        task = bar.add_task("", total=total)
-        yield lambda text="", by=1: bar.update(task, advance=by, description=f"{text:<40}")
+        yield _Bar(bar, bar.add_task("", total=total))

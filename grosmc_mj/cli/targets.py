@@ -1,4 +1,4 @@
-"""What a command is about: SYSTEM, SYSTEM/CASE or FILE.toml."""
+"""Targets of commands: SYSTEM, SYSTEM/CASE or FILE.toml."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from grosmc_mj.errors import ArgumentError, shown
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
 
-# In the help of commands that take all three.
+# Metavariables in the help: of commands that take all three, and of those that take no file.
 TARGET = "SYSTEM|SYSTEM/CASE|FILE.toml"
 CASES = "SYSTEM|SYSTEM/CASE"
-# Of a system, what a film or a window shows.
-_SHOWN = "case1"
+# The case of a system that a film or a window shows.
+_SHOWN_CASE = "case1"
 _FILE = ".toml"
 
 
 def result_name(path: Path) -> str:
-    """What the results of a case file are called: a case of the package is SYSTEM_CASE."""
+    """Return the name of a case file's results; of a case of the package it is SYSTEM_CASE."""
     from grosmc_mj.experiments.file.shipped import CASES as PACKAGED
 
-    parts = path.relative_to(PACKAGED).parent.parts if path.is_relative_to(PACKAGED) else ()
-    return "_".join((*parts, path.stem))
+    if not path.is_relative_to(PACKAGED):
+        return path.stem
+    folders = path.relative_to(PACKAGED).parent.parts
+    return "_".join((*folders, path.stem))
 
 
 def recorded_experiments(target: str) -> list[Experiment]:
-    """The experiments whose results are recorded: those of SYSTEM, or SYSTEM/CASE.
+    """Return the experiments of SYSTEM, or of SYSTEM/CASE, whose results are recorded.
 
-    Those on a machine are not: what bounces and sticks amplifies rounding, and other processors
-    round in other ways.
+    Results on a machine are not recorded: its impacts and dry friction amplify rounding, and
+    other processors round in other ways.
 
     Args:
-        target: What was asked for.
+        target: Argument of the command line.
 
     Raises:
         ArgumentError: If there is no such case, it is on a machine, or a file.
@@ -46,9 +48,12 @@ def recorded_experiments(target: str) -> list[Experiment]:
             f"{shown(target, str)}: validate compares with results that are recorded for "
             "SYSTEM/CASE, such as arm/case1; what a file requires is judged by grosmc-mj run"
         )
+
     system, _, name = target.partition("/")
     if not name:
-        return [one for one in select_experiments([system], None) if not one.on_machine]
+        experiments = select_experiments([system], None)
+        return [experiment for experiment in experiments if not experiment.on_machine]
+
     experiment = find_experiment(system, name)
     if experiment.on_machine:
         raise ArgumentError(
@@ -59,7 +64,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
 
 
 def shown_experiment(target: str) -> Experiment:
-    """The one experiment that a film or a window shows; of a system its case1, or its first.
+    """Return the one experiment that a film or a window shows; of a system its case1, or its first.
 
     Raises:
         ArgumentError: If there is no such case or file.
@@ -67,4 +72,7 @@ def shown_experiment(target: str) -> Experiment:
     from grosmc_mj.experiments.catalogue import find_experiments
 
     experiments = find_experiments(target)
-    return next((one for one in experiments if one.case.name == _SHOWN), experiments[0])
+    for experiment in experiments:
+        if experiment.case.name == _SHOWN_CASE:
+            return experiment
+    return experiments[0]

@@ -1,4 +1,4 @@
-"""Every command's answer: its verdict first, all of it within a screen; lists, help and names."""
+"""Answers of the commands: the verdict first, all of it within a screen; lists, help and names."""
 
 from __future__ import annotations
 
@@ -7,18 +7,27 @@ from pathlib import Path
 
 import pytest
 from case_texts import SERVO
-from commands import run
+from commands import Patch, Screen, run
 from rich.cells import cell_len
 
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
 
 slow = pytest.mark.slow
-MORE = """
+MACHINE_WORDS = (
+    "transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",
+    "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm,",
+    "assumed of it:",
+)
+# A case file with the title of a markup, an edit and a loop.
+MINE = f"""\
+title = "[/] of mine"
+{SERVO}
 [[edit]]
 joint = "shaft"
 damping = 0.1
@@ -33,116 +42,179 @@ limit = "4 A"
 """
 
 
-@pytest.mark.parametrize(
-    ("command", "code", "verdict", "words"),
-    [
-        ("list", 0, f"4 systems, {len(shipped_files())} case files.", ["cart_pendulum", "grosmc"]),
-        ("claims premises arm/case1", 0, "1 of 8 premises of grosmc fail", []),
-        ("run servo/nominal --laws lqr --no-figures", 0, "Nothing is required", ["J(u_c)/J*"]),
-        pytest.param(
-            "run servo/machine --no-figures", 1, r"6 of 20 requirements are not kept",
-            ["transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",
-             "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm,", "assumed of it:"],
-            marks=slow,
-        ),
-        pytest.param(
-            "campaign short.toml --runs 8 --worst --evaluations 128 --no-figures", 0,
-            r"lqr keeps everything on \d of 8 plants", [], marks=slow,
-        ),
-    ],
-)  # fmt: skip
-def test_the_answer_comes_first_and_fits_on_a_screen(
-    command: str, code: int, verdict: str, words: list[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def all_commands() -> list[type[Command]]:
+    """The commands, those of groups included."""
+    commands = [command for command in COMMANDS.values() if isinstance(command, type)]
+    return [*commands, *STUDIES.values(), *CLAIMS.values()]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
+    """An empty working folder."""
     monkeypatch.chdir(tmp_path)
-    # The shipped campaign, cut before its load.
+    return tmp_path
+
+
+@pytest.fixture
+def short_campaign(folder: Path) -> None:
+    """The campaign of the servo, cut before its load."""
     text = campaign_files()["servo"].read_text(encoding="utf-8")
     short = re.sub(r'(?m)^duration = ".*"', 'duration = "0.5 s"', text)
-    (tmp_path / "short.toml").write_text(short, encoding="utf-8")
-    assert run(*command.split()) == code
+    (folder / "short.toml").write_text(short, encoding="utf-8")
+
+
+@pytest.mark.usefixtures("folder", "short_campaign")
+@pytest.mark.parametrize(
+    ("command", "verdict"),
+    [
+        ("list", f"4 systems, {len(shipped_files())} case files."),
+        ("claims premises arm/case1", "1 of 8 premises of grosmc fail"),
+        ("run servo/nominal --laws lqr --no-figures", "Nothing is required"),
+        pytest.param(
+            "campaign short.toml --runs 8 --worst --evaluations 128 --no-figures",
+            r"lqr keeps everything on \d of 8 plants",
+            marks=slow,
+        ),
+    ],
+)
+def test_the_answer_begins_with_the_verdict_and_fits_on_a_screen(
+    command: str, verdict: str, capsys: Screen
+) -> None:
+    assert run(*command.split()) == cli.DONE
     output = capsys.readouterr().out
     lines = output.rstrip("\n").split("\n")
     assert re.match(verdict, lines[0]), lines[0]
-    assert [word for word in words if word not in " ".join(output.split())] == []
     assert "…" not in output
-    # A machine is told part by part.
-    assert len(lines) <= 40 or "servo/machine" in command
-    assert max(cell_len(line.rstrip()) for line in lines) <= 100 or "servo/machine" in command
+    assert len(lines) <= 40
+    assert max(cell_len(line.rstrip()) for line in lines) <= 100
+
+
+@pytest.mark.usefixtures("folder")
+def test_list_names_systems_and_their_laws(capsys: Screen) -> None:
+    assert run("list") == cli.DONE
+    output = capsys.readouterr().out
+    assert "cart_pendulum" in output
+    assert "grosmc" in output
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_run_shows_the_costs_of_its_laws(capsys: Screen) -> None:
+    assert run("run", "servo/nominal", "--laws", "lqr", "--no-figures") == cli.DONE
+    assert "J(u_c)/J*" in capsys.readouterr().out
+
+
+@slow
+@pytest.mark.usefixtures("folder")
+def test_the_answer_of_a_machine_describes_it_part_by_part(capsys: Screen) -> None:
+    assert run("run", "servo/machine", "--no-figures") == cli.DIFFERS
+    output = capsys.readouterr().out
+    assert output.startswith("6 of 20 requirements are not kept")
+    assert "…" not in output
+    words = " ".join(output.split())
+    assert [part for part in MACHINE_WORDS if part not in words] == []
+
+
+def listed(output: str) -> dict[str, str]:
+    """Return the words of list by title, without remarks in brackets."""
+    entries: dict[str, str] = {}
+    for line in output.splitlines():
+        words = line.partition("  (")[0].strip().split(None, 1)
+        if len(words) == 2:
+            entries[words[0]] = words[1]
+    return entries
 
 
 @pytest.mark.parametrize(
-    ("target", "lines"),
+    ("target", "title", "entry"),
     [
-        ("servo", {
-            "states": "rotor angle [rad], rotor speed [rad/s]",
-            "inputs": "current [A]",
-            "bodies": "rotor",
-            "joints": "shaft [rad]",
-            "laws": "lqr, fl-lqr, grosmc, lqi, pid, adrc, adaptive",
-            "rotor": "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2",
-            "equations": "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A",
-        }),
-        ("maglev", {"states": "gap [m], rate [m/s], current [A]", "parameters": "m, g, C, R, L"}),
-        ("mine.toml", {"states": "rotor angle [rad], rotor speed [rad/s]"}),
+        ("servo", "states", "rotor angle [rad], rotor speed [rad/s]"),
+        ("servo", "inputs", "current [A]"),
+        ("servo", "bodies", "rotor"),
+        ("servo", "joints", "shaft [rad]"),
+        ("servo", "laws", "lqr, fl-lqr, grosmc, lqi, pid, adrc, adaptive"),
+        ("servo", "rotor", "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2"),
+        ("servo", "equations", "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A"),
+        ("maglev", "states", "gap [m], rate [m/s], current [A]"),
+        ("maglev", "parameters", "m, g, C, R, L"),
     ],
-)  # fmt: skip
+)
 def test_list_names_what_tables_of_a_case_file_take(
-    target: str, lines: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    """Those names are taken, too: a file of one's own has them."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(f'title = "[/] of mine"\n{SERVO}{MORE}')
-    assert run("list", target) == cli.DONE
-    output = capsys.readouterr().out
-    words = [line.partition("  (")[0].strip().split(None, 1) for line in output.splitlines()]
-    assert lines.items() <= {pair[0]: pair[1] for pair in words if len(pair) == 2}.items()
-    assert ("[/] of mine" in output) == (target == "mine.toml")
-
-
-def test_one_grammar_for_targets(tmp_path: Path) -> None:
-    recorded = {name: [one.case.name for one in recorded_experiments(name)] for name in
-                ("arm", "arm/case2")}  # fmt: skip
-    assert recorded == {"arm": ["nominal", "case1", "case2", "bench"], "arm/case2": ["case2"]}
-    mine, packaged = tmp_path / "mine.toml", shipped_files()["arm/case1"]
-    mine.write_text(resolved_text(packaged), encoding="utf-8")
-    for target, path in (("arm", packaged), ("arm/nominal", shipped_files()["arm/nominal"]),
-                         ("jaco", shipped_files()["jaco/eight"]), (str(mine), mine)):  # fmt: skip
-        assert shown_experiment(target).path == path
-    assert (result_name(mine), result_name(packaged)) == ("mine", "arm_case1")
-
-
-def test_every_command_has_a_summary_takes_verbose_and_its_help_names_its_options(
-    capsys: pytest.CaptureFixture[str],
+    target: str, title: str, entry: str, capsys: Screen
 ) -> None:
-    assert list(COMMANDS) == ["new", "run", "campaign", "film", "view", "validate", "claims",
-        "study", "identify", "compare", "report", "diff", "list"]  # fmt: skip
-    kinds = [command for command in COMMANDS.values() if isinstance(command, type)]
-    for command in [*kinds, *STUDIES.values(), *CLAIMS.values()]:
-        assert (command.__doc__ or "").partition("\n")[0].endswith((".", ":"))
-        assert "verbose" in command.__dataclass_fields__
-    for arguments, words in (
+    assert run("list", target) == cli.DONE
+    assert listed(capsys.readouterr().out)[title] == entry
+
+
+def test_list_takes_a_file_whose_tables_have_those_names(folder: Path, capsys: Screen) -> None:
+    (folder / "mine.toml").write_text(MINE)
+    assert run("list", "mine.toml") == cli.DONE
+    output = capsys.readouterr().out
+    assert listed(output)["states"] == "rotor angle [rad], rotor speed [rad/s]"
+    assert "[/] of mine" in output
+
+
+@pytest.mark.parametrize(
+    ("target", "cases"),
+    [("arm", ["nominal", "case1", "case2", "bench"]), ("arm/case2", ["case2"])],
+)
+def test_results_are_recorded_of_a_system_or_a_case(target: str, cases: list[str]) -> None:
+    assert [experiment.case.name for experiment in recorded_experiments(target)] == cases
+
+
+@pytest.mark.parametrize(
+    ("target", "case"),
+    [("arm", "arm/case1"), ("arm/nominal", "arm/nominal"), ("jaco", "jaco/eight")],
+)
+def test_a_film_shows_one_case_of_a_target(target: str, case: str) -> None:
+    assert shown_experiment(target).path == shipped_files()[case]
+
+
+def test_results_have_the_name_of_their_case(tmp_path: Path) -> None:
+    packaged = shipped_files()["arm/case1"]
+    mine = tmp_path / "mine.toml"
+    mine.write_text(resolved_text(packaged), encoding="utf-8")
+    assert shown_experiment(str(mine)).path == mine
+    assert result_name(mine) == "mine"
+    assert result_name(packaged) == "arm_case1"
+
+
+def test_commands_stand_in_the_order_of_their_use() -> None:
+    commands = "new run campaign film view validate claims study identify compare report diff list"
+    assert list(COMMANDS) == commands.split()
+
+
+@pytest.mark.parametrize("command", all_commands())
+def test_every_command_has_a_summary_and_takes_verbose(command: type[Command]) -> None:
+    summary = (command.__doc__ or "").partition("\n")[0]
+    assert summary.endswith((".", ":"))
+    assert "verbose" in command.__dataclass_fields__
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
         ("", f"usage: grosmc-mj {' '.join(COMMANDS)}"),
         ("validate", "SYSTEM/CASE --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
         ("study", "region tolerance ladder"),
-    ):
-        assert run(*arguments.split(), "--help") == cli.DONE
-        output = capsys.readouterr().out
-        assert [word for word in words.split() if word not in output] == []
+    ],
+)
+def test_help_names_the_options(arguments: str, words: str, capsys: Screen) -> None:
+    assert run(*arguments.split(), "--help") == cli.DONE
+    output = capsys.readouterr().out
+    assert [word for word in words.split() if word not in output] == []
 
 
+@pytest.mark.parametrize(
+    ("seconds", "lines"),
+    [(10.0, []), (0.0, ["1 of 3 runs in 0 s: one of them", "3 of 3 runs in 0 s"])],
+)
 def test_without_a_terminal_progress_is_a_line_now_and_then(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    seconds: float, lines: list[str], capsys: Screen, monkeypatch: Patch
 ) -> None:
     assert screen.LINE_EVERY == 10.0
-    for seconds, lines in (
-        (10.0, []),
-        (0.0, ["1 of 3 runs in 0 s: one of them", "3 of 3 runs in 0 s"]),
-    ):
-        monkeypatch.setattr(screen, "LINE_EVERY", seconds)
-        with screen.progress(3, "runs") as advance:
-            advance("one  of them ")
-            advance(by=2)
-        assert capsys.readouterr().err.splitlines() == lines
+    monkeypatch.setattr(screen, "LINE_EVERY", seconds)
+    with screen.progress(3, "runs") as advance:
+        advance("one  of them ")
+        advance(by=2)
+    assert capsys.readouterr().err.splitlines() == lines

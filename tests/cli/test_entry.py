@@ -9,7 +9,6 @@ import itertools
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from typing import Any
 
 import pytest
 from campaign_cases import pair
-from commands import assert_one_line, run
+from commands import Patch, Screen, assert_one_line, run
 from rich.console import Console
 
 from grosmc_mj import cli
@@ -33,8 +32,9 @@ duration = "0.02 s"
 [[controller]]
 law = "lqr"
 [[requirement]]
-input_below = "{} N m"
 """
+KEPT = f'{SMALL}input_below = "50 N m"\n'
+NEVER_KEPT = f'{SMALL}input_below = "1e-09 N m"\n'
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
@@ -42,13 +42,14 @@ FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 def case(tmp_path: Path) -> Path:
     """A case file that is kept."""
     path = tmp_path / "small.toml"
-    path.write_text(SMALL.format(50))
+    path.write_text(KEPT)
     return path
 
 
 @pytest.fixture
 def never_kept(case: Path) -> Path:
-    case.write_text(SMALL.format(1e-9))
+    """A case file that is not kept."""
+    case.write_text(NEVER_KEPT)
     return case
 
 
@@ -73,82 +74,96 @@ def process(*arguments: Any, **options: Any) -> subprocess.CompletedProcess[str]
 IMPORTS = """
 import contextlib, io, sys
 from grosmc_mj.cli import main
+
 heavy = {"numpy", "mujoco", "numba", "sympy", "scipy", "pydantic", "matplotlib", "typeguard"}
-others = {"matplotlib", "control", "pint", "scipy.stats", "scipy.optimize", "pyarrow", "dask",
-          "loky"}
-for command, without in (("--help", heavy | {"rich.console"}), ("list", heavy),
-                         ("run servo/nominal --no-figures --out " + sys.argv[1], others)):
+unused = {
+    "matplotlib", "control", "pint", "scipy.stats", "scipy.optimize", "pyarrow", "dask", "loky"
+}
+
+def imported(libraries, *arguments):
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
-        main(command.split())
-    print(command.split()[0], sorted(without & set(sys.modules)))
+        main(arguments)
+    print(arguments[0], sorted(libraries & set(sys.modules)))
+
+imported(heavy | {"rich.console"}, "--help")
+imported(heavy, "list")
+imported(unused, "run", "servo/nominal", "--no-figures", "--out", sys.argv[1])
 """
 # Ctrl-C while a module is looked for: most of the time of a short command goes into imports.
-INTERRUPTS = """
+INTERRUPT = """
 import signal, sys
 from grosmc_mj.cli import main
 
 class Interrupting:
     def find_spec(self, name, *_):
-        if name == self.moment:
+        if name == sys.argv[1]:
             print(name, flush=True)
             signal.raise_signal(signal.SIGINT)
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.meta_path.insert(0, interrupting := Interrupting())
-for interrupting.moment in ("tyro", "grosmc_mj.cli.commands.run", "numpy", "mujoco"):
-    try:
-        main(["run", sys.argv[1]])
-    except SystemExit as stop:
-        print(stop.code)
+sys.meta_path.insert(0, Interrupting())
+main(["run", sys.argv[2]])
 """
 
 
 @pytest.mark.slow
-def test_a_command_imports_only_libraries_that_it_needs_and_an_interrupt_of_that_is_answered(
-    case: Path,
-) -> None:
-    done = process("-c", IMPORTS, case.parent)
-    assert (done.stdout, done.stderr) == ("--help []\nlist []\nrun []\n", "")
-    done = process("-c", INTERRUPTS, case)
-    modules = ("tyro", "grosmc_mj.cli.commands.run", "numpy", "mujoco")
-    assert done.stdout == "".join(f"{module}\n{cli.INTERRUPTED}\n" for module in modules)
-    assert done.stderr == 4 * "grosmc-mj: interrupted; run the same command again to start over\n"
+def test_a_command_imports_only_libraries_that_it_needs(tmp_path: Path) -> None:
+    done = process("-c", IMPORTS, tmp_path)
+    assert done.stdout == "--help []\nlist []\nrun []\n"
+    assert done.stderr == ""
 
 
 @pytest.mark.slow
-def test_surroundings_of_the_program_change_nothing(never_kept: Path) -> None:
-    """A matplotlibrc in the working folder, no graphics backend; streams that are closed or full.
+@pytest.mark.parametrize("module", ["tyro", "grosmc_mj.cli.commands.run", "numpy", "mujoco"])
+def test_an_interrupt_of_an_import_is_answered(module: str, case: Path) -> None:
+    done = process("-c", INTERRUPT, module, case)
+    assert done.returncode == cli.INTERRUPTED
+    assert done.stdout == f"{module}\n"
+    assert done.stderr == "grosmc-mj: interrupted; run the same command again to start over\n"
 
-    1 is also what an interpreter ends with that cannot write.
-    """
+
+@pytest.mark.slow
+def test_files_and_variables_of_matplotlib_and_mujoco_change_nothing(never_kept: Path) -> None:
+    """A matplotlibrc in the working folder, and no graphics backend."""
     folder = never_kept.parent
     (folder / "matplotlibrc").write_text("text.usetex: True\nlines.linewidth: 9\n")
     arguments = ("-P", "-m", "grosmc_mj.cli", "run", never_kept, "--out", folder / "odd")
     done = process(*arguments, cwd=folder, env={**os.environ, "MUJOCO_GL": "banana"})
-    assert (done.returncode, done.stderr) == (cli.DIFFERS, "")
+    assert done.returncode == cli.DIFFERS
+    assert done.stderr == ""
     assert run("run", never_kept, "--out", folder / "plain") == cli.DIFFERS
     assert (folder / "plain/small.png").read_bytes() == (folder / "odd/small.png").read_bytes()
-    command = f"{sys.executable} {' '.join(map(str, arguments))} --no-figures <&- >&- 2>/dev/full"
-    done = subprocess.run(["bash", "-c", command], check=False, timeout=200)
+
+
+@pytest.mark.slow
+def test_closed_and_full_streams_leave_the_verdict(never_kept: Path) -> None:
+    """1 is also the exit code of an interpreter that cannot write: nothing is left to fail."""
+    program = f"{sys.executable} -P -m grosmc_mj.cli"
+    command = f"{program} run {never_kept} --no-figures --out {never_kept.parent}"
+    done = subprocess.run(
+        ["bash", "-c", f"{command} <&- >&- 2>/dev/full"], check=False, timeout=200
+    )
     assert done.returncode == cli.DIFFERS
 
 
 @pytest.mark.parametrize("command", [("run", "servo/nominal"), ("validate", "servo")])
 def test_ctrl_c_keeps_finished_runs(
-    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    simulate, count = runs.simulate, itertools.count()
+    simulate = runs.simulate
+    count = itertools.count()
 
-    def counted(*arguments: Any, **numbers: Any) -> Any:
+    def interrupted_at_the_second(*arguments: Any, **numbers: Any) -> Any:
         if next(count) == 1:
             raise KeyboardInterrupt
         return simulate(*arguments, **numbers)
 
-    monkeypatch.setattr(runs, "simulate", counted)
+    monkeypatch.setattr(runs, "simulate", interrupted_at_the_second)
     assert run(*command, "--no-figures", "--out", tmp_path) == cli.INTERRUPTED
     (file,) = tmp_path.glob("*.json")
     content = json.loads(file.read_text(encoding="utf-8"))
-    assert (content["complete"], len(content["runs"])) == (False, 1)
+    assert content["complete"] is False
+    assert len(content["runs"]) == 1
 
 
 @pytest.mark.parametrize(
@@ -162,53 +177,68 @@ def test_ctrl_c_keeps_finished_runs(
     ids=lambda value: type(value).__name__,
 )
 def test_every_error_is_one_line(
-    error: BaseException, code: int, words: str, case: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.setattr("grosmc_mj.experiments.runs.simulate", raising(error))
+    error: BaseException, code: int, words: str, case: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
+    monkeypatch.setattr(runs, "simulate", raising(error))
     assert run("run", case, "--out", case.parent) == code
     line = capsys.readouterr().err
     assert words in line
     assert_one_line(line.replace("unforeseen", ""))
     assert len(line) < 1100
-    if isinstance(error, ZeroDivisionError):
-        assert run("run", case, "--out", case.parent, "--debug") == cli.WRONG
-        more = capsys.readouterr().err
-        assert "Traceback (most recent call last)" in more
-        assert more.endswith("grosmc-mj: unforeseen ZeroDivisionError: a b\n")
 
 
-@pytest.mark.parametrize("name", ["run", "premises", "claims", "campaign"])
+def test_debug_adds_the_traceback(case: Path, monkeypatch: Patch, capsys: Screen) -> None:
+    monkeypatch.setattr(runs, "simulate", raising(ZeroDivisionError("a\nb")))
+    assert run("run", case, "--out", case.parent, "--debug") == cli.WRONG
+    error = capsys.readouterr().err
+    assert "Traceback (most recent call last)" in error
+    assert error.endswith("grosmc-mj: unforeseen ZeroDivisionError: a b\n")
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """A campaign's case file."""
+    path = tmp_path / "campaign.toml"
+    path.write_text(pair())
+    return path
+
+
+# Commands in a folder with both files, and the document that each writes to --out.
+RUN = ("run small.toml", "small.json")
+CLAIM = ("claims arm-eq57", "claims/arm-eq57.json")
+CAMPAIGN = ("campaign campaign.toml --runs 4 --shard 2", "results.json")
+PREMISES = ("claims premises servo/nominal", "premises_servo.json")
+
+
+@pytest.mark.usefixtures("case", "campaign")
+@pytest.mark.parametrize(("command", "document"), [RUN, CLAIM, CAMPAIGN, PREMISES])
 def test_results_are_written_before_anything_is_printed(
-    name: str, case: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, document: str, tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    """And a full disk at the figure leaves results and verdict."""
-    campaign, out = case.with_name("campaign.toml"), case.with_name("out")
-    campaign.write_text(pair())
-    arguments, document = {
-        "run": (("run", case), "small.json"),
-        "premises": (("claims", "premises", "servo/nominal"), "premises_servo.json"),
-        "claims": (("claims", "arm-eq57"), "claims/arm-eq57.json"),
-        "campaign": (("campaign", campaign, "--runs", 4, "--shard", 2), "results.json"),
-    }[name]
-    with monkeypatch.context() as patch:
-        patch.setattr(Console, "print", raising(RuntimeError("printing fails")))
-        assert run(*arguments, "--out", out) == cli.WRONG
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Console, "print", raising(RuntimeError("printing fails")))
+    assert run(*command.split(), "--out", "out") == cli.WRONG
     assert "unforeseen RuntimeError: printing fails" in capsys.readouterr().err
-    assert json.loads((out / document).read_text(encoding="utf-8"))["schema_version"] == 2
-    shutil.rmtree(out)
-    if name != "premises":
-        monkeypatch.setattr("matplotlib.figure.Figure.savefig", raising(FULL))
-        assert run(*arguments, "--out", out) == cli.WRONG
-        output = capsys.readouterr()
-        pattern = r"grosmc-mj: cannot write .*: No space left on device; .*\n"
-        assert re.fullmatch(pattern, output.err)
-        assert output.out
+    content = json.loads((tmp_path / "out" / document).read_text(encoding="utf-8"))
+    assert content["schema_version"] == 2
 
 
-def test_results_that_cannot_be_written_are_printed(
-    case: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.usefixtures("case", "campaign")
+@pytest.mark.parametrize(("command", "document"), [RUN, CLAIM, CAMPAIGN])
+def test_a_full_disk_at_the_figure_leaves_the_results(
+    command: str, document: str, tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", raising(FULL))
+    assert run(*command.split(), "--out", "out") == cli.WRONG
+    output = capsys.readouterr()
+    pattern = r"grosmc-mj: cannot write .*: No space left on device; .*\n"
+    assert re.fullmatch(pattern, output.err)
+    assert output.out
+    assert (tmp_path / "out" / document).is_file()
+
+
+def test_results_that_cannot_be_written_are_printed(case: Path, capsys: Screen) -> None:
     (case.parent / "out" / "small.json").mkdir(parents=True)
     assert run("run", case, "--out", case.parent / "out") == cli.WRONG
     output = capsys.readouterr()
@@ -237,10 +267,14 @@ class Failing(io.StringIO):
         raise FULL
 
 
+def no_stream() -> None:
+    """Standard output of a process that was started without one."""
+
+
 @pytest.mark.parametrize(
     ("streams", "full"),
     [
-        ({"stdout": lambda: None, "stderr": lambda: None}, False),
+        ({"stdout": no_stream, "stderr": no_stream}, False),
         ({"stdout": Failing}, True),
         ({"stdout": disk_full}, True),
         ({"stderr": disk_full}, False),
@@ -248,30 +282,36 @@ class Failing(io.StringIO):
     ],
 )
 def test_the_verdict_does_not_depend_on_who_reads_it(
-    streams: dict[str, Any], full: bool, never_kept: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    streams: dict[str, Any], full: bool, never_kept: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
     """With the objects that the interpreter makes of such streams; 1 is a verdict."""
     opened = {name: opener() for name, opener in streams.items()}
-    arguments = ("run", never_kept, "--no-figures", "--out", never_kept.parent)
     with monkeypatch.context() as patch:
         for name, stream in opened.items():
             patch.setattr(sys, name, stream)
-        assert run(*arguments) == (cli.WRONG if full else cli.DIFFERS)
-        null = [getattr(sys, name) for name in streams]
-    # A stream that has failed once is not written to again.
-    assert all(stream.count == 1 for stream in opened.values() if isinstance(stream, Failing))
-    for stream in [*opened.values(), *null]:
+        code = run("run", never_kept, "--no-figures", "--out", never_kept.parent)
+        replaced = [getattr(sys, name) for name in streams]
+    for stream in [*opened.values(), *replaced]:
         with contextlib.suppress(OSError, AttributeError):
             stream.close()
+
+    assert code == (cli.WRONG if full else cli.DIFFERS)
     line = "grosmc-mj: standard output: No space left on device\n"
     assert capsys.readouterr().err == (line if full else "")
     assert json.loads(never_kept.with_suffix(".json").read_text())["kept"] is False
 
 
-def test_an_encoding_that_lacks_letters_is_no_error(
-    case: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_stream_that_has_failed_is_not_written_to_again(
+    never_kept: Path, monkeypatch: Patch
 ) -> None:
+    stream = Failing()
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        assert run("run", never_kept, "--no-figures", "--out", never_kept.parent) == cli.WRONG
+    assert stream.count == 1
+
+
+def test_an_encoding_that_lacks_letters_is_no_error(case: Path, monkeypatch: Patch) -> None:
     written = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, "latin-1"))
     case.write_text(f'title = "law 一"\n{case.read_text()}', encoding="utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from commands import assert_one_line, run
+from commands import Patch, Screen, assert_one_line, run
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import resolved_text
@@ -34,6 +34,7 @@ REFUSALS = [
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
     ("claims premises arm --laws grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
+    ("claims self-test", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("study switching", "unknown command 'switching': valid: region, tolerance, ladder"),
     ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
@@ -52,7 +53,7 @@ REFUSALS = [
     ("film servo --fps 30.5", "--fps"),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
-    # Of which there would be more than any memory holds.
+    # More frames, and more processes, than any memory holds.
     ("film servo --speed 1e-12", "speed = 1e-12 must be from 0.015625 to 64"),
     ("film servo --workers 1000000", "workers = 1e+06 must be a whole number from 1 to 256"),
     ("film servo -o f.avi", "must end in .mp4"),
@@ -62,6 +63,8 @@ REFUSALS = [
     ("campaign servo --controllers lqr", "--controllers is gone: the option is --laws"),
     ("study region arm --controllers lqr", "--controllers is gone: the option is --laws"),
     ("claims premises arm --controller lqr", "--controller is gone: the option is --laws"),
+    ("study tolerance arm --controller lqr", "--controller is gone: the option is --laws"),
+    ("study ladder arm --controller=lqr", "--controller is gone: the option is --laws"),
     ("view servo --controller lqr", "--controller is gone: the option is --laws"),
     ("film small.toml --laws", "1 to 4 controllers, not 0"),
     ("film small.toml --to 0.1", "no OpenGL backend renders off-screen (glfw: no display ("),
@@ -69,7 +72,7 @@ REFUSALS = [
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
     """The working folder, with one case file and no display."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MUJOCO_GL", "glfw")
@@ -82,7 +85,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(("command", "words"), REFUSALS)
 def test_wrong_use_is_one_line_and_leaves_no_file(
-    command: str, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    command: str, words: str, folder: Path, capsys: Screen
 ) -> None:
     assert run(*command.split()) == cli.WRONG
     output = capsys.readouterr()
@@ -92,19 +95,30 @@ def test_wrong_use_is_one_line_and_leaves_no_file(
     assert [path.name for path in folder.iterdir()] == ["small.toml"]
 
 
+@pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "campaign --plant 0"])
 @pytest.mark.parametrize("name", ["a\0b", "a\x1b[31mb.toml", "\udcff", "x" * 5000, "a/" * 999])
-def test_odd_names_are_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    for command in ("run", "campaign", "view", "new", "campaign --plant 0"):
-        assert run(*command.split(), name) == cli.WRONG
-        assert_one_line(capsys.readouterr().err)
+def test_odd_names_are_one_line(command: str, name: str, capsys: Screen) -> None:
+    assert run(*command.split(), name) == cli.WRONG
+    assert_one_line(capsys.readouterr().err)
 
 
-def test_no_command_executes_a_formula(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    canary, file = folder / "canary", folder / "small.toml"
+def test_no_command_executes_a_formula(folder: Path, capsys: Screen) -> None:
+    canary = folder / "canary"
     program = f"__import__('pathlib').Path({str(canary)!r}).touch()"
-    octal = "".join(f"\\{ord(letter):o}" for letter in program)
-    text = '[plant]\nsystem = "arm"\n[run]\nduration = "1 s"\n[[controller]]\nlaw = "lqr"\n'
-    file.write_text(f"{text}[task]\nreference = ['''sin(\"{octal}\")''']\n")
-    assert run("run", file) == cli.WRONG
+    # Octal escapes: the string holds no quote of its own.
+    escaped = "".join(f"\\{ord(letter):o}" for letter in program)
+    (folder / "formula.toml").write_text(
+        f"""
+[plant]
+system = "arm"
+[run]
+duration = "1 s"
+[[controller]]
+law = "lqr"
+[task]
+reference = ['''sin("{escaped}")''']
+"""
+    )
+    assert run("run", "formula.toml") == cli.WRONG
     assert "is no formula in t" in capsys.readouterr().err
     assert not canary.exists()

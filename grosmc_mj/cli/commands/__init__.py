@@ -1,4 +1,4 @@
-"""What the command line offers: a module a command, with its options and what it does."""
+"""Commands of the command line: a module for each, with its options and its work."""
 
 from __future__ import annotations
 
@@ -42,9 +42,11 @@ COMMANDS: Mapping[str, type[Command] | Studies] = {
     "diff": DiffCommand,
     "list": ListCommand,
 }
+# Help of the groups of commands; ``claims`` alone is ``claims judge``.
+_BESIDE_JUDGE = [name for name in CLAIMS if name != "judge"]
 GROUPS = {
-    "claims": "Judge the chapter's claims; or " + ", ".join([*CLAIMS][1:]) + ".",
-    "study": "Measure one thing: " + ", ".join(STUDIES) + ".",
+    "claims": f"Judge the chapter's claims; or {', '.join(_BESIDE_JUDGE)}.",
+    "study": f"Measure one thing: {', '.join(STUDIES)}.",
 }
 
 ABOUT = (

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.errors import ArgumentError
 
@@ -47,33 +48,52 @@ class JudgeCommand(Command):
     out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Judge, write, print, compare."""
+        """Judge the claims, write and print the result, compare it with the expected verdicts."""
         from grosmc_mj.chapter.claims.judging import verdict_differences
         from grosmc_mj.chapter.claims.ledger import select_claims
         from grosmc_mj.chapter.claims.page import write_page
-        from grosmc_mj.chapter.claims.picture import write_picture
         from grosmc_mj.chapter.claims.results import claims_result
-        from grosmc_mj.chapter.claims.story import claim_tables
 
-        if self.page is not None and self.page.suffix != ".md":
-            raise ArgumentError(f"--page {self.page} must end in .md")
-        if self.page is not None and self.target:
-            raise ArgumentError(f"--page {self.page} is about all claims: leave out {self.target}")
+        self._refuse_page()
         lab = _laboratory()
         findings = judge_with_progress(lab, select_claims(self.target))
-        single = findings[0].claim.id == self.target
-        path = self.out / (f"claims/{self.target}.json" if single else "claims.json")
-        lines = [f"differs: {line}" for line in verdict_differences(findings)]
-        screen.say_result(
-            claims_result(findings, lab), path, lines, full=self.verbose, brief=2,
-            tables=claim_tables(findings[0]) if single else (),
-        )  # fmt: skip
-        if single:
-            picture = write_picture(findings[0], lab, path.with_suffix(".png"))
-            screen.say_files(screen.console(), picture)
+        document = claims_result(findings, lab)
+        differences = [f"differs: {line}" for line in verdict_differences(findings)]
+        if findings[0].claim.id == self.target:
+            self._say_claim(findings[0], lab, document, differences)
+        else:
+            path = self.out / "claims.json"
+            screen.say_result(document, path, differences, full=self.verbose, brief=2)
+
         if self.page is not None:
             screen.say_files(screen.console(), *write_page(findings, lab, self.page))
-        return screen.DIFFERS if lines else screen.DONE
+        return DIFFERS if differences else DONE
+
+    def _refuse_page(self) -> None:
+        """Refuse a page that is no Markdown, or is about some claims only."""
+        if self.page is None:
+            return
+        if self.page.suffix != ".md":
+            raise ArgumentError(f"--page {self.page} must end in .md")
+        if self.target:
+            raise ArgumentError(f"--page {self.page} is about all claims: leave out {self.target}")
+
+    def _say_claim(
+        self,
+        finding: Finding,
+        lab: Laboratory,
+        document: Mapping[str, Any],
+        differences: Sequence[str],
+    ) -> None:
+        """Write, print and draw the result of one claim."""
+        from grosmc_mj.chapter.claims.picture import write_picture
+        from grosmc_mj.chapter.claims.story import claim_tables
+
+        path = self.out / f"claims/{self.target}.json"
+        tables = claim_tables(finding)
+        screen.say_result(document, path, differences, full=self.verbose, tables=tables)
+        picture = write_picture(finding, lab, path.with_suffix(".png"))
+        screen.say_files(screen.console(), picture)
 
 
 @dataclass(frozen=True)
@@ -93,19 +113,23 @@ class SweepCommand(Command):
     out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Vary, write, print."""
+        """Vary the choices, write and print the result."""
         from grosmc_mj.chapter.claims.ledger import select_claims
         from grosmc_mj.chapter.claims.results import sweeps_result
         from grosmc_mj.chapter.claims.sweep import STORED, sweep
 
         if self.record and self.target:
             raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
-        lab, claims = _laboratory(), select_claims(self.target)
+
+        lab = _laboratory()
+        claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
-            content = sweeps_result(list(sweep(lab, claims, advance)), lab)
+            sweeps = list(sweep(lab, claims, advance))
+            content = sweeps_result(sweeps, lab)
+
         path = STORED if self.record else self.out / "sweeps.json"
         screen.say_result(content, path, full=self.verbose)
-        return screen.DONE
+        return DONE
 
 
 @dataclass(frozen=True)
@@ -128,19 +152,25 @@ class PremisesCommand(Command):
     out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Check, write, print what fails."""
+        """Check the premises, write the result and print what fails."""
         from grosmc_mj.assumptions.robot import audit_of
         from grosmc_mj.chapter.premises import premises_result, worst_points
         from grosmc_mj.experiments.catalogue import find_experiments
 
-        lab, experiments = _laboratory(), find_experiments(self.target)
+        lab = _laboratory()
+        experiments = find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
-        experiments = [one for one in experiments if one.case.loop is None] or experiments
+        without_loop = [item for item in experiments if item.case.loop is None]
+        if without_loop:
+            experiments = without_loop
+
         audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
+        lines: list[str] = []
+        for audit in audits:
+            lines.extend(f"{audit.case.name}: {line}" for line in worst_points(audit))
         path = self.out / f"premises_{experiments[0].case.system}.json"
-        points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
-        screen.say_result(premises_result(audits, lab.settings), path, points, full=self.verbose)
-        return screen.DONE
+        screen.say_result(premises_result(audits, lab.settings), path, lines, full=self.verbose)
+        return DONE
 
 
 CLAIMS = {
@@ -151,6 +181,7 @@ CLAIMS = {
 
 
 def _laboratory() -> Laboratory:
+    """Return an empty cache of runs with the default settings."""
     from grosmc_mj.experiments.laboratory import Laboratory
     from grosmc_mj.experiments.runs import Settings
 
@@ -170,5 +201,5 @@ def judge_in_processes(
     from grosmc_mj.chapter.claims.judging import judge_claims
     from grosmc_mj.executors import executor_for
 
-    # Of one claim the runs are drawn afterwards: they are made here.
+    # The runs of one claim are drawn afterwards: its executor makes them in this process.
     return judge_claims(lab, claims, executor_for(len(claims)), advance, screen.notice)

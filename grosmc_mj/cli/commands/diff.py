@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Out
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 
 
 @dataclass(frozen=True)
@@ -37,21 +39,28 @@ class DiffCommand(Command):
 
     @property
     def simulates(self) -> bool:
-        """Whether it needs MuJoCo: it reads results."""
+        """False: the command reads results."""
         return False
 
     def execute(self) -> int:
-        """Compare, write, say."""
+        """Compare the results, write and print the comparison."""
         from grosmc_mj.comparison.comparison import compare, comparison_document
 
         comparison = compare(self.old, self.new)
         content = comparison_document(comparison)
-        console = screen.console()
         screen.say_result(content, self.out / "diff.json", full=self.verbose)
-        if more := content["answers"][0]["more"]:
+
+        console = screen.console()
+        more = content["answers"][0]["more"]
+        if more:
             console.print(more, markup=False)
-        for title, lines in (("Made from", comparison.sources), ("Not read", comparison.notices)):
-            if lines:
-                console.print(f"{title}:", style="bold")
-                screen.say_lines(console, lines, "", all=self.verbose)
-        return screen.DIFFERS if comparison.worse else screen.DONE
+        self._say_list("Made from", comparison.sources)
+        self._say_list("Not read", comparison.notices)
+        return DIFFERS if comparison.worse else DONE
+
+    def _say_list(self, title: str, lines: Sequence[str]) -> None:
+        """Print lines below their title, if there are any."""
+        if lines:
+            console = screen.console()
+            console.print(f"{title}:", style="bold")
+            screen.say_lines(console, lines, "", full=self.verbose)

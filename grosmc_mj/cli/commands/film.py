@@ -5,17 +5,22 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
 
-# Where none are named.
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.films.film import Format
+
+# Laws that are filmed if none are named.
 _LAWS = ("lqr", "grosmc")
 
 
@@ -81,31 +86,64 @@ class FilmCommand(Command):
     surface: OptionalSurface = None
 
     def execute(self) -> int:
-        """Run, render, write."""
+        """Run the laws, then render and write the film."""
         from grosmc_mj.experiments.films import check_request, film_of
-        from grosmc_mj.films.film import MOST_TAKES, Format
 
-        size = re.fullmatch(r"(\d+)[x×](\d+)", self.size.strip().lower())
-        if size is None:
-            raise ArgumentError(f"--size {self.size} must be WIDTHxHEIGHT in pixels, like 1280x720")
-        width, height = map(int, size.groups())
-        form = Format(width, height, self.fps, self.speed, self.camera, self.start, self.stop)
+        form = self._format()
         experiment = shown_experiment(self.target).with_settings(
             switching=self.switching, surface=self.surface
         )
         if self.duration is not None:
             experiment = experiment.varied(duration=self.duration)
-        known = experiment.controllers
-        default = _LAWS if set(_LAWS) <= set(known) else known[-MOST_TAKES:]
-        names = tuple(dict.fromkeys(default if self.laws is None else self.laws))
-        check_request(experiment, names, form)
-        path = self.output or Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
-        results = [experiment.run("physics", name) for name in names]
-        console, film = screen.console(), film_of(results, form, names)
+        laws = self._law_names(experiment)
+        check_request(experiment, laws, form)
+
+        path = self.output
+        if path is None:
+            path = Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
+        results = [experiment.run("physics", law) for law in laws]
+        console = screen.console()
         write_with_progress(
-            console, experiment.case, film, path, experiment.settings,
-            workers=self.workers, gif=self.gif,
-        )  # fmt: skip
+            console,
+            experiment.case,
+            film_of(results, form, laws),
+            path,
+            experiment.settings,
+            workers=self.workers,
+            gif=self.gif,
+        )
+
         ended = [f"{result.key}: {result.ended}" for result in results if result.ended]
-        screen.say_lines(console, ended, all=self.verbose)
-        return screen.DONE
+        screen.say_lines(console, ended, full=self.verbose)
+        return DONE
+
+    def _format(self) -> Format:
+        """Return the format of the film.
+
+        Raises:
+            ArgumentError: If the size, or another number, does not fit.
+        """
+        from grosmc_mj.films.film import Format
+
+        size = re.fullmatch(r"(\d+)[x×](\d+)", self.size.strip().lower())
+        if size is None:
+            raise ArgumentError(f"--size {self.size} must be WIDTHxHEIGHT in pixels, like 1280x720")
+        return Format(
+            int(size[1]),
+            int(size[2]),
+            self.fps,
+            self.speed,
+            self.camera,
+            self.start,
+            self.stop,
+        )
+
+    def _law_names(self, experiment: Experiment) -> tuple[str, ...]:
+        """Return the laws to film, each once."""
+        from grosmc_mj.films.film import MOST_TAKES
+
+        if self.laws is not None:
+            return tuple(dict.fromkeys(self.laws))
+        if set(_LAWS) <= set(experiment.controllers):
+            return _LAWS
+        return tuple(dict.fromkeys(experiment.controllers[-MOST_TAKES:]))

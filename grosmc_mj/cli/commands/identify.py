@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,16 +11,19 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.films.film import Film
     from grosmc_mj.identify.log import Log
+    from grosmc_mj.plants import Plant
 
 
 @dataclass(frozen=True)
 class _OfLog(Command):
-    """What both commands take.
+    """Arguments and options of both commands.
 
     Attributes:
         log: CSV, Parquet or MCAP: time, inputs and measured states.
@@ -36,17 +40,20 @@ class _OfLog(Command):
     out: Out = Path("renders")
 
     def _read(self) -> tuple[Experiment, Log]:
+        """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
         from grosmc_mj.identify.log import joined, read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
         experiment = find_experiments(self.case)[0]
-        system, table = experiment.nominal.system, experiment.file.log
+        system = experiment.nominal.system
+        table = experiment.file.log
         logs = [read_log(path, system, table) for path in (self.log, *self.also)]
         return experiment, joined(logs)
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
+        """Return the path of a result."""
         return self.out / f"{kind}_{experiment.case.system}_{self.log.stem}.json"
 
 
@@ -69,11 +76,10 @@ class IdentifyCommand(_OfLog):
     hold_out: Annotated[float, arg(metavar="SHARE")] = 0.3
 
     def execute(self) -> int:
-        """Read, fit, write, say."""
+        """Read the logs, fit the parameters, write and print the result."""
         from grosmc_mj.identify.case_file import write_case
         from grosmc_mj.identify.fit import fit, quality, residuals
         from grosmc_mj.identify.parameters import parameters_of
-        from grosmc_mj.identify.replay import Predictor, require_matching
         from grosmc_mj.identify.report import draw, identification
 
         if not 0 < self.hold_out < 0.9:
@@ -82,25 +88,48 @@ class IdentifyCommand(_OfLog):
         parameters = parameters_of(experiment, self.fit)
         plant = experiment.plant(experiment.nominal.truest)
         steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
-        require_matching(log, plant, **steps)
-        fitted, held = log.between(0, 1 - self.hold_out), log.between(1 - self.hold_out, 1)
-        for part in (fitted, held):
-            Predictor.of(part, **steps)  # refuses one that is too short, before the work
+        fitted, held_out = self._parts(log, plant, steps)
+
         with screen.progress(1) as advance:
-            best = fit(parameters, fitted, plant, **steps, progress=lambda text: advance(text, 0))
-            parts = residuals(best, held, plant, **steps)
+            best = fit(
+                parameters,
+                fitted,
+                plant,
+                **steps,
+                progress=lambda text: advance(text, 0),
+            )
+            errors = residuals(best, held_out, plant, **steps)
             advance("fitted")
-        rows = quality(parts, held, plant.system)
-        # The case file has a name of its own: a run of it writes results of that name.
-        path, case = self._path("identification", experiment), self._path("identify", experiment)
-        files = path.with_suffix(".png"), case.with_suffix(".toml")
+
+        rows = quality(errors, held_out, plant.system)
         document = identification(best, rows, log.name, self.horizon, self.hold_out)
+        path = self._path("identification", experiment)
         unseen = [f"{parameter.words}." for parameter in best.unseen]
         screen.say_result(document, path, unseen, full=self.verbose, brief=2)
-        draw(parts, held, plant.system, files[0])
-        write_case(best, log.name, files[1])
-        screen.say_files(screen.console(), *files)
-        return screen.DONE
+
+        figure = path.with_suffix(".png")
+        draw(errors, held_out, plant.system, figure)
+        # The case file has a name of its own: a run of it writes results of that name.
+        case_file = self._path("identify", experiment).with_suffix(".toml")
+        write_case(best, log.name, case_file)
+        screen.say_files(screen.console(), figure, case_file)
+        return DONE
+
+    def _parts(self, log: Log, plant: Plant, steps: Mapping[str, float]) -> tuple[Log, Log]:
+        """Return the part of a log that is fitted, and the one that is held out.
+
+        Raises:
+            ArgumentError: If the plant has other inputs or states, or a part is too short.
+        """
+        from grosmc_mj.identify.replay import Predictor, require_matching
+
+        require_matching(log, plant, **steps)
+        fitted = log.between(0, 1 - self.hold_out)
+        held_out = log.between(1 - self.hold_out, 1)
+        # Making a predictor refuses a part that is too short, before the work.
+        for part in (fitted, held_out):
+            Predictor.of(part, **steps)
+        return fitted, held_out
 
 
 @dataclass(frozen=True)
@@ -118,23 +147,30 @@ class CompareCommand(_OfLog):
     film: Flag = False
 
     def execute(self) -> int:
-        """Read, predict, write, say."""
-        from grosmc_mj.films.write import write_film
+        """Read the logs, predict them on every rung, write and print the errors."""
         from grosmc_mj.identify.compare import compared, comparison_result, rungs_of
         from grosmc_mj.identify.film import film_of_log
 
         experiment, log = self._read()
         rungs = rungs_of(experiment)
-        truest = rungs.get("loop", rungs[experiment.nominal.truest])
-        film = film_of_log(truest, log, self.horizon) if self.film else None
+        film = None
+        if self.film:
+            truest = rungs.get("loop", rungs[experiment.nominal.truest])
+            film = film_of_log(truest, log, self.horizon)
+
         rows, notes = compared(rungs, log, self.horizon, experiment.settings.timestep)
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)
         if film is not None:
-            with screen.progress(len(film.times), "frames") as advance:
-                written = write_film(
-                    film, path.with_suffix(".mp4"), advance=lambda: advance("film")
-                )
-            screen.say_files(screen.console(), written.film, written.poster)
-        return screen.DONE
+            _write_film(film, path.with_suffix(".mp4"))
+        return DONE
+
+
+def _write_film(film: Film, path: Path) -> None:
+    """Write a film, and print the paths of its files."""
+    from grosmc_mj.films.write import write_film
+
+    with screen.progress(len(film.times), "frames") as advance:
+        written = write_film(film, path, advance=lambda: advance("film"))
+    screen.say_files(screen.console(), written.film, written.poster)

@@ -10,14 +10,21 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import TARGET
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from rich.console import Console
 
     from grosmc_mj.plants import Plant
+    from grosmc_mj.plants.system import Signal
+
+# Units of a joint's numbers.
+_HINGE_UNITS = {"damping": "N m s/rad", "friction": "N m", "armature": "kg m^2"}
+_SLIDE_UNITS = {"damping": "N s/m", "friction": "N", "armature": "kg"}
 
 
 @dataclass(frozen=True)
@@ -38,20 +45,20 @@ class ListCommand(Command):
 
     @property
     def simulates(self) -> bool:
-        """The names of everything stand in files."""
+        """False for the list of everything, whose names stand in files."""
         return bool(self.target)
 
     def execute(self) -> int:
-        """All systems and case files by name, or one target in detail."""
+        """Print all systems and case files by name, or one target in detail."""
         if self.target:
-            _say_one(screen.console(), self.target)
+            _say_target(screen.console(), self.target)
         else:
             _say_everything(screen.console())
-        return screen.DONE
+        return DONE
 
 
 def _say_everything(console: Console) -> None:
-    """Systems, cases and laws by the names in the files: nothing is built for it."""
+    """Print systems, cases and laws by the names in the files: nothing is built for it."""
     from grosmc_mj.experiments.file.shipped import (
         base_file,
         campaign_files,
@@ -60,95 +67,153 @@ def _say_everything(console: Console) -> None:
         shipped_files,
     )
 
-    files, campaigns = shipped_files(), campaign_files()
+    files = shipped_files()
+    campaigns = campaign_files()
     folders: dict[str, list[str]] = {}
     for name in files:
-        folders.setdefault(name.split("/")[0], []).append(name)
-    bases = {name: base for name in folders if (base := base_file(name)) is not None}
+        folder = name.split("/")[0]
+        folders.setdefault(folder, []).append(name)
+
+    # Folders with a base file are systems.
+    bases: dict[str, Path] = {}
+    other_files: list[str] = []
+    for folder, names in folders.items():
+        base = base_file(folder)
+        if base is None:
+            other_files.extend(names)
+        else:
+            bases[folder] = base
+
     console.print(f"{len(bases)} systems, {len(files)} case files.")
-    for name, base in bases.items():
-        cases = sorted(folders[name], key=case_order)
-        console.print(name, style="bold")
-        _say(console, "cases", ", ".join(case.split("/")[1] for case in cases))
+    for system, base in bases.items():
+        cases = [name.split("/")[1] for name in sorted(folders[system], key=case_order)]
+        console.print(system, style="bold")
+        _say(console, "cases", ", ".join(cases))
         _say(console, "laws", ", ".join(content(base)["laws"]))
-        if name in campaigns:
-            _say(console, "campaign", content(campaigns[name])["title"])
-    others = [name for folder in folders if folder not in bases for name in folders[folder]]
+        if system in campaigns:
+            _say(console, "campaign", content(campaigns[system])["title"])
+
     console.print("Other case files", style="bold")
-    console.print(f"  {', '.join(others)}")
+    console.print(f"  {', '.join(other_files)}")
     console.print("A target is SYSTEM, SYSTEM/CASE such as servo/case1, or FILE.toml.")
 
 
-def _say_one(console: Console, target: str) -> None:
-    """The cases, laws and plants of a target, and the names and numbers of its parts."""
+def _say_target(console: Console, target: str) -> None:
+    """Print the cases, laws and plants of a target, and the names and numbers of its parts."""
     from grosmc_mj.experiments.catalogue import find_experiments
-    from grosmc_mj.physics.files import body_names, joint_names
     from grosmc_mj.results.tables import names, table, text
 
     experiments = find_experiments(target)
     first = experiments[0]
     plant = first.plant(first.nominal.truest)
-    system = plant.system
     console.print(f"{target}: {first.nominal.system.title}", style="bold", markup=False)
-    for case in (one.case for one in experiments):
-        _say(console, case.name, case.title + (f"  ({case.source})" if case.source else ""))
-    _say(console, "laws", ", ".join(dict.fromkeys([*first.file.laws, *first.controllers])))
+    for experiment in experiments:
+        case = experiment.case
+        source = f"  ({case.source})" if case.source else ""
+        _say(console, case.name, case.title + source)
+
+    laws = dict.fromkeys([*first.file.laws, *first.controllers])
+    _say(console, "laws", ", ".join(laws))
     _say(console, "plants", ", ".join(first.plant_names))
-    states, inputs = (
-        ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
-        for signals in (system.states, system.inputs)
-    )
+    states = _with_units(plant.system.states)
     _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
-    _say(console, "inputs", f"{inputs}  (of [[actuator]])")
+    _say(console, "inputs", f"{_with_units(plant.system.inputs)}  (of [[actuator]])")
     if plant.kind == "physics":
-        units = dict(zip(system.joints, (one.unit for one in system.positions), strict=True))
-        joints = (
-            f"{name} [{units[name]}]" if name in units else name
-            for name in joint_names(plant.model)
-        )
-        _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
-        _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+        _say_model(console, plant)
     else:
         _say(console, "parameters", f"{', '.join(vars(plant.parameters))}  (of [[edit]])")
+
     columns = [*names("nominal"), *text("numbers that are not zero")]
     console.print(table("", columns, _nominal_numbers(first.nominal.plant).items()))
 
 
-def _nominal_numbers(plant: Plant) -> dict[str, str]:
-    """The numbers of the equations and of the model in MuJoCo with their units, by their owner."""
-    from mujoco import mjtJoint
+def _with_units(signals: Sequence[Signal]) -> str:
+    """Return the names of signals with their units."""
+    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
 
-    from grosmc_mj.fields import range_of
 
-    numbers: dict[str, list[str]] = {}
+def _say_model(console: Console, plant: Plant) -> None:
+    """Print the bodies and joints of a model, those of the system with their units."""
+    from grosmc_mj.physics.files import body_names, joint_names
 
-    def note(owner: str, name: str, values: Sequence[float], unit: str) -> None:
+    system = plant.system
+    texts = {
+        name: f"{name} [{position.unit}]"
+        for name, position in zip(system.joints, system.positions, strict=True)
+    }
+    joints = [texts.get(name, name) for name in joint_names(plant.model)]
+    _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
+    _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+
+
+class _Numbers:
+    """Numbers that are not zero as texts, by their owner."""
+
+    def __init__(self) -> None:
+        self._texts: dict[str, list[str]] = {}
+
+    def note(self, owner: str, name: str, values: Sequence[float], unit: str) -> None:
+        """Add the values of one quantity, unless all are zero."""
         if any(values):
             written = ", ".join(f"{value:.5g}" for value in values)
-            numbers.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
+            self._texts.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
 
+    def by_owner(self) -> dict[str, str]:
+        """Return a text for each owner."""
+        return {owner: "; ".join(texts) for owner, texts in self._texts.items()}
+
+
+def _nominal_numbers(plant: Plant) -> dict[str, str]:
+    """Return the numbers of the equations and of the model with their units, by their owner."""
+    numbers = _Numbers()
     if plant.kind != "physics" or plant.system.read_parameters is not None:
-        parameters = plant.analytic().parameters
-        for name, value in vars(parameters).items():
-            bounds = range_of(type(parameters), name)
-            if bounds is None or bounds.unit:
-                note("equations", name, [value], bounds.unit if bounds else "")
+        _note_parameters(numbers, plant)
     if plant.kind == "physics":
-        note("world", "gravity", plant.model.opt.gravity, "m/s^2")
-        for body in map(plant.model.body, range(1, plant.model.nbody)):
-            note(body.name, "mass", body.mass, "kg")
-            note(body.name, "principal inertia", body.inertia, "kg m^2")
-            note(body.name, "centre of mass", body.ipos, "m")
-        for joint in map(plant.model.joint, range(plant.model.njnt)):
-            slides = joint.type[0] == mjtJoint.mjJNT_SLIDE
-            note(joint.name, "damping", joint.damping, "N s/m" if slides else "N m s/rad")
-            note(joint.name, "friction", joint.frictionloss, "N" if slides else "N m")
-            note(joint.name, "armature", joint.armature, "kg" if slides else "kg m^2")
-    return {owner: "; ".join(texts) for owner, texts in numbers.items()}
+        _note_model(numbers, plant)
+    return numbers.by_owner()
+
+
+def _note_parameters(numbers: _Numbers, plant: Plant) -> None:
+    """Note the parameters of the equations that are numbers with a unit."""
+    from grosmc_mj.fields import range_of
+
+    parameters = plant.analytic().parameters
+    for name, value in vars(parameters).items():
+        bounds = range_of(type(parameters), name)
+        if bounds is None:
+            numbers.note("equations", name, [value], "")
+        elif bounds.unit:
+            numbers.note("equations", name, [value], bounds.unit)
+
+
+def _note_model(numbers: _Numbers, plant: Plant) -> None:
+    """Note the numbers of the bodies and joints of a model."""
+    from mujoco import mjtJoint
+
+    model = plant.model
+    numbers.note("world", "gravity", model.opt.gravity, "m/s^2")
+    for index in range(1, model.nbody):
+        body = model.body(index)
+        numbers.note(body.name, "mass", body.mass, "kg")
+        numbers.note(body.name, "principal inertia", body.inertia, "kg m^2")
+        numbers.note(body.name, "centre of mass", body.ipos, "m")
+
+    for index in range(model.njnt):
+        joint = model.joint(index)
+        units = _HINGE_UNITS
+        if joint.type[0] == mjtJoint.mjJNT_SLIDE:
+            units = _SLIDE_UNITS
+        numbers.note(joint.name, "damping", joint.damping, units["damping"])
+        numbers.note(joint.name, "friction", joint.frictionloss, units["friction"])
+        numbers.note(joint.name, "armature", joint.armature, units["armature"])
 
 
 def _say(console: Console, title: str, words: str) -> None:
-    """Words with a title, folded beside it."""
-    line, indent = f"  {title:<12} {words}", " " * 15
-    folded = textwrap.wrap(line, screen.WIDTH, subsequent_indent=indent, break_long_words=False)
-    console.print("\n".join(folded), markup=False, soft_wrap=True)
+    """Print words with a title, folded beside it."""
+    lines = textwrap.wrap(
+        f"  {title:<12} {words}",
+        screen.WIDTH,
+        subsequent_indent=" " * 15,
+        break_long_words=False,
+    )
+    console.print("\n".join(lines), markup=False, soft_wrap=True)

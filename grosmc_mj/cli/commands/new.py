@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, shown, unknown_name
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
@@ -35,34 +37,51 @@ class NewCommand(Command):
 
     def execute(self) -> int:
         """Write a case file to begin with."""
-        from grosmc_mj.experiments.file.shipped import own_plant, starter
         from grosmc_mj.files import written_aside
 
+        texts = self._texts()
+        for file in texts:
+            if Path(file).exists():
+                raise ArgumentError(f"{file} is there already: take another name or remove it")
+
+        for file, text in texts.items():
+            with written_aside(Path(file)) as part:
+                part.write_text(text, encoding="utf-8")
+        files = " and ".join(texts)
+        screen.console().print(
+            f"{files} written; run: grosmc-mj run {self._case_name()}.toml", soft_wrap=True
+        )
+        return DONE
+
+    def _case_name(self) -> str:
+        """Return the name of the case.
+
+        Raises:
+            ArgumentError: If it is not one that a module of Python could have, too.
+        """
         name = self.name.removesuffix(".toml")
         if not _NAME.fullmatch(name) or keyword.iskeyword(name) or name in sys.stdlib_module_names:
             raise ArgumentError(
                 f"{shown(self.name)} must be a name of letters, digits and underscores"
             )
+        return name
+
+    def _texts(self) -> Mapping[str, str]:
+        """Return the texts to write by the names of their files."""
+        from grosmc_mj.experiments.file.shipped import own_plant, starter
+
+        name = self._case_name()
         if self.like is not None and self.python:
             raise ArgumentError("--like copies a case, --python writes one: give one of them")
         if self.python:
-            files = own_plant(name)
-        else:
-            files = {f"{name}.toml": starter() if self.like is None else _text_of(self.like)}
-        for file in files:
-            if Path(file).exists():
-                raise ArgumentError(f"{file} is there already: take another name or remove it")
-        for file, text in files.items():
-            with written_aside(Path(file)) as part:
-                part.write_text(text, encoding="utf-8")
-        screen.console().print(
-            f"{' and '.join(files)} written; run: grosmc-mj run {name}.toml", soft_wrap=True
-        )
-        return screen.DONE
+            return own_plant(name)
+        if self.like is not None:
+            return {f"{name}.toml": _case_text(self.like)}
+        return {f"{name}.toml": starter()}
 
 
-def _text_of(name: str) -> str:
-    """The text of a case of the package."""
+def _case_text(name: str) -> str:
+    """Return the text of a case of the package."""
     from grosmc_mj.experiments.file.reading import resolved_text
     from grosmc_mj.experiments.file.shipped import shipped_files
 

@@ -11,12 +11,13 @@ from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, together
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-# In the folder of the results.
+# Name of the page in the folder of the results.
 REPORT = "report.html"
 
 
@@ -42,26 +43,42 @@ class ReportCommand(Command):
     ] = None
 
     def execute(self) -> int:
-        """Read, write, say."""
+        """Read the results and write the page."""
         paths = self.paths or (Path("renders"),)
-        first = paths[0] if paths[0].is_dir() else paths[0].parent
-        path = self.output or first / REPORT
-        if path.suffix.lower() not in (".html", ".htm"):
-            raise ArgumentError(f"-o {path} must end in .html")
-        report_on(screen.console(), paths, path, full=self.verbose)
-        return screen.DONE
+        page = self.output
+        if page is None:
+            folder = paths[0] if paths[0].is_dir() else paths[0].parent
+            page = folder / REPORT
+        if page.suffix.lower() not in (".html", ".htm"):
+            raise ArgumentError(f"-o {page} must end in .html")
+
+        report_on(screen.console(), paths, page, full=self.verbose)
+        return DONE
 
 
 def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool = False) -> None:
-    """Write the page of what lies in paths, and say so."""
+    """Write the page of results, and print its size and path.
+
+    Args:
+        console: Where they are printed.
+        paths: Files and folders of results.
+        path: The page.
+        full: True to print the whole list of what was left out.
+
+    Raises:
+        ArgumentError: If there are no results that can be read.
+    """
     from grosmc_mj.page.reading import read_results
     from grosmc_mj.page.write import write_page
 
     reading = read_results(paths)
     if not reading.documents:
-        words = f"no results in {', '.join(map(str, paths))}"
-        raise ArgumentError(together([words, *(f"unreadable: {x}" for x in reading.notices)]))
+        mistakes = [f"no results in {', '.join(map(str, paths))}"]
+        mistakes.extend(f"unreadable: {line}" for line in reading.notices)
+        raise ArgumentError(together(mistakes))
+
     written = write_page(reading, paths, path)
     console.print(f"{len(reading.documents)} documents in {written.size / 1e6:.1f} MB")
-    screen.say_lines(console, [f"left out: {line}" for line in written.notices], "dim", all=full)
+    omitted = [f"left out: {line}" for line in written.notices]
+    screen.say_lines(console, omitted, "dim", full=full)
     screen.say_files(console, path)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
@@ -14,6 +14,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import CASES, recorded_experiments
 
@@ -59,18 +60,17 @@ class ValidateCommand(Command):
     record: Flag = False
 
     def execute(self) -> int:
-        """Run, write, compare, print."""
+        """Run the cases, compare them with the record, write and print the result."""
         from grosmc_mj.chapter.expected_results import record_expected
         from grosmc_mj.chapter.validation import Validation
-        from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.experiments.laboratory import Laboratory
         from grosmc_mj.experiments.runs import Settings
 
-        started, settings, experiments = time.perf_counter(), Settings(), self._selected()
-        done = Validation([one.case for one in experiments])
+        start = time.perf_counter()
+        experiments = self._selected()
+        done = Validation([experiment.case for experiment in experiments])
         claims = self._claims(done)
-        systems = dict.fromkeys(case.system for case in done.selected)
-        steps = sum(len(one.laws) for one in experiments) + len(systems) + len(claims)
+        runs = sum(len(experiment.laws) for experiment in experiments)
+        steps = runs + len(_systems(done)) + len(claims)
         try:
             with screen.progress(steps) as advance:
                 _compute(done, experiments, claims, advance)
@@ -80,43 +80,51 @@ class ValidateCommand(Command):
         finally:
             # Results are kept and shown, whatever happened since.
             if done.results:
-                screen.say_result(
-                    done.document(Laboratory(settings)), self.out / "validation.json",
-                    [f"differs: {line}" for line in done.differences], full=self.verbose, brief=2,
-                )  # fmt: skip
-                for case in dict.fromkeys(result.case for result in done.results):
-                    own = [result for result in done.results if result.case == case]
-                    write_curves(own, f"{case.system}_{case.name}", self.out)
-        count = self._draw(done) if self.figures else 0
-        words = f"{count} figures; {time.perf_counter() - started:.1f} s"
-        screen.console().print(words, style="dim")
+                self._write(done)
+
+        figures = self._draw(done) if self.figures else 0
+        seconds = time.perf_counter() - start
+        console = screen.console()
+        console.print(f"{figures} figures; {seconds:.1f} s", style="dim")
         if self.films:
-            film_results(screen.console(), done.results, settings, self.out)
+            film_results(console, done.results, Settings(), self.out)
         if self.report:
-            report_on(screen.console(), [self.out], self.out / REPORT)
-        return screen.DIFFERS if done.differences else screen.DONE
+            report_on(console, [self.out], self.out / REPORT)
+        return DIFFERS if done.differences else DONE
 
     def _selected(self) -> list[Experiment]:
-        """The experiments of the targets, each once."""
+        """Return the experiments of the targets, each once."""
         from grosmc_mj.plants import SYSTEMS
 
-        experiments = [
-            experiment
-            for target in self.targets or tuple(SYSTEMS)
-            for experiment in recorded_experiments(target)
-        ]
-        return list({one.key: one for one in experiments}.values())
+        targets = self.targets or tuple(SYSTEMS)
+        experiments: dict[Any, Experiment] = {}
+        for target in targets:
+            for experiment in recorded_experiments(target):
+                experiments[experiment.key] = experiment
+        return list(experiments.values())
 
     def _claims(self, done: Validation) -> list[Claim]:
-        """The claims about the systems all of whose cases are selected."""
+        """Return the claims about the systems all of whose cases are selected."""
         from grosmc_mj.chapter.claims.ledger import CLAIMS
 
         if not self.claims or self.record:
             return []
-        systems = dict.fromkeys(case.system for case in done.selected)
-        cases = {name: [one.case for one in recorded_experiments(name)] for name in systems}
-        complete = [name for name in systems if all(case in done.selected for case in cases[name])]
+        complete = [system for system in _systems(done) if _has_all_cases(done, system)]
         return [claim for claim in CLAIMS if claim.system in complete]
+
+    def _write(self, done: Validation) -> None:
+        """Write the results and the curves of each case, and print the answer."""
+        from grosmc_mj.experiments.curves import write_curves
+        from grosmc_mj.experiments.laboratory import Laboratory
+        from grosmc_mj.experiments.runs import Settings
+
+        document = done.document(Laboratory(Settings()))
+        differences = [f"differs: {line}" for line in done.differences]
+        path = self.out / "validation.json"
+        screen.say_result(document, path, differences, full=self.verbose, brief=2)
+        for case in dict.fromkeys(result.case for result in done.results):
+            results = [result for result in done.results if result.case == case]
+            write_curves(results, f"{case.system}_{case.name}", self.out)
 
     def _draw(self, done: Validation) -> int:
         """Draw the figures; returns how many."""
@@ -127,6 +135,17 @@ class ValidateCommand(Command):
             for path in write_figures(done.results, self.out):
                 advance(path.name)
         return count
+
+
+def _systems(done: Validation) -> list[str]:
+    """Return the systems of the selected cases, each once."""
+    return list(dict.fromkeys(case.system for case in done.selected))
+
+
+def _has_all_cases(done: Validation, system: str) -> bool:
+    """Return True if every recorded case of a system is selected."""
+    experiments = recorded_experiments(system)
+    return all(experiment.case in done.selected for experiment in experiments)
 
 
 def _compute(
@@ -145,8 +164,10 @@ def _compute(
         for result in experiment.runs():
             done.results.append(result)
             advance(result.key)
-    for system in dict.fromkeys(case.system for case in done.selected):
+
+    for system in _systems(done):
         done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
         advance(f"{system}: analytic against physics")
+
     lab = Laboratory(Settings(), known=done.results)
     done.findings = judge_in_processes(lab, claims, advance)

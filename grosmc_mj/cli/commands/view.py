@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from tyro.conf import arg
 
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import shown_experiment
 from grosmc_mj.errors import SetupError
 
@@ -35,10 +34,6 @@ class ViewCommand(Command):
         surface: printed or discrete, as for film.
     """
 
-    removed: ClassVar[Mapping[str, str]] = {
-        "--replay": "view runs the case as you watch, and grosmc-mj film shows a recorded run"
-    }
-
     target: Target
     laws: OptionalName = None
     speed: Annotated[float, arg(metavar="X")] = 1.0
@@ -46,25 +41,26 @@ class ViewCommand(Command):
     surface: OptionalSurface = None
 
     def execute(self) -> int:
-        """Prepare the case, open the window."""
+        """Prepare the case and open the window."""
         from grosmc_mj.viewer import play
 
         experiment = shown_experiment(self.target).with_settings(
             switching=self.switching, surface=self.surface
         )
         case = experiment.case
-        name = self.laws or experiment.controllers[-1]
+        law = self.laws or experiment.controllers[-1]
         try:
             play(
                 experiment.plant("physics"),
-                experiment.law("physics", name),
+                experiment.law("physics", law),
                 case.x0,
                 duration=case.duration,
                 disturbances=case.disturbances,
                 control_period=experiment.settings.control_period,
                 speed=self.speed,
             )
-        except RuntimeError as error:  # of MuJoCo's own too, such as that macOS needs mjpython
-            film = f"grosmc-mj film {self.target} --laws {name}"
+        # MuJoCo raises them too, for instance because macOS needs mjpython.
+        except RuntimeError as error:
+            film = f"grosmc-mj film {self.target} --laws {law}"
             raise SetupError(f"{error}; for a film of it run: {film}") from error
-        return screen.DONE
+        return DONE

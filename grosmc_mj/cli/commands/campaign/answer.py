@@ -1,17 +1,18 @@
-"""What a campaign answers: who keeps what, what fails first, and how sure that is."""
+"""Answer of a campaign on the terminal: pass rates, worst plants, radii."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 
 from grosmc_mj.cli import screen
-from grosmc_mj.results.tables import number
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.results.tables import Table, number
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import ALL, Findings, findings_tables, judged_words, rate_interval
 from grosmc_mj.sweep.radius import Radius, radius_table
-from grosmc_mj.sweep.statistics import rate_shown
+from grosmc_mj.sweep.statistics import PassRate, rate_shown
 from grosmc_mj.sweep.worst import Worst, worst_table
 
 
@@ -25,85 +26,129 @@ def say_verdict(
     """Say on how many plants each law keeps everything, the worst law first.
 
     Args:
-        console: Where to.
+        console: Where it is printed.
         campaign: The campaign.
-        findings: What the runs say.
-        at_least: Share that each must be shown to keep; None if none is required.
-        confidence: Of the intervals, and of the bound that is compared with that share.
+        findings: Statements that its runs allow.
+        at_least: Share that each law must be shown to keep; None if none is required.
+        confidence: Confidence of the bound that is compared with that share.
 
     Returns:
         The exit code.
     """
-    rates = {law: rate for (requirement, law), rate in findings.rates.items() if requirement == ALL}
     missed = False
-    for law, rate in sorted(rates.items(), key=lambda pair: pair[1].rate):
-        if at_least is not None:
-            shown = rate_shown(rate.kept, rate.runs, confidence)
+    for law, rate in _laws_worst_first(findings):
+        if at_least is None:
+            good = rate.kept == rate.runs
+            words = _rate_words(law, rate, findings)
+        else:
+            bound = rate_shown(rate.kept, rate.runs, confidence)
             # Of a tie, rounding has no say.
-            good = shown >= at_least * (1 - 1e-12)
+            good = bound >= at_least * (1 - 1e-12)
             missed = missed or not good
             words = (
-                f"{law}: at least {100 * shown:.4g} % of the declared design keep everything "
+                f"{law}: at least {100 * bound:.4g} % of the declared design keep everything "
                 f"({rate.kept} of {rate.runs} plants, one-sided confidence {confidence:g}); "
                 f"{100 * at_least:g} % are asked for."
             )
-        else:
-            good, interval = rate.kept == rate.runs, rate_interval(rate, "to")
-            interval = interval and f"{interval} % ({100 * rate.confidence:g} % interval)"
-            words = (
-                f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
-                f"design: {interval or findings.sampled.intervals}."
-            )
         screen.say_verdict(console, words, good=good)
+
     for law in campaign.laws:
         if law not in campaign.judged:
             console.print(f"{law}: nothing is required of it.", style="dim")
-    return screen.DIFFERS if missed else screen.DONE
+    return DIFFERS if missed else DONE
+
+
+def _laws_worst_first(findings: Findings) -> list[tuple[str, PassRate]]:
+    """Return the laws with the share of plants on which they keep everything."""
+    rates: list[tuple[str, PassRate]] = []
+    for (requirement, law), rate in findings.rates.items():
+        if requirement == ALL:
+            rates.append((law, rate))
+    return sorted(rates, key=lambda pair: pair[1].rate)
+
+
+def _rate_words(law: str, rate: PassRate, findings: Findings) -> str:
+    """Return a sentence on how many plants a law keeps everything, with the interval."""
+    bounds = rate_interval(rate, "to")
+    interval = findings.sampled.intervals
+    if bounds:
+        interval = f"{bounds} % ({100 * rate.confidence:g} % interval)"
+    return (
+        f"{law} keeps everything on {rate.kept} of {rate.runs} plants of the declared "
+        f"design: {interval}."
+    )
 
 
 def say_findings(
     console: Console, campaign: Campaign, findings: Findings, progress: Sequence[str], *, full: bool
 ) -> None:
-    """The requirements that fail most first, what drives the margins, and what was sampled."""
-    rows, lines = [], []
+    """Print pass rates, paired differences and what drives the margins.
+
+    Args:
+        console: Where they are printed.
+        campaign: The campaign.
+        findings: Statements that its runs allow.
+        progress: Lines on the runs that were made.
+        full: True to print every table.
+    """
+    console.print(_rates_table(findings))
+    lines = [*_difference_lines(findings), *_driver_lines(findings)]
+    screen.say_lines(console, lines, "", full=False)
+
+    sampled = findings.sampled
+    notes = [judged_words(findings.judges), f"{sampled.words}. {sampled.footnote}", *progress]
+    for line in notes:
+        if line:
+            console.print(line, style="dim", markup=False)
+
+    if full:
+        for table in findings_tables(campaign, findings):
+            console.print("", table)
+
+
+def _rates_table(findings: Findings) -> Table:
+    """Return the table of single requirements, those that fail most first."""
+    rows = []
     for (requirement, law), rate in sorted(findings.rates.items(), key=lambda pair: pair[1].rate):
-        if requirement != ALL:
-            margin = findings.summaries.get((requirement, law))
-            least = f"{number(margin.least)} {findings.units[requirement]}" if margin else "-"
-            kept = (
-                f"{rate.kept} of {rate.runs}",
-                rate_interval(rate, "..") or "-",
-            )
-            rows.append((requirement, law, *kept, least.rstrip()))
+        if requirement == ALL:
+            continue
+        least = "-"
+        margin = findings.summaries.get((requirement, law))
+        if margin:
+            least = f"{number(margin.least)} {findings.units[requirement]}".rstrip()
+        kept = f"{rate.kept} of {rate.runs}"
+        rows.append((requirement, law, kept, rate_interval(rate, "..") or "-", least))
+
     columns = ("requirement", "law", "kept", "interval %", "least margin")
-    console.print(screen.brief_table("", columns, rows, words=2, most=8))
+    return screen.brief_table("", columns, rows, words=2, most=8)
+
+
+def _difference_lines(findings: Findings) -> Iterator[str]:
+    """Yield a line on each pair of laws: on how many plants one alone keeps everything."""
     for (requirement, first, second), pair in findings.differences.items():
         if requirement == ALL:
-            lines.append(
+            yield (
                 f"same plants: {first} alone keeps everything on {pair.only_first}, {second} alone "
                 f"on {pair.only_second}"
             )
-    for law, (driver, *_) in findings.sensitivities.items():
+
+
+def _driver_lines(findings: Findings) -> Iterator[str]:
+    """Yield a line on each law whose margin one parameter drives most."""
+    for law, sensitivities in findings.sensitivities.items():
+        driver = sensitivities[0]
         if driver.drives:
-            lines.append(
+            percent = 100 * (driver.share or 0)
+            yield (
                 f"{law}: {driver.parameter} drives its margin most "
-                f"({100 * (driver.share or 0):.0f} % of the variance of the ranks)"
+                f"({percent:.0f} % of the variance of the ranks)"
             )
-    screen.say_lines(console, lines, "", all=False)
-    notes = [
-        judged_words(findings.judges),
-        f"{findings.sampled.words}. {findings.sampled.footnote}",
-    ]
-    for line in filter(None, [*notes, *progress]):
-        console.print(line, style="dim", markup=False)
-    for table in findings_tables(campaign, findings) if full else ():
-        console.print("", table)
 
 
 def say_worst(
     console: Console, campaign: Campaign, searches: Sequence[Worst], *, full: bool
 ) -> None:
-    """The worst plant under each law, the worst first."""
+    """Print the worst plant under each law, the worst first."""
     lines = []
     for plant in sorted(searches, key=lambda plant: plant.relative):
         line = (
@@ -113,7 +158,8 @@ def say_worst(
         if plant.shrunk is not None:
             line += f"; nearest that fails: {campaign.words(plant.shrunk)}"
         lines.append(line)
-    screen.say_lines(console, lines, "", all=False)
+
+    screen.say_lines(console, lines, "", full=False)
     if full and searches:
         console.print(worst_table(campaign, searches), "")
 
@@ -121,18 +167,22 @@ def say_worst(
 def say_radius(
     console: Console, campaign: Campaign, searches: Sequence[Radius], *, full: bool
 ) -> None:
-    """How far the uncertainty may grow under each law, the least first."""
-    lines = []
-    for search in sorted(searches, key=lambda search: search.found):
-        line = f"{search.controller}: no failure up to {search.found:.3g} times the uncertainty"
-        for words, at in (
-            (", one at", search.outside and search.outside.scale),
-            ("; |s| is promised its bound up to", search.promised.scale),
-            (", keeps it up to", search.stayed),
-            (", leaves it at", search.left and search.left.scale),
-        ):
-            line += "" if at is None else f"{words} {at:.3g}"
-        lines.append(line)
-    screen.say_lines(console, lines, "", all=False)
+    """Print how far the uncertainty may grow under each law, the least first."""
+    by_radius = sorted(searches, key=lambda search: search.found)
+    screen.say_lines(console, [_radius_line(search) for search in by_radius], "", full=False)
     if full and searches:
         console.print(radius_table(campaign, searches), "")
+
+
+def _radius_line(search: Radius) -> str:
+    """Return a line on the scales of the uncertainty at which a law fails."""
+    line = f"{search.controller}: no failure up to {search.found:.3g} times the uncertainty"
+    if search.outside is not None:
+        line += f", one at {search.outside.scale:.3g}"
+    if search.promised.scale is not None:
+        line += f"; |s| is promised its bound up to {search.promised.scale:.3g}"
+    if search.stayed is not None:
+        line += f", keeps it up to {search.stayed:.3g}"
+    if search.left is not None:
+        line += f", leaves it at {search.left.scale:.3g}"
+    return line

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
 from tyro.conf import Positional, arg
 
-from grosmc_mj.cli.command import Command, Laws
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command, Flag, Laws, OptionalName
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.sweep.campaign import Campaign, Specification
     from grosmc_mj.sweep.findings import Findings
+    from grosmc_mj.sweep.radius import Radius
     from grosmc_mj.sweep.store import Folder
 
 # Options of --plant alone, and those that a campaign has, too.
-_OF_PLANT = ("case_file",)
-_OF_BOTH = ("target", "controllers", "out", "verbose", "plant")
-# Options that are the specification's own.
+_FOR_PLANT = ("case_file",)
+_FOR_BOTH = ("target", "controllers", "out", "verbose", "plant")
+# Options that are fields of the specification.
 _SPECIFIED = (
     "runs",
     "shard",
@@ -94,10 +94,6 @@ class CampaignCommand(Command):
             if it is what the campaign recorded.
     """
 
-    removed: ClassVar[Mapping[str, str]] = {
-        "--replay": "--plant WHICH writes the case file of a run's plant, which grosmc-mj run takes"
-    }
-
     target: Annotated[Positional[str], arg(metavar=f"{TARGET}|FOLDER", name="target")]
     runs: Annotated[int, arg(metavar="N")] = 1024
     shard: Annotated[int, arg(metavar="N")] = 512
@@ -107,18 +103,18 @@ class CampaignCommand(Command):
     control_period: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
     screen: Annotated[str, arg(metavar="auto|equations|none")] = "auto"
-    integrator: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None
+    integrator: OptionalName = None
     out: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
-    resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    resume: Flag = False
     executor: Annotated[str, arg(metavar="NAME")] = "batch"
     workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one a core)")] = (
         None
     )
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     confidence: Annotated[float, arg(metavar="SHARE")] = 0.95
-    worst: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    worst: Flag = False
     evaluations: Annotated[int, arg(metavar="N")] = 1024
-    radius: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    radius: Flag = False
     axes: Annotated[
         tuple[str, ...],
         arg(metavar="X Y", help_behavior_hint="(default: those that drive margins most)"),
@@ -141,12 +137,11 @@ class CampaignCommand(Command):
 
         if len(self.controllers) > 1:
             raise ArgumentError(f"--laws {' '.join(self.controllers)}: name one, for --plant")
-        law = next(iter(self.controllers), None)
+        law = self.controllers[0] if self.controllers else None
         return write_plant(Path(self.target), which, law, self.case_file, self.out)
 
     def _run(self) -> int:
         """Carry out a campaign; returns the exit code."""
-        from grosmc_mj.cli import screen
         from grosmc_mj.cli.commands.campaign import answer
         from grosmc_mj.cli.commands.campaign.running import notices, run_parts
         from grosmc_mj.executors import make_executor
@@ -164,7 +159,8 @@ class CampaignCommand(Command):
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
 
         with folder.held():
-            for line in (*folder.begin(campaign, resume=self.resume), *notices(campaign)):
+            lines = folder.begin(campaign, resume=self.resume)
+            for line in (*lines, *notices(campaign)):
                 screen.notice(line)
             progress = run_parts(campaign, folder, executor)
 
@@ -195,51 +191,66 @@ class CampaignCommand(Command):
         return specification_of(self.target, **specified)
 
     def _search(self, campaign: Campaign, folder: Folder, result: Findings) -> None:
-        """Search as asked for, draw, and say where everything is."""
-        from grosmc_mj.cli import screen
-        from grosmc_mj.cli.commands.campaign import answer
-        from grosmc_mj.cli.commands.campaign.running import search_radii, search_worst
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.sweep import map as maps
+        """Make the searches and the figures that are asked for, and print where all results are."""
         from grosmc_mj.sweep.findings import RESULTS
-        from grosmc_mj.sweep.radius import RADIUS, radius_document
-        from grosmc_mj.sweep.worst import WORST, worst_document
+        from grosmc_mj.sweep.map import write_figures
+        from grosmc_mj.sweep.radius import RADIUS
 
-        console = screen.console()
         files = [folder.path / RESULTS]
         if self.worst:
-            plants = search_worst(campaign, result, self.evaluations)
-            files.append(folder.path / WORST)
-            write_json(files[-1], worst_document(campaign, plants))
-            answer.say_worst(console, campaign, plants, full=self.verbose)
-
-        reached = []
+            files.append(self._search_worst(campaign, folder, result))
+        radii: list[Radius] = []
         if self.radius:
-            reached = search_radii(campaign)
-            files.append(folder.path / RADIUS)
-            write_json(files[-1], radius_document(campaign, reached))
-            answer.say_radius(console, campaign, reached, full=self.verbose)
-
+            path = folder.path / RADIUS
+            radii = self._search_radii(campaign, path)
+            files.append(path)
         if self.figures:
-            files += maps.write_figures(campaign, folder, result, reached, self.axes)
-        screen.say_files(console, *files)
+            files += write_figures(campaign, folder, result, radii, self.axes)
+        screen.say_files(screen.console(), *files)
+
+    def _search_worst(self, campaign: Campaign, folder: Folder, result: Findings) -> Path:
+        """Search the worst plants, write and print them; returns the path of their document."""
+        from grosmc_mj.cli.commands.campaign.answer import say_worst
+        from grosmc_mj.cli.commands.campaign.running import search_worst
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.sweep.worst import WORST, worst_document
+
+        path = folder.path / WORST
+        plants = search_worst(campaign, result, self.evaluations)
+        write_json(path, worst_document(campaign, plants))
+        say_worst(screen.console(), campaign, plants, full=self.verbose)
+        return path
+
+    def _search_radii(self, campaign: Campaign, path: Path) -> list[Radius]:
+        """Search the radii, write their document and print them."""
+        from grosmc_mj.cli.commands.campaign.answer import say_radius
+        from grosmc_mj.cli.commands.campaign.running import search_radii
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.sweep.radius import radius_document
+
+        radii = search_radii(campaign)
+        write_json(path, radius_document(campaign, radii))
+        say_radius(screen.console(), campaign, radii, full=self.verbose)
+        return radii
 
     def _refuse_idle(self) -> None:
         """Refuse options of the other kind: of a campaign for --plant, of --plant elsewhere."""
         for option in fields(self):
-            name, of_plant = option.name, option.name in _OF_PLANT
-            idle = name not in _OF_BOTH and of_plant != (self.plant is not None)
-            if idle and getattr(self, name) != option.default:
-                where = "for --plant only" if of_plant else "not for --plant"
+            name = option.name
+            for_plant = name in _FOR_PLANT
+            if name in _FOR_BOTH or for_plant == (self.plant is not None):
+                continue
+            if getattr(self, name) != option.default:
+                where = "for --plant only" if for_plant else "not for --plant"
                 raise ArgumentError(f"--{name.replace('_', '-')} is {where}: leave it out")
 
     def _refuse_numbers(self) -> None:
         """Refuse shares that are none, and too short a search, before anything is run."""
         from grosmc_mj.sweep.worst import LEAST
 
-        for name, value in (("confidence", self.confidence), ("at-least", self.at_least)):
-            if value is not None and not 0 < value < 1:
-                raise ArgumentError(f"--{name} {value:g} must lie between 0 and 1")
+        for name, share in (("confidence", self.confidence), ("at-least", self.at_least)):
+            if share is not None and not 0 < share < 1:
+                raise ArgumentError(f"--{name} {share:g} must lie between 0 and 1")
         if self.at_least is not None and self.sampler != "random":
             raise ArgumentError(
                 f"--at-least takes independent runs, which --sampler {self.sampler} does not "

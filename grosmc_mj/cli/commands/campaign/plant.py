@@ -6,6 +6,7 @@ import shlex
 from pathlib import Path
 
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
@@ -49,7 +50,7 @@ def write_plant(
     console.print(f"{plant.words}: {campaign.words(plant.values)}", markup=False)
     screen.say_files(console, path)
     console.print(f"{PROGRAM} run {shlex.quote(str(path))}", markup=False, soft_wrap=True)
-    return screen.DONE
+    return DONE
 
 
 def _write(path: Path, text: str) -> None:

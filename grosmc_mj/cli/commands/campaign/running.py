@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from grosmc_mj.cli import screen
@@ -16,59 +17,93 @@ from grosmc_mj.sweep.worst import Worst, worst
 
 
 def notices(campaign: Campaign) -> list[str]:
-    """Lines on requirements that are not judged, loads that do not act, and another integrator."""
+    """Return lines on another integrator, requirements not judged and loads that do not act."""
     lines: list[str] = []
     if campaign.plant.restepped:
         lines.append(
             f"Steps by {campaign.experiment.settings.integrator} instead of the model's own "
             "integrator, which may judge some plants otherwise."
         )
-    lines += campaign.not_judged
+    lines.extend(campaign.not_judged)
     late = f"never acts: runs end at {campaign.duration:g} s, before it begins."
-    lines += [f"{name} {late}" for name in campaign.idle]
+    lines.extend(f"{name} {late}" for name in campaign.idle)
     return lines
 
 
 def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[str]:
-    """Run the missing parts, with a progress bar; returns a line each about them.
+    """Run the missing parts with a progress bar.
+
+    Args:
+        campaign: The campaign.
+        folder: Its folder, held.
+        executor: Executor of the parts.
+
+    Returns:
+        Lines on the parts that were there already and on the speed of the others.
 
     Raises:
         KeyboardInterrupt: If it is interrupted, with the number of parts that are done.
     """
-    specification, parts = campaign.specification, folder.missing(campaign)
-    shards, lines = specification.shards, []
-    left = sum(len(specification.ids(index)) for index in parts) * len(campaign.laws)
-    if len(parts) < shards:
-        lines.append(f"{shards - len(parts)} of {shards} parts are there already.")
+    specification = campaign.specification
+    parts = folder.missing(campaign)
+    lines: list[str] = []
+    present = specification.shards - len(parts)
+    if present > 0:
+        lines.append(f"{present} of {specification.shards} parts are there already.")
     if not parts:
         return lines
-    began, done = time.perf_counter(), 0
+
+    plants = sum(len(specification.ids(index)) for index in parts)
+    runs = plants * len(campaign.laws)
+    start = time.perf_counter()
     try:
-        with screen.progress(left, "runs") as advance:
-
-            def finished(runs: int, rates: dict[str, float]) -> None:
-                nonlocal done
-                done += runs
-                speed = done / (time.perf_counter() - began)
-                shares = ", ".join(f"{law} {100 * rate:.1f} %" for law, rate in rates.items())
-                advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
-
+        with screen.progress(runs, "runs") as advance:
             advance("designed; the first part takes a while", 0)
-            again = store.run_missing(campaign, folder, executor, screen.notice, finished)
+            finished = _FinishedRuns(advance, start)
+            repeated = store.run_missing(campaign, folder, executor, screen.notice, finished)
     except KeyboardInterrupt:
-        there = shards - len(folder.missing(campaign))
+        done = specification.shards - len(folder.missing(campaign))
         raise KeyboardInterrupt(
-            f"interrupted: {there} of {shards} parts are done; the same command with --resume "
-            "runs the others"
+            f"interrupted: {done} of {specification.shards} parts are done; the same command with "
+            "--resume runs the others"
         ) from None
-    seconds = time.perf_counter() - began
-    steps = left * campaign.duration / campaign.experiment.settings.timestep
-    repeated = f"; {again} parts were run again" if again else ""
-    lines.append(
-        f"{left} runs of {campaign.duration:g} s in {seconds:.1f} s: {left / seconds:.3g} runs and "
-        f"{steps / seconds:.3g} timesteps a second{repeated}."
-    )
+
+    seconds = time.perf_counter() - start
+    lines.append(_speed_line(campaign, runs, seconds, repeated))
     return lines
+
+
+class _FinishedRuns:
+    """Progress of runs: how fast they are, and what share of them keeps everything."""
+
+    def __init__(self, advance: Callable[[str, int], object], start: float) -> None:
+        self._advance = advance
+        self._start = start
+        self._runs = 0
+
+    def __call__(self, runs: int, rates: Mapping[str, float]) -> None:
+        """Count runs of a part that is finished.
+
+        Args:
+            runs: Number of them.
+            rates: Share of all finished runs that keeps everything, by law.
+        """
+        self._runs += runs
+        speed = self._runs / (time.perf_counter() - self._start)
+        shares = ", ".join(f"{law} {100 * rate:.1f} %" for law, rate in rates.items())
+        self._advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
+
+
+def _speed_line(campaign: Campaign, runs: int, seconds: float, repeated: int) -> str:
+    """Return a line on how many runs and timesteps a second were made."""
+    steps = runs * campaign.duration / campaign.experiment.settings.timestep
+    line = (
+        f"{runs} runs of {campaign.duration:g} s in {seconds:.1f} s: {runs / seconds:.3g} runs and "
+        f"{steps / seconds:.3g} timesteps a second"
+    )
+    if repeated:
+        line += f"; {repeated} parts were run again"
+    return f"{line}."
 
 
 def search_worst(campaign: Campaign, result: Findings, evaluations: int) -> list[Worst]:
@@ -82,18 +117,19 @@ def search_worst(campaign: Campaign, result: Findings, evaluations: int) -> list
     plants = []
     with screen.progress(2 * evaluations * len(campaign.judged), "runs") as advance:
         for law in campaign.judged:
-            done = partial(advance, f"worst under {law}")
-            plants.append(worst(campaign, law, result.worst[law], evaluations, done))
+            advance_law = partial(advance, f"worst under {law}")
+            plants.append(worst(campaign, law, result.worst[law], evaluations, advance_law))
     return plants
 
 
 def search_radii(campaign: Campaign) -> list[Radius]:
     """Search how far the uncertainty may grow under each law."""
-    reached = []
+    radii = []
     with screen.progress(len(campaign.judged), "controllers") as advance:
         for law in campaign.judged:
             words = f"radius under {law}"
             advance(words, 0)
-            reached.append(radius(campaign, law, lambda _, words=words: advance(words, 0)))
+            # The search says how many plants it has tried; the bar counts laws.
+            radii.append(radius(campaign, law, lambda _, words=words: advance(words, 0)))
             advance(words)
-    return reached
+    return radii

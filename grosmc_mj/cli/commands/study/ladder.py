@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import FlagCreatePairsOff, Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.targets import TARGET, result_name
+from grosmc_mj.cli.command import Command, Flag, Out, Target
+from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.ladder import Climb, Ladder
+    from grosmc_mj.studies.ladder import Cells, Climb, Ladder
     from grosmc_mj.studies.studied import StudiedLaw
 
 
@@ -46,98 +47,125 @@ class LadderCommand(Command):
         out: Folder for ladder_NAME.json and the figure.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    target: Target
     laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
-    rivals: Annotated[bool, FlagCreatePairsOff] = False
-    loaded: Annotated[bool, FlagCreatePairsOff] = False
-    resume: Annotated[bool, FlagCreatePairsOff] = False
+    rivals: Flag = False
+    loaded: Flag = False
+    resume: Flag = False
     film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""
-    gif: Annotated[bool, FlagCreatePairsOff] = False
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    gif: Flag = False
+    out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Climb, write, print, draw."""
+        """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
-        from grosmc_mj.chapter.claims.cited import cited_claims
-        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies.ladder import Cells
 
-        studied = ladder.ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
-        cited = {name: claim.statement for name, claim in cited_claims(studied.machine).items()}
-        studied = replace(studied, statements=cited)
+        studied = self._studied()
         laws = {law.name: law for law in studied.laws}
         if self.film:
             require_known("law", self.film, laws)
-        cells = ladder.Cells.of(studied, self._path(studied).with_suffix(""))
-        steps = list(studied.steps())
+        cells = Cells.of(studied, self._path(studied).with_suffix(""))
+
         rows: list[Climb] = []
-        with (
-            screen.partial_results_kept(
-                lambda: self._write(studied, rows, complete=False),
-                "interrupted; the same command with --resume runs what is missing",
-            ),
-            screen.progress(len(steps), "rungs") as advance,
+        with screen.partial_results_kept(
+            lambda: self._write(studied, rows, complete=False),
+            "interrupted; the same command with --resume runs what is missing",
         ):
-            for law, rung, condition, together in steps:
-                advance(law.name, 0)
-                key = (law.name, rung.name, condition.name, together)
-                row = cells.read(*key) if self.resume else None
-                if row is None:
-                    row = ladder.climb(studied, law, rung, condition, together=together)
-                    cells.write(row)
-                rows.append(row)
-                advance(law.name, 1)
+            self._climb(studied, cells, rows)
         try:
             files = self._write(studied, rows, complete=True)
         finally:
-            self._answer(studied, rows)
+            self._print_answer(studied, rows)
+
         if self.film:
             files = (*files, self._film(studied, laws[self.film], rows))
         screen.say_files(screen.console(), *files)
-        return screen.DONE
+        return DONE
+
+    def _studied(self) -> Ladder:
+        """Return the ladder of the target, with the sentences of the claims that its file cites."""
+        from grosmc_mj.chapter.claims.cited import cited_claims
+        from grosmc_mj.studies.ladder import ladder
+
+        studied = ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
+        claims = cited_claims(studied.machine)
+        statements = {name: claim.statement for name, claim in claims.items()}
+        return replace(studied, statements=statements)
+
+    def _climb(self, studied: Ladder, cells: Cells, rows: list[Climb]) -> None:
+        """Run every rung, or read it if it is finished and --resume is given.
+
+        Args:
+            studied: The ladder.
+            cells: Files of the finished rungs.
+            rows: Filled rung by rung: an interrupt leaves the first ones.
+        """
+        from grosmc_mj.studies.ladder import climb
+
+        steps = list(studied.steps())
+        with screen.progress(len(steps), "rungs") as advance:
+            for law, rung, condition, together in steps:
+                advance(law.name, 0)
+                row = None
+                if self.resume:
+                    row = cells.read(law.name, rung.name, condition.name, together)
+                if row is None:
+                    row = climb(studied, law, rung, condition, together=together)
+                    cells.write(row)
+                rows.append(row)
+                advance(law.name, 1)
 
     def _path(self, studied: Ladder) -> Path:
-        """Where the result is written."""
+        """Return the path of the result."""
         return self.out / f"ladder_{result_name(studied.machine.path)}.json"
 
     def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
-        """Write document and figure; returns where they are, nowhere without a row."""
+        """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import ladder
 
         if not rows:
             return ()
-        target = self._path(studied)
-        write_json(target, ladder.ladder_document(studied, rows, complete=complete))
-        title, maps = f"{studied.target}: where each law breaks", ladder.charts(studied, rows)
-        figure = target.with_suffix(".png")
-        return target, write_cells(figure, title, list(maps.values()), ladder.NOTE)
+        path = self._path(studied)
+        write_json(path, ladder.ladder_document(studied, rows, complete=complete))
+        title = f"{studied.target}: where each law breaks"
+        charts = list(ladder.charts(studied, rows).values())
+        figure = write_cells(path.with_suffix(".png"), title, charts, ladder.NOTE)
+        return path, figure
 
     def _film(self, studied: Ladder, law: StudiedLaw, rows: list[Climb]) -> Path:
-        """Write the film; returns where it is."""
+        """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
         from grosmc_mj.studies.ladder import ladder_film
 
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
         film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
-        case, settings = studied.machine.case, studied.experiment.settings
-        return write_case_film(case, film, path, settings=settings, gif=self.gif).film
+        settings = studied.experiment.settings
+        written = write_case_film(studied.machine.case, film, path, settings=settings, gif=self.gif)
+        return written.film
 
-    def _answer(self, studied: Ladder, rows: list[Climb]) -> None:
+    def _print_answer(self, studied: Ladder, rows: list[Climb]) -> None:
         """Print which laws pass, where each breaks, and on request every table."""
         from grosmc_mj.studies import ladder
 
-        console, wide = screen.console(), screen.wide_console()
+        console = screen.console()
         for condition in studied.conditions:
             console.print(ladder.verdict(studied, rows, condition.name), style="bold", markup=False)
             console.print(ladder.answer_table(studied, rows, condition))
-            if claims := ladder.claims_table(studied, rows, condition.name):
+            claims = ladder.claims_table(studied, rows, condition.name)
+            if claims:
                 console.print(claims.model_copy(update={"legend": ""}))
+
         if self.verbose:
+            wide_console = screen.wide_console()
             for sheet in ladder.sheets(studied, rows):
                 if not sheet.table.legend:
-                    wide.print(sheet.table)
-        if assumed := ladder.assumed_text(studied):
+                    wide_console.print(sheet.table)
+
+        assumed = ladder.assumed_text(studied)
+        if assumed:
             console.print(assumed, style="dim", markup=False)
         if self.verbose:
             console.print(ladder.LEGEND, style="dim", markup=False)

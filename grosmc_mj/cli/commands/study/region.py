@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.targets import TARGET
+from grosmc_mj.cli.command import Command, Out, Target
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import written_aside
 
@@ -49,7 +49,7 @@ class RegionCommand(Command):
         out: Folder for region_SYSTEM.json and the figure.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    target: Target
     laws: Annotated[
         tuple[str, ...],
         arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: those of validate)"),
@@ -64,40 +64,33 @@ class RegionCommand(Command):
         arg(metavar="X Y", help_behavior_hint="(default: 90 degrees, 10 rad/s, 1 m, 2 m/s)"),
     ] = ()
     duration: Annotated[float, arg(metavar="S")] = 12.0
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Compute, write, print, draw."""
+        """Compute the maps, write, draw and print them."""
         from grosmc_mj.results.document import json_text
         from grosmc_mj.studies import region as study
 
-        pairs: dict[str, Any] = {"axes": self.axes or None, "limits": self.limits or None}
-        for name, pair in pairs.items():
-            if pair and len(pair) != 2:
-                raise ArgumentError(f"--{name} {' '.join(map(str, pair))}: give two, X and Y")
-        region = study.Region(
-            target=self.target,
-            controllers=self.laws,
-            points=self.points,
-            duration=self.duration,
-            **pairs,
-        )
-        target = self.out / f"region_{region.system.name}.json"
-        for case, why in region.why_not.items():
-            if why:
-                screen.notice(f"{case}: not screened by equations: {why}.")
-        maps: list[study.RegionMap] = []
+        region = self._region()
+        path = self.out / f"region_{region.system.name}.json"
+        for case, reason in region.why_not.items():
+            if reason:
+                screen.notice(f"{case}: not screened by equations: {reason}.")
+
+        maps: list[RegionMap] = []
         # Opened before the work: a place that cannot be written is refused at once.
         with (
-            screen.partial_results_kept(lambda: _write_partial(region, maps, target)),
-            written_aside(target) as part,
+            screen.partial_results_kept(lambda: _write_partial(region, maps, path)),
+            written_aside(path) as part,
         ):
             with screen.progress(region.batches, "batches") as advance:
                 maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
             document = study.region_document(region, maps)
             part.write_text(json_text(document), encoding="utf-8")
-        figure = study.write_region_figure(region, maps, target.with_suffix(".png"))
-        console, least = screen.console(), min(maps, key=lambda law_map: law_map.converged)
+        figure = study.write_region_figure(region, maps, path.with_suffix(".png"))
+
+        console = screen.console()
+        least = min(maps, key=lambda law_map: law_map.converged)
         console.print(
             f"{least.controller} on {least.case.name} converges from the fewest starts: "
             f"{least.converged:.1f} % of {least.grid.size}.",
@@ -105,8 +98,28 @@ class RegionCommand(Command):
         )
         console.print(study.region_table(region, maps))
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
-        screen.say_files(console, target, figure)
-        return screen.DONE
+        screen.say_files(console, path, figure)
+        return DONE
+
+    def _region(self) -> Region:
+        """Return the study that the options describe.
+
+        Raises:
+            ArgumentError: If axes or limits are no pair, or another option does not fit.
+        """
+        from grosmc_mj.studies.region import Region
+
+        pairs: dict[str, Any] = {"axes": self.axes or None, "limits": self.limits or None}
+        for name, pair in pairs.items():
+            if pair and len(pair) != 2:
+                raise ArgumentError(f"--{name} {' '.join(map(str, pair))}: give two, X and Y")
+        return Region(
+            target=self.target,
+            controllers=self.laws,
+            points=self.points,
+            duration=self.duration,
+            **pairs,
+        )
 
 
 def _write_partial(region: Region, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import FlagCreatePairsOff, Positional, arg
+from tyro.conf import arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.targets import TARGET, result_name
+from grosmc_mj.cli.command import Command, Flag, Out, Target
+from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -43,15 +45,15 @@ class ToleranceCommand(Command):
         out: Folder for tolerance_NAME.json and the figure.
     """
 
-    target: Annotated[Positional[str], arg(metavar=TARGET, name="target")]
+    target: Target
     laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
-    rivals: Annotated[bool, FlagCreatePairsOff] = False
-    control_period: Annotated[bool, FlagCreatePairsOff] = False
+    rivals: Flag = False
+    control_period: Flag = False
     seeds: Annotated[int, arg(metavar="N")] = 4
-    out: Annotated[Path, arg(metavar="DIR")] = Path("renders")
+    out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Search, write, print, draw."""
+        """Search the tolerances, write, draw and print them."""
         from grosmc_mj.executors import executor_for
         from grosmc_mj.studies.tolerance import setting, tolerances_of_laws
 
@@ -60,44 +62,46 @@ class ToleranceCommand(Command):
         studied = setting(
             self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
         )
-        answers: dict[int, list[Tolerance]] = {}
-        size = len(studied.imperfections) * len(studied.conditions)
-
-        def rows() -> list[Tolerance]:
-            return [row for _, own in sorted(answers.items()) for row in own]
-
+        # Laws finish in any order.
+        by_law: dict[int, list[Tolerance]] = {}
+        answers = len(studied.imperfections) * len(studied.conditions)
         with (
-            screen.partial_results_kept(lambda: self._write(studied, rows(), complete=False)),
-            screen.progress(len(studied.laws) * size, "answers") as advance,
+            screen.partial_results_kept(
+                lambda: self._write(studied, _in_order(by_law), complete=False)
+            ),
+            screen.progress(len(studied.laws) * answers, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
-            for index, own in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
-                answers[index] = own
-                advance(studied.laws[index].name, size)
+            for index, rows in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
+                by_law[index] = rows
+                advance(studied.laws[index].name, answers)
+
+        rows = _in_order(by_law)
         try:
-            files = self._write(studied, rows(), complete=True)
+            files = self._write(studied, rows, complete=True)
         finally:
-            self._answer(rows())
+            self._print_answer(rows)
         screen.say_files(screen.console(), *files)
-        return screen.DONE
+        return DONE
 
     def _write(
         self, studied: Setting, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
-        """Write document and figure; returns where they are, nowhere without a row."""
+        """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import tolerance as study
 
         if not rows:
             return ()
-        target = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-        write_json(target, study.tolerance_document(studied, rows, self.seeds, complete=complete))
+        path = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
+        write_json(path, study.tolerance_document(studied, rows, self.seeds, complete=complete))
         title = f"{studied.target}: what of the loop each law stands"
-        figure = target.with_suffix(".png")
-        return target, write_cells(figure, title, study.charts(studied, rows), study.NOTE)
+        charts = study.charts(studied, rows)
+        figure = write_cells(path.with_suffix(".png"), title, charts, study.NOTE)
+        return path, figure
 
-    def _answer(self, rows: list[Tolerance]) -> None:
+    def _print_answer(self, rows: list[Tolerance]) -> None:
         """Print which law breaks first, and how much each law stands."""
         from grosmc_mj.studies import tolerance as study
 
@@ -107,11 +111,20 @@ class ToleranceCommand(Command):
         if self.verbose:
             screen.wide_console().print(least)
         else:
-            table, left = study.in_width(least)
+            table, omitted = study.in_width(least)
             console.print(table)
-            if left:
-                words = f"No room for: {'; '.join(left)}; --verbose has all."
+            if omitted:
+                words = f"No room for: {'; '.join(omitted)}; --verbose has all."
                 console.print(words, style="dim", markup=False)
+
         checked, differing = study.confirmed(rows)
         if checked:
             console.print(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
+
+
+def _in_order(by_law: Mapping[int, list[Tolerance]]) -> list[Tolerance]:
+    """Return the rows of all finished laws, in the order of the laws."""
+    rows: list[Tolerance] = []
+    for index in sorted(by_law):
+        rows.extend(by_law[index])
+    return rows

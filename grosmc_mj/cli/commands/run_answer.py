@@ -1,0 +1,255 @@
+"""Answer of run on the terminal: verdict, mistakes, requirements, runs, loop and machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+
+from grosmc_mj.assumptions.audit import Audit
+from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
+from grosmc_mj.cli import screen
+from grosmc_mj.experiments.document import experiment_document
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
+from grosmc_mj.experiments.requirements import Judgement, judge_all
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.tables import endings, metric_cell
+from grosmc_mj.plants.system import Signal
+from grosmc_mj.results.result import KEPT
+from grosmc_mj.results.tables import Table, number
+
+
+@dataclass(frozen=True)
+class RunAnswer:
+    """Judged results of an experiment.
+
+    Attributes:
+        experiment: The experiment.
+        results: Its runs.
+        premises: Audits of the theorems' premises, one for each law.
+        judgements: Requirements as each run keeps them.
+        content: The document that is written.
+    """
+
+    experiment: Experiment
+    results: Sequence[RunResult]
+    premises: Sequence[Audit]
+    judgements: Sequence[Judgement]
+    content: Mapping[str, Any]
+
+    @property
+    def kept(self) -> bool:
+        """True if everything that is required is kept."""
+        return self.content["answers"][0]["verdict"] == KEPT
+
+    @property
+    def words(self) -> str:
+        """Verdict as a sentence, without its full stop."""
+        return self.content["answers"][0]["words"]
+
+
+def judge(
+    experiment: Experiment,
+    results: Sequence[RunResult],
+    premises: Sequence[Audit],
+    *,
+    complete: bool,
+) -> RunAnswer:
+    """Judge the runs of an experiment, and make their document."""
+    judgements = judge_all(experiment.limits, results)
+    content = experiment_document(
+        experiment,
+        results,
+        judgements,
+        complete=complete,
+        premises=[audit_document(audit) for audit in premises],
+    )
+    return RunAnswer(experiment, results, premises, judgements, content)
+
+
+def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
+    """Print the answer of the only experiment, with its requirements, runs, loop and machine."""
+    console = screen.console()
+    _print_verdict(console, answer, f"{answer.words}.", verbose=verbose)
+    if answer.judgements:
+        console.print(_requirements_table(answer.judgements))
+    console.print(_runs_table(answer.results))
+
+    experiment = answer.experiment
+    screen.say_lines(console, _loop_lines(experiment), "dim", full=verbose)
+    screen.say_lines(console, _machine_lines(experiment), "dim", full=verbose)
+    screen.say_lines(console, _rest_lines(experiment), "dim", full=verbose)
+    if experiment.nominal.robot is not None:
+        screen.say_lines(console, experiment.nominal.robot.notes, "dim", full=verbose)
+
+
+def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
+    """Print the answer of one of several experiments, with the requirements that fail."""
+    console = screen.console()
+    _print_verdict(console, answer, f"{name}: {answer.words}.", verbose=verbose)
+    if answer.judgements and not answer.kept:
+        failed = [judgement for judgement in answer.judgements if not judgement.kept]
+        console.print(_requirements_table(failed))
+
+
+def _print_verdict(console: Console, answer: RunAnswer, words: str, *, verbose: bool) -> None:
+    """Print the verdict, what is wrong, and how many premises of each law hold."""
+    screen.say_verdict(console, words, good=answer.kept)
+    screen.say_lines(console, list(_mistakes(answer)), full=verbose)
+    for audit in answer.premises:
+        count = len(audit.premises)
+        held = count - len(audit.failed())
+        console.print(f"premises of {audit.controller}: {held} of {count} hold", style="dim")
+
+
+def print_tables(answer: RunAnswer) -> None:
+    """Print all tables of an answer, and where the premises are worst."""
+    screen.say_tables(answer.content)
+    for audit in answer.premises:
+        screen.wide_console().print(audit_table(audit), *worst_points(audit), sep="\n")
+
+
+def _mistakes(answer: RunAnswer) -> Iterator[str]:
+    """Yield a line for each requirement not judged, run that ended early and failed premise."""
+    yield from answer.experiment.not_judged
+    yield from endings(answer.results)
+    for audit in answer.premises:
+        for premise in audit.failed():
+            yield f"premise fails: {premise.name} of {audit.controller} ({premise.source})"
+
+
+def _loop_lines(experiment: Experiment) -> list[str]:
+    """Return lines on the control loop, if there is one, with its assumed numbers."""
+    loop = experiment.case.loop
+    if loop is None:
+        return []
+
+    lines = [
+        "in its loop: y is the true state, u the input that is applied; s is computed from the "
+        "measured state, J from the input that the law demands"
+    ]
+    assumed = []
+    for kind, table in _tables_of(experiment, LOOP_PARTS):
+        if table.assumed:
+            part = f"{kind} {getattr(table, 'of', '')}".strip()
+            assumed.append(f"{part}: {', '.join(table.assumed)}")
+    if assumed:
+        lines.append(f"assumed of it: {'; '.join(assumed)}")
+    lines.extend(loop.words(experiment.nominal.system))
+    return lines
+
+
+def _machine_lines(experiment: Experiment) -> list[str]:
+    """Return lines on the parts of the machine, if it has any; * marks assumed numbers."""
+    parts = experiment.case.parts
+    if not parts:
+        return []
+
+    lines = ["on its machine, in physics alone; no law knows of (* is assumed):"]
+    tables = _tables_of(experiment, MACHINE_PARTS)
+    for (kind, table), part in zip(tables, parts, strict=True):
+        numbers = []
+        for name in MACHINE_UNITS[kind]:
+            if name not in table.model_fields_set:
+                continue
+            unit = unit_of(kind, part.of, name, experiment.nominal.system)
+            text = f"{name} {getattr(part, name):.4g} {unit}".rstrip()
+            if name in table.assumed:
+                text += "*"
+            numbers.append(text)
+        lines.append(f"{part.kind} of {part.of}: {', '.join(numbers)}")
+    return lines
+
+
+def _tables_of(experiment: Experiment, kinds: Iterable[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the tables of some kinds of parts in the file, each with its kind."""
+    for kind in kinds:
+        content = getattr(experiment.file, kind)
+        if isinstance(content, list):
+            for table in content:
+                yield kind, table
+        elif content:
+            yield kind, content
+
+
+def _rest_lines(experiment: Experiment) -> list[str]:
+    """Return the line on the operating point, if there is one."""
+    nominal = experiment.nominal
+    if nominal.at is None:
+        return []
+    state = _values(nominal.system.states, nominal.at.x)
+    inputs = _values(nominal.system.inputs, nominal.at.u)
+    return [f"at rest at {state} under {inputs}"]
+
+
+def _values(signals: Iterable[Signal], values: Iterable[float]) -> str:
+    """Return signals with their values and units."""
+    pairs = zip(signals, values, strict=True)
+    return ", ".join(f"{signal.name} = {value:.4g} {signal.unit}" for signal, value in pairs)
+
+
+def _requirements_table(judgements: Sequence[Judgement]) -> Table:
+    """Return the table of requirements, those that fail first."""
+    rows = []
+    styles = []
+    for judgement in sorted(judgements, key=lambda judgement: judgement.kept):
+        limit = judgement.limit
+        verdict = "kept" if judgement.kept else "FAILED"
+        if judgement.note and not judgement.kept:
+            verdict += f": {judgement.note}"
+        rows.append(
+            (
+                verdict,
+                limit.words,
+                judgement.controller,
+                judgement.plant,
+                _quantity(judgement.measured, limit.unit),
+                _quantity(judgement.margin, limit.unit),
+            )
+        )
+        styles.append("" if judgement.kept else "red")
+
+    columns = ("", "requirement", "law", "plant", "measured", "margin")
+    return screen.brief_table("", columns, rows, words=4, most=9, styles=styles)
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    """Return a value with its unit, or a dash."""
+    if value is None:
+        return "-"
+    if unit == "1":
+        return number(value)
+    return f"{number(value)} {unit}".strip()
+
+
+def _runs_table(results: Sequence[RunResult]) -> Table:
+    """Return the main numbers of runs of one case, physics first."""
+    rows = []
+    styles = []
+    for result in sorted(results, key=lambda result: result.plant != "physics"):
+        law = f"{result.controller.name} (!)" if result.ended else result.controller.name
+        metrics = (
+            result.metrics["deviation"],
+            result.metrics["settling_time"],
+            *result.cost_shares,
+            result.metrics["max_input"],
+        )
+        rows.append((result.plant, law, *map(metric_cell, metrics)))
+        styles.append("red" if result.ended else "")
+
+    error = results[0].controller.designed.error
+    output_unit = error.units[error.output_rows[0]]
+    input_unit = results[0].trajectory.system.input.unit
+    columns = (
+        "plant",
+        "law",
+        f"max|y-y*| [{output_unit}]",
+        "settled [s]",
+        "J(u_c)/J*",
+        "J(u_d)/J* [1/s]",
+        f"max|u| [{input_unit}]",
+    )
+    return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)
