@@ -17,10 +17,10 @@ from grosmc_mj.experiments.metrics import (
     DWELL,
     SETTLING_BAND,
     Windows,
+    accumulate_run,
     error_after,
-    folded,
     has_cart,
-    noted,
+    metrics_of_meters,
     rms_after,
     settled_in,
     settling_time,
@@ -282,7 +282,9 @@ def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
     known = metrics.get("settling_time" if usual else limit.metric)
     if known is not None and limit.kind != "overshoot_below":
         return known.value, known.note
-    values = folded(*noted(run, comparison, result.case.onset, windows([limit])))
+    values = metrics_of_meters(
+        *accumulate_run(run, comparison, result.case.onset, windows([limit]))
+    )
     measured = float(values[limit.metric][0])
     if math.isfinite(measured):
         return measured, ""
