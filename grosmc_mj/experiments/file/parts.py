@@ -61,7 +61,9 @@ _UNITS = {**LOOP_UNITS, **MACHINE_UNITS}
 def _table(kind: str, part: Any) -> type[Table]:
     """Make the table of a kind of part."""
     hints = get_type_hints(part)
-    keys = {item.name: _key(kind, part, item, hints[item.name]) for item in fields(part)}
+    keys: dict[str, Any] = {
+        item.name: _key(kind, part, item, hints[item.name]) for item in fields(part)
+    }
     keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
     if part is Sensor:
         # Steps of an encoder in a turn, in place of its resolution.
