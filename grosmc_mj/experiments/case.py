@@ -229,14 +229,13 @@ _PROFILE_KEYS: Mapping[str, tuple[str, ...]] = {
 
 def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
     """Return one disturbance with its profile."""
+    wrench: Any = (*table.force, *table.torque)
+    lacks = "neither force nor torque"
     if table.body is None:
         wrench = _generalized_wrench(table, system)
         lacks = "no amplitude"
     elif not system.bodies:
         raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
-    else:
-        wrench = (*table.force, *table.torque)
-        lacks = "neither force nor torque"
     if not any(wrench):
         raise ArgumentError(f"it has {lacks}")
     return Disturbance(table.of, wrench, _profile(table, folder), table.label)
