@@ -34,7 +34,8 @@ E = np.exp(-1.5 * TIME) * (np.cos(WD * TIME) + 1.5 / WD * np.sin(WD * TIME))
 
 def settled(band: float) -> float:
     """When the textbook's error enters a band for good [s]."""
-    return TIME[np.flatnonzero(np.abs(E) > band)[-1] + 1]
+    last_outside = np.flatnonzero(np.abs(E) > band)[-1]
+    return float(TIME[last_outside + 1])
 
 
 @pytest.fixture(scope="module", params=["corrected", "physics"])
