@@ -198,7 +198,7 @@ def test_results_of_the_same_file_are_replaced(folder: Path) -> None:
 
 
 def test_results_of_another_file_are_put_aside(folder: Path, capsys) -> None:
-    """Of the same name and other settings."""
+    """The files have one name and other settings."""
     out = folder / "out"
     run("run", written(folder, OWN), "--no-figures", "--out", out)
     first = (out / "mine.json").read_text(encoding="utf-8")

@@ -103,7 +103,7 @@ def test_a_limit_that_is_kept_has_no_words(kept: Figure) -> None:
 
 
 def test_an_input_that_jumps_is_drawn_as_its_range(kept: Figure) -> None:
-    """That of GROSMC alone."""
+    """Only the force of GROSMC jumps."""
     assert len(kept.axes[4].collections) == 1
 
 
