@@ -65,6 +65,24 @@ law = "own:law"
 a = 4
 b = 4
 """
+OWN_NATIVE = """
+[plant]
+plant = "own:pendulum"
+[run]
+start = { q = "10 deg" }
+duration = "0.2 s"
+engine = "native"
+[[edit]]
+parameter = "m"
+scale = 1.5
+[task]
+Q = [1, 1]
+R = 1
+[[controller]]
+law = "own:law"
+a = 4
+b = 4
+"""
 # A robot of two joints, and its file.
 LEG_MODEL = """
 <mujoco model="leg">

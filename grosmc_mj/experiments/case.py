@@ -1,10 +1,10 @@
-"""Cases as values, from case files: the chapter's, this project's, the user's."""
+"""Cases as values, from case files of the chapter, of this project and of users."""
 
 from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,26 +26,26 @@ from grosmc_mj.machine import MachinePart
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.disturbances import Constant, Disturbance, Profile, Pulse, SineFrom
+from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 
 
 @dataclass(frozen=True)
 class Case:
-    """What an experiment changes against the nominal plant, from where it starts, for how long.
+    """Start and duration of an experiment, and its changes of the nominal plant.
 
     Attributes:
         system: Name of the system.
         name: ``nominal``, ``case1`` or ``case2``.
-        title: For people.
-        source: Where the chapter has it, or that this project declares it.
+        title: Title for people.
+        source: Place in the chapter, or a note that this project declares it.
         x0: Start, in the order of the system's states.
-        duration: [s]; the chapter prints none.
+        duration: Duration [s]; the chapter prints none.
         edits: Edits of the plant; the controller keeps the nominal numbers.
         disturbances: Wrenches on the plant.
-        loop: What lies between laws and plant; None for nothing.
-        known_loop: The loop that predicting laws take for theirs; None for the loop itself.
+        loop: Sensors, computer and actuators between laws and plant; None without them.
+        known_loop: Loop that predicting laws take for theirs; None for the loop itself.
         run: Number of the run: each run of a seed has its own noise, jitter and missed samples.
-        design: What its laws are called together; empty for the system's name.
+        design: Name of its laws together; empty for the system's name.
     """
 
     system: str
@@ -63,27 +63,38 @@ class Case:
 
     @property
     def parts(self) -> tuple[MachinePart, ...]:
-        """What of the edits makes a machine as built."""
+        """Edits that are parts of a machine as built."""
         return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
 
     @property
     def controllers(self) -> str:
-        """What its laws are called together."""
+        """Name of its laws together."""
         return self.design or self.system
 
     @property
     def onset(self) -> float:
-        """When the first disturbance begins [s]; infinite if there is none."""
-        return min((d.window[0] for d in self.disturbances), default=math.inf)
+        """Onset of the first disturbance [s]; infinite if there is none."""
+        onsets = [disturbance.window[0] for disturbance in self.disturbances]
+        return min(onsets, default=math.inf)
 
 
 def seed_of(case: Case) -> int | None:
-    """The seed of what the loop of a case draws; None without a loop."""
-    return None if case.loop is None else case.loop.seed
+    """Return the seed of the loop's random numbers; None without a loop."""
+    if case.loop is None:
+        return None
+    return case.loop.seed
 
 
 def case_document(case: Case) -> dict[str, Any]:
-    """A case as plain values."""
+    """Return a case as plain values."""
+    disturbances = [
+        {
+            "body": disturbance.body,
+            "wrench": list(disturbance.wrench),
+            "profile": _profile_in_words(disturbance.profile),
+        }
+        for disturbance in case.disturbances
+    ]
     return {
         "system": case.system,
         "case": case.name,
@@ -92,15 +103,12 @@ def case_document(case: Case) -> dict[str, Any]:
         "x0": list(case.x0),
         "duration": case.duration,
         "edits": [asdict(edit) for edit in case.edits],
-        "disturbances": [
-            {"body": d.body, "wrench": list(d.wrench), "profile": _function(d.profile)}
-            for d in case.disturbances
-        ],
+        "disturbances": disturbances,
     }
 
 
-def _function(profile: Any) -> str:
-    """A profile as its numbers, or as the function that it is."""
+def _profile_in_words(profile: Any) -> str:
+    """Return a profile with its numbers, or the name of its function."""
     if inspect.isfunction(profile):
         return f"{profile.__module__}:{profile.__qualname__}"
     return repr(profile)
@@ -112,24 +120,29 @@ def case_of(
     folder: Path = Path(),
     rest: Sequence[float] | None = None,
 ) -> Case:
-    """The experiment of a case file.
+    """Return the case of a file.
 
     Args:
         file: The file.
-        system: What it is about.
-        folder: Where profiles of the user's own are.
-        rest: Where it starts but for what the file says; zero by default.
+        system: The system of its plant.
+        folder: Folder of a user's own profiles.
+        rest: Values of the states that the file does not give; zero by default.
 
     Raises:
         ArgumentError: If a state is unknown, or a unit or profile does not fit.
     """
-    x0, disturbances, mistakes = (), [], Mistakes()
+    x0 = ()
+    disturbances = []
+    loop = None
+    known_loop = None
+    edits = ()
+    parts = ()
+    mistakes = Mistakes()
     with mistakes.gathered():
         x0 = state_of(file.run.start, system, "run: start", rest)
     for i, table in enumerate(file.disturbance):
         with mistakes.gathered(f"disturbance {i + 1}: "):
             disturbances.append(_disturbance(table, system, folder))
-    loop, known_loop, edits, parts = None, None, (), ()
     with mistakes.gathered():
         loop = loop_of_file(file, system)
     with mistakes.gathered("known_loop: "):
@@ -139,6 +152,7 @@ def case_of(
     with mistakes.gathered():
         parts = machine_of_file(file, system)
     mistakes.refuse()
+
     return Case(
         system=system.name,
         name=file.name,
@@ -158,84 +172,122 @@ def case_of(
 def state_of(
     values: Mapping[str, Any], system: System, where: str, rest: Sequence[float] | None = None
 ) -> tuple[float, ...]:
-    """A state from values by the states' names; the others are those of ``rest``, or zero.
+    """Return a state from values of some states by name.
+
+    Args:
+        values: Values with their units.
+        system: System with the states.
+        where: Beginning of messages.
+        rest: Values of the other states, (n,); zero by default.
 
     Raises:
-        ArgumentError: If a state is unknown, or a unit does not fit; it begins with ``where``.
+        ArgumentError: If a state is unknown, or a unit does not fit.
     """
-    x = [0.0] * len(system.states) if rest is None else [float(number) for number in rest]
+    x = [0.0] * len(system.states)
+    if rest is not None:
+        x = [float(number) for number in rest]
     for index, value in states_of(values, system, where).items():
         x[index] = value
     return tuple(x)
 
 
 def states_of(values: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
-    """Values of states, by their indices, from values by their names; raises as ``state_of``."""
-    names, by_index, mistakes = [state.name for state in system.states], {}, Mistakes()
+    """Return values of states by index from values by name; raises as ``state_of``."""
+    names = [state.name for state in system.states]
+    by_index = {}
+    mistakes = Mistakes()
     for name, value in values.items():
-        with mistakes.gathered(f"{where}: " + (f"{name}: " if name in names else "")):
+        place = f"{where}: {name}: " if name in names else f"{where}: "
+        with mistakes.gathered(place):
             require_known("state", name, names)
-            by_index[names.index(name)] = number_in(value, system.states[names.index(name)].unit)
+            index = names.index(name)
+            by_index[index] = number_in(value, system.states[index].unit)
     mistakes.refuse()
     return by_index
 
 
 def edits_of(file: CaseFile, system: System, *, known: bool) -> tuple[Edit, ...]:
-    """The edits of the model that a case file makes and its laws know, or those they do not.
+    """Return the edits of the model in a case file.
+
+    Args:
+        file: The file.
+        system: The system of its plant.
+        known: True for the edits that the laws know, False for the other ones.
 
     Raises:
-        GrosmcError: If a number is none that a model can have, or an input is unknown.
+        GrosmcError: If a model cannot have a number, or an input is unknown.
     """
-    own = (table for table in file.edit if table.parameter is None)
-    return tuple(_edit(table, system) for table in own if table.known is known)
+    tables = [table for table in file.edit if table.parameter is None and table.known is known]
+    return tuple(_edit(table, system) for table in tables)
 
 
 def _edit(table: EditTable, system: System) -> Edit:
-    """One edit of the model."""
+    """Return one edit of the model."""
     if table.joint is not None:
         return JointEdit(table.joint, table.damping, table.friction, table.armature, table.tilt)
     if table.input is not None:
         return InputEdit(in_model(table.input, "input", system), table.gear or 0.0)
     assert table.body is not None
     if table.added_mass is not None:
-        return AddedMass(table.body, table.added_mass, (table.at[0], table.at[1], table.at[2]))
+        x, y, z = table.at
+        return AddedMass(table.body, table.added_mass, (x, y, z))
     inertia: Any = table.inertia and tuple(table.inertia)
     return BodyEdit(table.body, table.mass_scale, table.length_scale, table.mass, inertia)
 
 
-# Of each profile: its keys, the one that it needs, and the profile.
-_PROFILES: Mapping[str, tuple[tuple[str, ...], str, Callable[..., Profile]]] = {
-    "constant": ((), "", Constant),
-    "pulse": (("start", "stop"), "stop", Pulse),
-    "sine": (("frequency", "onset", "phase"), "frequency", SineFrom),
+# Keys of the shipped profiles.
+_PROFILE_KEYS: Mapping[str, tuple[str, ...]] = {
+    "constant": (),
+    "pulse": ("start", "stop"),
+    "sine": ("frequency", "onset", "phase"),
 }
 
 
 def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
-    """One disturbance, with its course in time."""
+    """Return one disturbance with its profile."""
     wrench: Any = (*table.force, *table.torque)
+    lacks = "neither force nor torque"
     if table.body is None:
-        if system.joints:
-            raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body")
-        kind, signals = ("state", system.states) if table.state else ("input", system.inputs)
-        require_known(kind, table.state or table.input, [signal.name for signal in signals])
-        units = {"amplitude": system.pushes[table.of]}
-        wrench = (*numbers_of(table, units, units.__getitem__).values(), 0.0, 0.0, 0.0, 0.0, 0.0)
+        wrench = _generalized_wrench(table, system)
+        lacks = "no amplitude"
     elif not system.bodies:
         raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
     # Zero is a number too: a disturbance without effect still ends the transient.
     if not table.model_fields_set & {"force", "torque", "amplitude"}:
-        lacks = "neither force nor torque" if table.body else "no amplitude"
         raise ArgumentError(f"it has {lacks}")
-    if is_named(table.profile):
-        profile = load_named(table.profile, folder)
+    return Disturbance(table.of, wrench, _profile(table, folder), table.label)
+
+
+def _generalized_wrench(table: DisturbanceTable, system: System) -> Any:
+    """Return the amplitude on an input or a state's rate, in the place of a force along x."""
+    if system.joints:
+        raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body")
+    if table.state:
+        require_known("state", table.state, [state.name for state in system.states])
     else:
-        require_known("profile", table.profile, (*_PROFILES, "module:name"))
-        keys, needed, kind = _PROFILES[table.profile]
-        timed = {key for others, *_ in _PROFILES.values() for key in others}
-        if idle := sorted((timed & table.model_fields_set) - set(keys)):
-            raise ArgumentError(f"a {table.profile} has no {', '.join(idle)}")
-        if needed and getattr(table, needed) is None:
-            raise ArgumentError(f"a {table.profile} needs {needed}")
-        profile = kind(*(getattr(table, key) for key in keys))
-    return Disturbance(table.of, wrench, profile, table.label)
+        require_known("input", table.input, [signal.name for signal in system.inputs])
+    unit = system.pushes[table.of]
+    numbers = numbers_of(table, ["amplitude"], lambda _name: unit)
+    return (*numbers.values(), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _profile(table: DisturbanceTable, folder: Path) -> Any:
+    """Return the profile of a disturbance over time."""
+    if is_named(table.profile):
+        return load_named(table.profile, folder)
+
+    require_known("profile", table.profile, (*_PROFILE_KEYS, "module:name"))
+    keys_of_others = set[str]().union(*_PROFILE_KEYS.values()) - set(_PROFILE_KEYS[table.profile])
+    misplaced = sorted(table.model_fields_set & keys_of_others)
+    if misplaced:
+        raise ArgumentError(f"a {table.profile} has no {', '.join(misplaced)}")
+
+    if table.profile == "constant":
+        return Constant()
+    if table.profile == "pulse":
+        if table.stop is None:
+            raise ArgumentError("a pulse needs stop")
+        return Pulse(table.start, table.stop)
+    if table.frequency is None:
+        raise ArgumentError("a sine needs frequency")
+    return SineFrom(table.frequency, table.onset, table.phase)

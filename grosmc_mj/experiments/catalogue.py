@@ -18,7 +18,7 @@ from grosmc_mj.plants import SYSTEMS, find_system
 
 
 def find_experiments(target: str) -> list[Experiment]:
-    """The experiments that a name means: ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
+    """Return the experiments of ``SYSTEM``, ``SYSTEM/CASE`` or the path of a case file.
 
     Args:
         target: ``servo`` for all its cases, the nominal one first; ``servo/case1`` for one; or a
@@ -29,42 +29,50 @@ def find_experiments(target: str) -> list[Experiment]:
     """
     files = shipped_files()
     cases = [name for name in files if name.split("/")[0] == target]
-    if not cases:
-        return [_shipped(files[target]) if target in files else Experiment.load(target)]
-    return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
+    if cases:
+        return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
+    if target in files:
+        return [_shipped(files[target])]
+    return [Experiment.load(target)]
 
 
 def find_experiment(system: str, case: str) -> Experiment:
-    """One experiment of a system of the package.
+    """Return one experiment of a system of the package.
 
     Raises:
         ModelError: If there is no such system.
         ArgumentError: If it has no such case.
     """
-    names = {
-        experiment.case.name: experiment
-        for experiment in find_experiments(find_system(system).name)
-    }
-    require_known(f"case of {system}", case, names)
-    return names[case]
+    experiments = find_experiments(find_system(system).name)
+    by_name = {experiment.case.name: experiment for experiment in experiments}
+    require_known(f"case of {system}", case, by_name)
+    return by_name[case]
 
 
 def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
-    """The experiments of the named systems (all, if none is named), or the one case of each.
+    """Return the experiments of some systems.
+
+    Args:
+        systems: Names of systems; none for all.
+        case: Name of the only case of each system; None for all cases.
 
     Raises:
         ModelError: If a system is unknown.
         ArgumentError: If a system has no such case.
     """
-    names = [find_system(name).name for name in dict.fromkeys(systems or tuple(SYSTEMS))]
+    names = [find_system(name).name for name in dict.fromkeys(systems or SYSTEMS)]
     if case is not None:
         return [find_experiment(name, case) for name in names]
-    return [experiment for name in names for experiment in find_experiments(name)]
+    experiments = []
+    for name in names:
+        experiments += find_experiments(name)
+    return experiments
 
 
+# Claims ask for cases by name a thousand times.
 @cache
 def _shipped(path: Path) -> Experiment:
-    """An experiment of the package, read once."""
+    """Return an experiment of the package."""
     return undesigned(read_case_file(path), path)
 
 
@@ -75,15 +83,16 @@ def chapter_controller(
     realization: Realization = AS_PRINTED,
     case: Name = "nominal",
 ) -> Controller:
-    """The law of that name that a case of the package has, designed for a nominal plant.
+    """Design a law of a case of the package for a nominal plant.
 
     Args:
         name: ``lqr``, ``fl-lqr``, ``grosmc``, or another law of the system.
-        nominal: The plant that it believes in, such as ``MujocoPlant.load("arm").analytic()``.
-        realization: How a sliding mode law is sampled; as printed by default.
+        nominal: The nominal plant, such as ``MujocoPlant.load("arm").analytic()``.
+        realization: Switching law and surface of a sliding mode law; as printed by default.
         case: The case, since a system may have laws for several tasks.
 
     Raises:
         GrosmcError: If there is no such case or law, or the design fails for these numbers.
     """
-    return realized(find_experiment(nominal.system.name, case).law_for(nominal, name), realization)
+    experiment = find_experiment(nominal.system.name, case)
+    return realized(experiment.law_for(nominal, name), realization)

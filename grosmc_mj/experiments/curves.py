@@ -1,11 +1,12 @@
 """The runs of a case over time: panels of curves, drawn as a figure or written as a document.
 
-A panel is one quantity with its unit: outputs, distance from the optimum, s, input, what is unseen.
+A panel is one quantity with its unit: an output, the distance from the optimum, s, the input, or a
+hidden state of the machine.
 """
 
 from __future__ import annotations
 
-import itertools
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -39,17 +40,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Of what no law sees on a machine the most telling, and at most so many.
-_TELLING, _MOST_UNSEEN = ("twist", "winding", "load", "temperature", "bristle"), 3
+# Kinds of hidden states on a machine, the most informative first, and the number of their panels.
+_HIDDEN_KINDS = ("twist", "winding", "load", "temperature", "bristle")
+_MOST_HIDDEN = 3
 
 
 class Curve(NamedTuple):
     """A signal of a run, at its instants or at the beginnings of its intervals.
 
     Attributes:
-        run: Whose.
-        values: From t = 0 on; NaN where there is none.
-        name: ``true`` and ``seen`` of a state as it is and as a law sees it; else empty.
+        run: The run.
+        values: Values from t = 0 on; NaN where there is none.
+        name: ``true`` for a state and ``seen`` for its value that the law is given; else empty.
     """
 
     run: RunResult
@@ -67,11 +69,11 @@ class Panel(NamedTuple):
 
     Attributes:
         label: Name and unit.
-        curves: Of the runs.
-        limits: Kinds of requirement that speak of it.
-        reference: Where it should be, at the instants of the first run; None for nowhere.
+        curves: Curves of the runs.
+        limits: Kinds of requirements that limit the quantity.
+        reference: Reference of the quantity, at the instants of the first run; None without one.
         signed: Whether it has a sign, so that a limit is one to both sides.
-        play: Of a transmission, shaded to both sides of zero.
+        play: Backlash of a transmission, shaded to both sides of zero.
     """
 
     label: str
@@ -83,152 +85,266 @@ class Panel(NamedTuple):
 
 
 def panels_of(results: Sequence[RunResult]) -> list[Panel]:
-    """The panels of these runs; laws' own signals are of the last plant, what chatters first."""
-    first, last = results[0], [run for run in results if run.plant == results[-1].plant]
-    calm = sorted(last, key=lambda run: -(run.metrics["total_variation"].value or 0.0))
-    system, error = first.trajectory.system, first.controller.designed.error
-    panels = list(_outputs(results))
-    one, single = len(system.inputs) == 1, len(panels) == 1
-    distance = "distance from y*" if single else "|y − y*|"
-    unit = error.units[first.comparison.outputs[0]]
-    deviations = [Curve(run, run.comparison.deviation) for run in results]
-    panels.append(Panel(f"{distance} [{unit}]", deviations, ("deviation_below",), signed=single))
-    kinds = {limit.kind for limit in first.experiment.limits}
-    if "cart_travel_below" in kinds and has_cart(system):
-        label = f"travel of the {system.states[0].name.removesuffix(' position')} [m]"
-        positions = [(run, run.trajectory.state[:, 0]) for run in results]
-        travels = [Curve(run, x - x[0]) for run, x in positions]
-        panels.append(Panel(label, travels, ("cart_travel_below",)))
-    looped = first.trajectory.seen is not None
-    if looped:
-        j = system.controlled[0]
-        label = f"{system.states[j].name},\nseen − true [{system.states[j].unit}]"
-        panels.append(Panel(label, [Curve(run, _misseen(run)[:, j]) for run in calm]))
-        panels += _seen_rates(last[-1])
-    units = [unit for run in results if (unit := run.controller.designed.sliding_unit)]
-    if units:
-        name = ("s" if one else "largest |s|") + (", as the law\nsees it" if looped else "")
-        sliding = [Curve(run, _sliding(run)) for run in calm]
-        limited = ("sliding_below", "no_reaching_phase")
-        panels.append(Panel(f"{name} [{units[0]}]", sliding, limited, signed=one))
-    name = (system.input.name if one else "largest |u|") + (" given" if looped else "")
-    inputs = [Curve(run, _largest(run.trajectory.input)) for run in calm]
-    panels.append(Panel(f"{name} [{system.input.unit}]", inputs, ("input_below",), signed=one))
-    return panels + list(itertools.islice(_unseen(calm), _MOST_UNSEEN))
+    """Return the panels of runs; signals of the laws themselves are those on the last plant."""
+    on_last_plant = [run for run in results if run.plant == results[-1].plant]
+    # A curve that chatters is drawn first, below the smooth ones.
+    chattering_first = sorted(
+        on_last_plant, key=lambda run: -(run.metrics["total_variation"].value or 0.0)
+    )
+    panels = _output_panels(results)
+    panels.append(_deviation_panel(results, single=len(panels) == 1))
+    panels += _travel_panels(results)
+    if results[0].trajectory.seen is not None:
+        panels.append(_measurement_error_panel(chattering_first))
+        panels += _rate_panels(on_last_plant[-1])
+    panels += _sliding_panels(results, chattering_first)
+    panels.append(_input_panel(chattering_first))
+    return panels + _hidden_panels(chattering_first)[:_MOST_HIDDEN]
 
 
-def _outputs(results: Sequence[RunResult]) -> Iterator[Panel]:
-    """A panel for each output, with its reference."""
+def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each output, with its reference."""
     first = results[0]
-    system, error = first.trajectory.system, first.controller.designed.error
-    rows, kinds = first.comparison.outputs, ("stays_within", "final_error_below", "settles_within")
-    named = error.outputs is None and len(rows) == len(system.controlled)
+    system = first.trajectory.system
+    error = first.controller.designed.error
+    rows = first.comparison.outputs
+    outputs_are_states = error.outputs is None and len(rows) == len(system.controlled)
+
+    panels = []
     for j, row in enumerate(rows):
         number = "" if len(rows) == 1 else str(j + 1)
-        name = system.states[system.controlled[j]].name if named else f"output y{number}"
-        curves = []
-        for run in results:
-            known, sign = run.comparison, run.controller.designed.error.sign
-            curves.append(Curve(run, known.reference[:, j] + sign * known.z[:, known.outputs[j]]))
-        reference = first.comparison.reference[:, j]
-        yield Panel(f"{name} [{error.units[row]}]", curves, kinds, reference)
+        name = f"output y{number}"
+        if outputs_are_states:
+            name = system.states[system.controlled[j]].name
+        panels.append(
+            Panel(
+                label=f"{name} [{error.units[row]}]",
+                curves=[Curve(run, _output(run, j)) for run in results],
+                limits=("stays_within", "final_error_below", "settles_within"),
+                reference=first.comparison.reference[:, j],
+            )
+        )
+    return panels
 
 
-def _seen_rates(run: RunResult) -> Iterator[Panel]:
-    """Of rates estimated or measured imperfectly, the one of each unit that is seen worst."""
-    loop, states, seen = run.case.loop, run.trajectory.system.states, run.trajectory.seen
+def _output(run: RunResult, j: int) -> Array:
+    """Return an output of a run by its index, (N + 1,)."""
+    comparison = run.comparison
+    error = comparison.z[:, comparison.outputs[j]]
+    return comparison.reference[:, j] + run.controller.designed.error.sign * error
+
+
+def _deviation_panel(results: Sequence[RunResult], *, single: bool) -> Panel:
+    """Return the panel of the distance from the optimum, of a single output with its sign."""
+    first = results[0]
+    unit = first.controller.designed.error.units[first.comparison.outputs[0]]
+    distance = "distance from y*" if single else "|y − y*|"
+    return Panel(
+        label=f"{distance} [{unit}]",
+        curves=[Curve(run, run.comparison.deviation) for run in results],
+        limits=("deviation_below",),
+        signed=single,
+    )
+
+
+def _travel_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel of the cart's travel, if it is limited."""
+    first = results[0]
+    system = first.trajectory.system
+    kinds = [limit.kind for limit in first.experiment.limits]
+    if "cart_travel_below" not in kinds or not has_cart(system):
+        return []
+    curves = []
+    for run in results:
+        position = run.trajectory.state[:, 0]
+        curves.append(Curve(run, position - position[0]))
+    cart = system.states[0].name.removesuffix(" position")
+    return [Panel(f"travel of the {cart} [m]", curves, limits=("cart_travel_below",))]
+
+
+def _measurement_error_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the panel of the first controlled coordinate as the law sees it less as it is."""
+    system = results[0].trajectory.system
+    j = system.controlled[0]
+    state = system.states[j]
+    return Panel(
+        label=f"{state.name},\nseen − true [{state.unit}]",
+        curves=[Curve(run, _measurement_error(run)[:, j]) for run in results],
+    )
+
+
+def _measurement_error(run: RunResult) -> Array:
+    """Return the states as the law sees them less as they are, (N, n)."""
+    true = run.trajectory.state[:-1]
+    if run.trajectory.seen is None:
+        return np.zeros_like(true)
+    return run.trajectory.seen - true
+
+
+def _rate_panels(run: RunResult) -> list[Panel]:
+    """Return a panel for each unit of rates that are not known exactly, of the worst such rate."""
+    loop = run.case.loop
+    states = run.trajectory.system.states
+    seen = run.trajectory.seen
     if loop is None or seen is None:
-        return
-    positions = sorted(rate_positions(run.trajectory.system))
-    rates = [i for i in positions if states[i].name in loop.not_known_exactly]
-    off = np.abs(_misseen(run)).max(axis=0, initial=0.0).tolist()
-    for unit in dict.fromkeys(states[i].unit for i in rates):
-        worst = max((i for i in rates if states[i].unit == unit), key=lambda i: off[i])
-        true = run.trajectory.state[: len(seen), worst]
-        curves = [Curve(run, true, "true"), Curve(run, seen[:, worst], "seen")]
-        yield Panel(f"{states[worst].name} [{unit}]", curves)
+        return []
+    largest_errors = np.abs(_measurement_error(run)).max(axis=0, initial=0.0).tolist()
+
+    # By unit the index of the rate with the largest error.
+    worst_rates: dict[str, int] = {}
+    for i in sorted(rate_positions(run.trajectory.system)):
+        if states[i].name not in loop.not_known_exactly:
+            continue
+        worst = worst_rates.setdefault(states[i].unit, i)
+        if largest_errors[i] > largest_errors[worst]:
+            worst_rates[states[i].unit] = i
+
+    panels = []
+    for unit, i in worst_rates.items():
+        true = run.trajectory.state[: len(seen), i]
+        curves = [Curve(run, true, "true"), Curve(run, seen[:, i], "seen")]
+        panels.append(Panel(f"{states[i].name} [{unit}]", curves))
+    return panels
 
 
-def _unseen(runs: Sequence[RunResult]) -> Iterator[Panel]:
-    """Of signals that no law sees on a machine, the largest of each kind and unit."""
-    signals = runs[0].trajectory.unseen
-    rows = {hidden: [hidden.of(run.trajectory.physics) for run in runs] for hidden in signals}
-    sizes = {
-        hidden: max(float(np.abs(y).max(initial=0.0)) for y in rows[hidden]) for hidden in signals
-    }
-    for kind, unit in itertools.product(_TELLING, dict.fromkeys(hidden.unit for hidden in signals)):
-        alike = [hidden for hidden in signals if (hidden.kind, hidden.unit) == (kind, unit)]
-        if alike:
-            largest = max(alike, key=lambda signal: sizes[signal])
-            shown, scale = prefixed(unit, sizes[largest])
-            curves = [Curve(run, scale * y) for run, y in zip(runs, rows[largest], strict=True)]
-            label = f"{largest.name},\nnot seen [{shown}]"
-            yield Panel(label, curves, play=scale * largest.play)
+def _sliding_panels(results: Sequence[RunResult], drawn: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel of s of the drawn runs, if a law has a surface."""
+    units = [run.controller.designed.sliding_unit for run in results]
+    units = [unit for unit in units if unit]
+    if not units:
+        return []
+    first = results[0].trajectory
+    single = len(first.system.inputs) == 1
+    name = "s" if single else "largest |s|"
+    if first.seen is not None:
+        name += ", as the law\nsees it"
+    return [
+        Panel(
+            label=f"{name} [{units[0]}]",
+            curves=[Curve(run, _sliding(run)) for run in drawn],
+            limits=("sliding_below", "no_reaching_phase"),
+            signed=single,
+        )
+    ]
 
 
 def _sliding(run: RunResult) -> Array:
-    """s, or nothing where a law has no surface."""
+    """Return s, or NaN where a law has no surface."""
     sliding = run.trajectory.sliding
-    return np.full(len(run.trajectory.time) - 1, np.nan) if sliding is None else _largest(sliding)
+    if sliding is None:
+        return np.full(len(run.trajectory.time) - 1, np.nan)
+    return _largest(sliding)
 
 
-def _misseen(run: RunResult) -> Array:
-    """States as a law sees them less as they are, (N, n)."""
-    true, seen = run.trajectory.state[:-1], run.trajectory.seen
-    return np.zeros_like(true) if seen is None else seen - true
-
-
-def levels_of(limit: Limit, panel: Panel) -> Iterator[tuple[Array, Array]]:
-    """Where a requirement's limit is, as times and values; none of those without a level."""
-    if limit.kind in ("no_reaching_phase", "settles_within"):
-        return
-    first = panel.curves[0].run
-    time, middle = np.array([limit.after, first.case.duration]), np.zeros(2)
-    if panel.reference is not None:
-        since = first.comparison.time >= limit.after
-        time, middle = first.comparison.time[since], panel.reference[since]
-    for side in (1.0, -1.0) if panel.signed else (1.0,):
-        yield time, middle + side * limit.value
-
-
-def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
-    """The requirements that a panel shows."""
-    judged = (item for run in results for item in run.requirements)
-    return [item for item in judged if item.limit.kind in panel.limits]
+def _input_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the panel of the input that the plant is given."""
+    trajectory = results[0].trajectory
+    system = trajectory.system
+    single = len(system.inputs) == 1
+    name = system.input.name if single else "largest |u|"
+    if trajectory.seen is not None:
+        name += " given"
+    return Panel(
+        label=f"{name} [{system.input.unit}]",
+        curves=[Curve(run, _largest(run.trajectory.input)) for run in results],
+        limits=("input_below",),
+        signed=single,
+    )
 
 
 def _largest(rows: Array) -> Array:
-    """A single signal as it is; of several the largest magnitude."""
-    return rows if rows.ndim == 1 else np.abs(rows).max(axis=1)
+    """Return a single signal as it is, else the largest magnitude of several."""
+    if rows.ndim == 1:
+        return rows
+    return np.abs(rows).max(axis=1)
+
+
+def _hidden_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each kind and unit of the machine's hidden states, of the largest one."""
+    signals = results[0].trajectory.unseen
+    rows = {}
+    sizes = {}
+    for signal in signals:
+        rows[signal] = [signal.of(run.trajectory.physics) for run in results]
+        sizes[signal] = max(float(np.abs(values).max(initial=0.0)) for values in rows[signal])
+
+    panels = []
+    for kind in _HIDDEN_KINDS:
+        of_kind = [signal for signal in signals if signal.kind == kind]
+        for unit in dict.fromkeys(signal.unit for signal in signals):
+            alike = [signal for signal in of_kind if signal.unit == unit]
+            if alike:
+                largest = max(alike, key=sizes.__getitem__)
+                panels.append(_hidden_panel(largest, sizes[largest], rows[largest], results))
+    return panels
+
+
+def _hidden_panel(
+    signal: Any, size: float, rows: Sequence[Array], results: Sequence[RunResult]
+) -> Panel:
+    """Return the panel of a hidden state, in a unit with a prefix that suits its size."""
+    unit, scale = prefixed(signal.unit, size)
+    curves = [Curve(run, scale * values) for run, values in zip(results, rows, strict=True)]
+    return Panel(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
+
+
+def levels_of(limit: Limit, panel: Panel) -> Iterator[tuple[Array, Array]]:
+    """Return the lines of a limit in a panel as times [s] and values; none without a level."""
+    if limit.kind in ("no_reaching_phase", "settles_within"):
+        return
+    first = panel.curves[0].run
+    time = np.array([limit.after, first.case.duration])
+    middle = np.zeros(2)
+    if panel.reference is not None:
+        since = first.comparison.time >= limit.after
+        time = first.comparison.time[since]
+        middle = panel.reference[since]
+
+    yield time, middle + limit.value
+    if panel.signed:
+        yield time, middle - limit.value
+
+
+def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
+    """Return the judgements that a panel shows."""
+    judgements = []
+    for run in results:
+        judgements += [item for item in run.requirements if item.limit.kind in panel.limits]
+    return judgements
 
 
 # -- as a figure ---------------------------------------------------------------------------------
 
-# Of a panel [inch], and what stands around them all.
-_WIDTH, _HEIGHT, _AROUND = 7.2, 1.9, 1.3
+# Size of a panel, and height of title and legend [inch].
+_WIDTH = 7.2
+_HEIGHT = 1.9
+_AROUND = 1.3
 _ALONE: dict[str, Any] = {"lw": 1.6}
 _LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
-# A rate as it is, and as a law sees it on top.
+# A true rate, and the rate that a law sees on top of it.
 _TRUE: dict[str, Any] = {"color": BLACK, "lw": 3.2, "alpha": 0.45}
 _SEEN: dict[str, Any] = {"color": ORANGE, "lw": 1.3}
 _PLAY: dict[str, Any] = {"color": BLACK, "alpha": 0.13, "lw": 0}
 _MARK_SIZE = 8
-# More outputs than this are drawn side by side in pairs.
-_ONE_BELOW_THE_OTHER = 3
+# Panels of more outputs than this are drawn in two columns.
+_MOST_IN_ONE_COLUMN = 3
 
 
 def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
-    """Width and height of the figure of these runs [inch]."""
+    """Return width and height of the figure of runs [inch]."""
     columns, rows = _grid(len(panels_of(results)), results)
-    return columns * _WIDTH * (0.75 if columns > 1 else 1.0), rows * _HEIGHT + _AROUND
+    width = columns * _WIDTH
+    if columns > 1:
+        width *= 0.75
+    return width, rows * _HEIGHT + _AROUND
 
 
 def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     """Draw all runs of a case file on an empty figure, over time.
 
-    A panel whose requirement is not kept has a frame and says which.
+    A panel whose requirement is not kept has a frame and names the requirement.
     """
-    # Here, for the document of curves needs no matplotlib.
+    # Imported here: the document of curves needs no matplotlib.
     from grosmc_mj.results.figure import TITLE_SIZE, labelled_below
 
     panels = panels_of(results)
@@ -236,85 +352,119 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
     for empty in axes[len(panels) :]:
         empty.set_visible(False)
-    styles, below = law_styles(result.controller.name for result in results), []
-    for where, panel in zip(axes, panels, strict=False):
-        several = len({curve.run.plant for curve in panel.curves}) > 1
-        for curve in panel.curves:
-            _draw(where, curve, styles, several=several)
-        if panel.curves[0].name:
-            # Above, where it hides nothing.
-            corner: Any = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderaxespad": 0}
-            where.legend(ncols=2, frameon=False, **corner)
-        else:
-            below.append(where)
-        if panel.reference is not None:
-            time = results[0].comparison.time
-            where.plot(time, panel.reference, label="reference", **REFERENCE)
-        if panel.play:
-            where.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
-        where.set_ylabel(panel.label)
-        shade_disturbances(where, results[0].case)
-        _mark(where, panel, results)
-    for where in axes[max(0, len(panels) - columns) : len(panels)]:
-        where.set_xlabel("time t [s]")
-        where.tick_params(labelbottom=True)
+
+    styles = law_styles(result.controller.name for result in results)
+    in_common_legend = []
+    for panel_axes, panel in zip(axes, panels, strict=False):
+        _draw_panel(panel_axes, panel, styles, results)
+        if not panel.curves[0].name:
+            in_common_legend.append(panel_axes)
+
+    for lowest in axes[max(0, len(panels) - columns) : len(panels)]:
+        lowest.set_xlabel("time t [s]")
+        lowest.tick_params(labelbottom=True)
     figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    labelled_below(figure, below)
+    labelled_below(figure, in_common_legend)
 
 
 def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
-    """Columns and rows."""
-    columns = 2 if len(results[0].comparison.outputs) > _ONE_BELOW_THE_OTHER else 1
-    return columns, -(-panels // columns)
+    """Return the numbers of columns and rows."""
+    columns = 1
+    if len(results[0].comparison.outputs) > _MOST_IN_ONE_COLUMN:
+        columns = 2
+    return columns, math.ceil(panels / columns)
 
 
-def _draw(axes: Axes, curve: Curve, styles: dict[str, LawStyle], *, several: bool) -> None:
-    """A run's curve; of one that jumps at every sample its range and its mean."""
-    run, time, values = curve.run, curve.time, curve.values
-    law = styles[run.controller.name]
-    style: dict[str, Any] = {
-        "": {
-            "color": law.colour,
-            "label": f"{law.label}, {PLANTS[run.plant]}",
-            **(LINES[run.plant] if several else _ALONE),
-        },
-        "true": {"label": "true", **_TRUE},
-        "seen": {"label": f"seen by {label_of(run.controller.name)}", **_SEEN},
-    }[curve.name]
-    if not curve.name and run.status is not Status.COMPLETED and len(time):
-        axes.plot(time[-1], values[-1], "X", color=law.colour, mec="white", ms=9)
-        axes.annotate(
-            "ended", (time[-1], values[-1]), (5, 3), textcoords="offset points",
-            fontsize=_MARK_SIZE, color=law.colour, rotation=40,
-        )  # fmt: skip
+def _draw_panel(
+    axes: Axes, panel: Panel, styles: dict[str, LawStyle], results: Sequence[RunResult]
+) -> None:
+    """Draw curves, reference, backlash, disturbances and limits of a panel."""
+    several_plants = len({curve.run.plant for curve in panel.curves}) > 1
+    for curve in panel.curves:
+        _draw_curve(axes, curve, styles, several_plants=several_plants)
+    if panel.curves[0].name:
+        # A legend of its own for these curves, above them, where it hides nothing.
+        axes.legend(
+            ncols=2, frameon=False, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0
+        )
+    if panel.reference is not None:
+        time = results[0].comparison.time
+        axes.plot(time, panel.reference, label="reference", **REFERENCE)
+    if panel.play:
+        axes.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
+    axes.set_ylabel(panel.label)
+    shade_disturbances(axes, results[0].case)
+    _mark(axes, panel, results)
+
+
+def _draw_curve(
+    axes: Axes, curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool
+) -> None:
+    """Draw a run's curve; if it jumps at every sample, its range and its mean."""
+    time = curve.time
+    values = curve.values
+    style = _style(curve, styles, several_plants=several_plants)
+    if not curve.name and curve.run.status is not Status.COMPLETED and len(time):
+        _mark_end(axes, time[-1], values[-1], style["color"])
     if jumps(values[np.isfinite(values)]):
         band = envelope(time, values)
-        ends = (band.time, band.least, band.largest)
-        axes.fill_between(*ends, color=style["color"], alpha=0.25, lw=0)
-        time, values = band.time, band.mean
+        axes.fill_between(
+            band.time, band.least, band.largest, color=style["color"], alpha=0.25, lw=0
+        )
+        time = band.time
+        values = band.mean
     axes.plot(time, values, rasterized=True, **style)
 
 
+def _style(curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool) -> dict[str, Any]:
+    """Return label and line of a curve."""
+    law = curve.run.controller.name
+    plant = curve.run.plant
+    if curve.name == "true":
+        return {"label": "true", **_TRUE}
+    if curve.name == "seen":
+        return {"label": f"seen by {label_of(law)}", **_SEEN}
+    line = LINES[plant] if several_plants else _ALONE
+    label = f"{styles[law].label}, {PLANTS[plant]}"
+    return {"color": styles[law].colour, "label": label, **line}
+
+
+def _mark_end(axes: Axes, time: float, value: float, colour: str) -> None:
+    """Mark the end of a run that ended early."""
+    axes.plot(time, value, "X", color=colour, mec="white", ms=9)
+    axes.annotate(
+        "ended",
+        (time, value),
+        (5, 3),
+        textcoords="offset points",
+        fontsize=_MARK_SIZE,
+        color=colour,
+        rotation=40,
+    )
+
+
 def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
-    """The limits of what a panel shows, and a frame with words where one is not kept."""
-    judged = judged_in(panel, results)
-    failed = [item for item in judged if not item.kept]
-    for limit in dict.fromkeys(item.limit for item in judged):
-        broken = any(item.limit == limit for item in failed)
-        style = {"lw": 2.0, "label": "limit, not kept"} if broken else {"label": "limit"}
-        for level in levels_of(limit, panel):
-            axes.plot(*level, **{**_LIMIT, **style})
-    if not failed:
-        return
-    for side in axes.spines.values():
-        side.set(visible=True, color=FAILED, linewidth=1.6)
-    laws = dict.fromkeys((judgement.limit.words, judgement.controller) for judgement in failed)
-    title = "\n".join(f"not kept by {law}: {words}" for words, law in laws)
-    axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
+    """Draw the limits of a panel, and a frame with words where a limit is not kept."""
+    judgements = judged_in(panel, results)
+    failed = [item for item in judgements if not item.kept]
+    failed_limits = [item.limit for item in failed]
+    for limit in dict.fromkeys(item.limit for item in judgements):
+        style = {**_LIMIT, "label": "limit"}
+        if limit in failed_limits:
+            style = {**_LIMIT, "lw": 2.0, "label": "limit, not kept"}
+        for time, values in levels_of(limit, panel):
+            axes.plot(time, values, **style)
+
+    if failed:
+        for side in axes.spines.values():
+            side.set(visible=True, color=FAILED, linewidth=1.6)
+        lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
+        title = "\n".join(dict.fromkeys(lines))
+        axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 
 def shade_disturbances(axes: Axes, case: Case) -> None:
-    """Shade the time in which each disturbance of a case acts, on axes as long as it."""
+    """Shade the time in which each disturbance of a case acts, on axes of the case's duration."""
     from grosmc_mj.results.figure import shade
 
     for disturbance in case.disturbances:
@@ -326,21 +476,21 @@ def shade_disturbances(axes: Axes, case: Case) -> None:
 
 # -- as a document -------------------------------------------------------------------------------
 
-# Beside the results.
+# Folder beside the results.
 FOLDER = "curves"
-# How far a curve may be from what was recorded, as a share of its range.
+# Largest distance of a curve from the recorded values, as a share of its range.
 _OFF = 5e-4
-# Points of a curve; one that needs more is drawn as one that jumps.
-_MOST = 800
+# Most points of a curve; one that needs more is drawn as one that jumps.
+_MOST_POINTS = 800
 
 
 def write_curves(results: Sequence[RunResult], name: str, out: Path) -> Path:
-    """Write the curves of the runs of one case.
+    """Write the curves of the runs of one case, and return the path of the file.
 
     Args:
-        results: Its runs.
-        name: Of their files.
-        out: Where its other results are.
+        results: Runs of the case.
+        name: Name of the file.
+        out: Folder of the other results.
 
     Raises:
         SetupError: If it cannot be written.
@@ -351,82 +501,94 @@ def write_curves(results: Sequence[RunResult], name: str, out: Path) -> Path:
 
 
 def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
-    """The curves of the runs of one case, with no more points than lines between them need.
+    """Return the curves of the runs of one case, with no more points than straight lines need.
 
     Of a signal that jumps all the time the range and the mean in short times stand side by
     side. Every other number is one of the run's, to seven digits.
     """
     case = results[0].case
     styles = law_styles(result.controller.name for result in results)
+    disturbances = [
+        {
+            "start": disturbance.window[0],
+            "stop": min(disturbance.window[1], case.duration),
+            "label": disturbance.label or f"disturbance on {disturbance.body}",
+        }
+        for disturbance in case.disturbances
+    ]
+    laws = {name: {"label": style.label, "colour": style.colour} for name, style in styles.items()}
     return {
         **origin(seed_of(case)),
         "system": case.system,
         "case": case.name,
         "title": case.title,
         "duration": case.duration,
-        "disturbances": [
-            {
-                "start": disturbance.window[0],
-                "stop": min(disturbance.window[1], case.duration),
-                "label": disturbance.label or f"disturbance on {disturbance.body}",
-            }
-            for disturbance in case.disturbances
-        ],
-        "laws": {
-            name: {"label": style.label, "colour": style.colour} for name, style in styles.items()
-        },
-        "panels": [_panel(panel, results) for panel in panels_of(results)],
+        "disturbances": disturbances,
+        "laws": laws,
+        "panels": [_panel_document(panel, results) for panel in panels_of(results)],
     }
 
 
-def _panel(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
-    """One panel."""
-    limits = dict.fromkeys(item.limit for item in judged_in(panel, results))
-    time, reference = results[0].comparison.time, panel.reference
+def _panel_document(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
+    """Return one panel as plain values."""
+    reference = None
+    if panel.reference is not None:
+        reference = _drawn(results[0].comparison.time, panel.reference)
+    limits = []
+    for limit in dict.fromkeys(item.limit for item in judged_in(panel, results)):
+        for time, values in levels_of(limit, panel):
+            limits.append({"words": limit.words, **_drawn(time, values)})
     return {
         "label": panel.label.replace("\n", " "),
-        "curves": [_curve(curve) for curve in panel.curves],
-        "reference": None if reference is None else _drawn(time, reference),
-        "limits": [
-            {"words": limit.words, **_drawn(*level)}
-            for limit in limits
-            for level in levels_of(limit, panel)
-        ],
+        "curves": [_curve_document(curve) for curve in panel.curves],
+        "reference": reference,
+        "limits": limits,
         "play": panel.play,
     }
 
 
-def _curve(curve: Curve) -> dict[str, Any]:
-    """One curve, where it has values."""
-    whose = {"law": curve.run.controller.name, "plant": curve.run.plant, "name": curve.name}
-    there = np.isfinite(curve.values)
-    time, values = curve.time[there], curve.values[there]
-    if jumps(values) or (kept := _kept(time, values)).sum() > _MOST:
-        band = envelope(time, values)
-        limits = [_short(band.least), _short(band.largest)]
-        return {**whose, **_points(band.time, band.mean), "range": limits}
-    return {**whose, **_points(time[kept], values[kept]), "range": None}
+def _curve_document(curve: Curve) -> dict[str, Any]:
+    """Return the finite values of one curve as plain values."""
+    document: dict[str, Any] = {
+        "law": curve.run.controller.name,
+        "plant": curve.run.plant,
+        "name": curve.name,
+    }
+    finite = np.isfinite(curve.values)
+    time = curve.time[finite]
+    values = curve.values[finite]
+    if not jumps(values):
+        needed = _needed_points(time, values)
+        if needed.sum() <= _MOST_POINTS:
+            return {**document, **_points(time[needed], values[needed]), "range": None}
+    band = envelope(time, values)
+    limits = [_short(band.least), _short(band.largest)]
+    return {**document, **_points(band.time, band.mean), "range": limits}
 
 
 def _drawn(time: Array, values: Array) -> dict[str, list[float]]:
-    """Instants and values of a curve without those that a line between its others would give."""
-    kept = _kept(time, values)
-    return _points(time[kept], values[kept])
+    """Return the points of a curve without those on a line between their neighbours."""
+    needed = _needed_points(time, values)
+    return _points(time[needed], values[needed])
 
 
 def _points(time: Array, values: Array) -> dict[str, list[float]]:
-    """Points of a curve, in short numbers."""
+    """Return the points of a curve, in short numbers."""
     return {"t": _short(time), "y": _short(values)}
 
 
-def _kept(time: Array, values: Array) -> NDArray[np.bool_]:
-    """Which points a curve needs: Ramer, Douglas and Peucker's, by distances along y.
+def _needed_points(time: Array, values: Array) -> NDArray[np.bool_]:
+    """Select points of a curve by the algorithm of Ramer, Douglas and Peucker, along y.
 
     Between two of them no value is further from their line than a small share of the range.
     """
-    kept = np.zeros(len(values), bool)
-    kept[:1] = kept[-1:] = True
-    allowed = _OFF * float(np.ptp(values)) if len(values) else 0.0
+    needed = np.zeros(len(values), bool)
+    if len(values) == 0:
+        return needed
+    needed[0] = True
+    needed[-1] = True
+    allowed = _OFF * float(np.ptp(values))
+
     parts = [(0, len(values) - 1)]
     while parts:
         first, last = parts.pop()
@@ -434,14 +596,16 @@ def _kept(time: Array, values: Array) -> NDArray[np.bool_]:
             continue
         inner = slice(first + 1, last)
         slope = (values[last] - values[first]) / (time[last] - time[first])
-        off = np.abs(values[inner] - values[first] - slope * (time[inner] - time[first]))
-        worst = first + 1 + int(off.argmax())
-        if off[worst - first - 1] > allowed:
-            kept[worst] = True
-            parts += [(first, worst), (worst, last)]
-    return kept
+        distances = np.abs(values[inner] - values[first] - slope * (time[inner] - time[first]))
+        worst = int(distances.argmax())
+        if distances[worst] > allowed:
+            split = first + 1 + worst
+            needed[split] = True
+            parts.append((first, split))
+            parts.append((split, last))
+    return needed
 
 
 def _short(values: Array) -> list[float]:
-    """Numbers with seven digits."""
+    """Return numbers with seven digits."""
     return [float(f"{value:.7g}") for value in values.tolist()]

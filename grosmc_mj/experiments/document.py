@@ -1,4 +1,4 @@
-"""NAME.json of a run: everything that was measured, and all that is needed to measure it again."""
+"""NAME.json of a run: all measured values, and all settings needed to repeat the run."""
 
 from __future__ import annotations
 
@@ -41,20 +41,26 @@ def experiment_document(
     complete: bool,
     premises: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The content of a run's JSON file.
+    """Return the content of a run's JSON file.
 
     Args:
-        experiment: The case file, as resolved.
+        experiment: The experiment of the case file.
         results: Its runs, in order.
-        judgements: Its requirements of these runs, judged.
-        complete: Whether all its runs are there.
-        premises: Those of its laws, as plain values; left out if there are none.
+        judgements: Judgements of these runs.
+        complete: Whether all its runs are done.
+        premises: Premises of its laws, as plain values; left out if there are none.
     """
     target = f"{experiment.case.system}/{experiment.case.name}"
-    tables = [requirements_table(judgements)] if judgements else []
+    tables = []
+    if judgements:
+        tables.append(requirements_table(judgements))
     if results:
-        runs = results_table(results).model_copy(update={"legend": LEGEND})
-        tables += [runs, gains_table(results)]
+        tables.append(results_table(results).model_copy(update={"legend": LEGEND}))
+        tables.append(gains_table(results))
+    further: dict[str, Any] = {}
+    if premises:
+        further["premises"] = list(premises)
+
     return result(
         "run",
         {
@@ -69,8 +75,8 @@ def experiment_document(
         sheets=[Sheet(table=table) for table in tables],
         values=[*_judged_values(target, results, judgements), *run_values(results)],
         kept=complete and all(item.kept for item in judgements),
-        requirements=[_judged(item) for item in judgements],
-        **({"premises": list(premises)} if premises else {}),
+        requirements=[_judgement_document(item) for item in judgements],
+        **further,
         runs=[run_document(run) for run in results],
     )
 
@@ -78,42 +84,44 @@ def experiment_document(
 def _answer(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
 ) -> Answer:
-    """Whether a case keeps its requirements, and the one that is the nearest to its limit."""
+    """Return the verdict on a case, and the requirement that is the nearest to its limit."""
+    count = len(judgements)
     failed = sum(not item.kept for item in judgements)
     ended = sum(bool(run.ended) for run in results)
+    verdict = KEPT if complete else OPEN
     if failed:
-        words = f"{failed} of {len(judgements)} requirements are not kept"
+        verdict = NOT_KEPT
+        words = f"{failed} of {count} requirements are not kept"
+    elif count == 1:
+        words = "The requirement is kept"
     elif judgements:
-        count = len(judgements)
-        words = "The requirement is kept" if count == 1 else f"All {count} requirements are kept"
+        words = f"All {count} requirements are kept"
     else:
         words = f"Nothing is required; {ended} of {len(results)} runs ended early"
-    broken = failed or (ended and not judgements)
-    verdict = NOT_KEPT if broken else KEPT if complete else OPEN
-    nearest = max(judgements, key=lambda item: item.share, default=None)
+        if ended:
+            verdict = NOT_KEPT
+    if not complete:
+        words += " (interrupted: not complete)"
+
     tightest = ""
-    if nearest is not None:
+    if judgements:
+        nearest = max(judgements, key=lambda item: item.share)
         tightest = f"tightest: {_measured(nearest)} by {nearest.controller} on {nearest.plant}"
-    return Answer(
-        question=f"Run of {target}",
-        verdict=verdict,
-        words=words + ("" if complete else " (interrupted: not complete)"),
-        more=tightest,
-    )
+    return Answer(question=f"Run of {target}", verdict=verdict, words=words, more=tightest)
 
 
 def standings(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
 ) -> Iterator[Standing]:
-    """Of each law the plant where it is furthest beyond a limit, or the limit it is nearest to.
+    """Return for each law the judgement that is furthest beyond its limit, or nearest to it.
 
-    A law of which nothing is required has none: it keeps nothing.
+    A law without requirements has none.
     """
     for law in dict.fromkeys(run.controller.name for run in results):
-        own = [item for item in judgements if item.controller == law]
-        if not own:
+        judgements_of_law = [item for item in judgements if item.controller == law]
+        if not judgements_of_law:
             continue
-        worst = max(own, key=lambda item: (not item.kept, item.share))
+        worst = max(judgements_of_law, key=lambda item: (not item.kept, item.share))
         yield Standing(
             case=target,
             law=law,
@@ -124,14 +132,16 @@ def standings(
 
 
 def _measured(item: Judgement) -> str:
-    """A requirement with its measured value."""
-    limit, unit = item.limit, f" {item.limit.unit}" if item.limit.unit not in ("", "1") else ""
-    value = f"{number(item.measured)} of {number(limit.value)}{unit}"
+    """Return a requirement with its measured value, in words."""
+    limit = item.limit
+    value = f"{number(item.measured)} of {number(limit.value)}"
+    if limit.unit not in ("", "1"):
+        value += f" {limit.unit}"
     return f"{limit.kind.replace('_', ' ')}: {value}"
 
 
-def _judged(item: Judgement) -> dict[str, Any]:
-    """A judged requirement as plain values."""
+def _judgement_document(item: Judgement) -> dict[str, Any]:
+    """Return a judgement as plain values."""
     return {
         "requirement": item.limit.kind,
         "limit": {"value": item.limit.value, "unit": item.limit.unit},
@@ -148,21 +158,29 @@ def _judged(item: Judgement) -> dict[str, Any]:
 def _judged_values(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement]
 ) -> Iterator[Value]:
-    """The verdict of each requirement and its margin."""
+    """Return verdict and margin of each requirement."""
     switched = {run.controller.name for run in results if run.controller.designed.switching}
     for item in judgements:
-        limit, name = item.limit, f"{target} {item.plant} {item.controller}: {item.limit.words}"
-        metric = "settling_time" if limit.kind == "settles_within" else limit.metric
+        limit = item.limit
+        metric = limit.metric
+        if limit.kind == "settles_within":
+            metric = "settling_time"
         relative, absolute = tolerance_of(metric, switched=item.controller in switched)
+        name = f"{target} {item.plant} {item.controller}: {limit.words}"
         yield Value(name=name, value=KEPT if item.kept else NOT_KEPT)
         yield Value(
-            name=f"{name}, margin", value=finite(item.margin), unit=limit.unit, better=1,
-            relative=relative, absolute=absolute, size=finite(item.measured),
-        )  # fmt: skip
+            name=f"{name}, margin",
+            value=finite(item.margin),
+            unit=limit.unit,
+            better=1,
+            relative=relative,
+            absolute=absolute,
+            size=finite(item.measured),
+        )
 
 
 def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
-    """How each run ended, and its metrics."""
+    """Return status and metrics of each run."""
     for run in results:
         name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
         switched = bool(run.controller.designed.switching)
@@ -170,13 +188,16 @@ def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
         for key, metric in run.metrics.items():
             relative, absolute = tolerance_of(key, switched=switched)
             yield Value(
-                name=f"{name}: {key}", value=finite(metric.value), unit=metric.unit,
-                relative=relative, absolute=absolute,
-            )  # fmt: skip
+                name=f"{name}: {key}",
+                value=finite(metric.value),
+                unit=metric.unit,
+                relative=relative,
+                absolute=absolute,
+            )
 
 
 def run_document(result: RunResult) -> dict[str, Any]:
-    """One run as plain values."""
+    """Return one run as plain values."""
     design = result.controller.designed
     return {
         "system": result.case.system,
@@ -196,7 +217,7 @@ def run_document(result: RunResult) -> dict[str, Any]:
 
 
 def _weights(result: RunResult) -> dict[str, Any]:
-    """The index that the law was designed for, and where it puts the poles."""
+    """Return the index that the law was designed for, and the poles of its closed loop."""
     optimum = result.controller.designed.lqr
     poles = sorted(optimum.poles.tolist(), key=lambda pole: (pole.real, pole.imag))
     return {

@@ -1,11 +1,11 @@
-"""A case file as an experiment: what is run, and whether it keeps what is required."""
+"""A case file as an experiment: its plants, laws, requirements and runs."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -44,18 +44,25 @@ from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
+# Claims and campaigns ask for the same controllers thousands of times.
+_in_loop = lru_cache(maxsize=512)(in_loop)
+_realized = lru_cache(maxsize=512)(realized)
+_sampled = lru_cache(maxsize=512)(Controller.sampled)
+# The package's own laws are designed once for all experiments on one task and nominal plant.
+_shared_designs: dict[str, dict[Any, Controller]] = {}
+
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """A case file, ready to run; its plants and laws are made when they are asked for.
 
     Attributes:
-        file: What the file says.
+        file: The content of the file.
         path: The file.
-        nominal: The plant that its laws believe in.
+        nominal: The plant that its laws are designed for.
         case: Start, duration, edits, disturbances.
-        settings: How it is run.
-        asked: The settings that count instead of what the file says of a controller.
+        settings: Settings of the simulation.
+        asked: Names of the settings that replace those of a controller in the file.
         chosen: Names of the laws that are run; empty for all controllers of the file.
     """
 
@@ -70,14 +77,14 @@ class Experiment:
 
     @classmethod
     def load(cls, target: str | Path) -> Experiment:
-        """The experiment of a case file, with all its laws designed.
+        """Load the experiment of a case file, with all its laws designed.
 
         Args:
             target: ``system/case`` of the package, or the path of a case file.
 
         Raises:
-            ArgumentError: If the file or what it names is wrong, in one line that begins with its
-                path.
+            ArgumentError: If the file is wrong, or names a missing thing, in one line that begins
+                with its path.
         """
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
@@ -88,7 +95,7 @@ class Experiment:
 
     @property
     def key(self) -> tuple[Path, Case]:
-        """What tells it from others: where its laws are from, and the case."""
+        """Key that differs between experiments: the file of its laws, and the case."""
         return self.path, self.case
 
     @property
@@ -108,25 +115,31 @@ class Experiment:
 
     @property
     def plant_names(self) -> list[PlantName]:
-        """The plants that they are run on."""
+        """Names of the plants that the laws are run on."""
         compared = self.file.plant.compare or self.nominal.names
         return [name for name in self.nominal.names if name in compared]
 
-    @cached_property
+    @property
     def plants(self) -> Mapping[PlantName, Plant]:
-        """The plants that the laws meet, with the case's edits."""
+        """Plants that the laws are run on, with the case's edits."""
         return {name: self.plant(name) for name in self.plant_names}
 
+    # Requirements and runs ask for it; each controller is designed from the file.
     @cached_property
     def laws(self) -> Mapping[tuple[PlantName, str], Controller]:
-        """The controllers, by the plant that they run on and by their names."""
-        laws, mistakes = {}, {}
+        """Controllers by the plant that they run on and by name.
+
+        Raises:
+            MistakesError: For all controllers that cannot be designed.
+        """
+        laws = {}
+        # By cause: a mistake in the task is the same for each controller.
+        mistakes: dict[str, str] = {}
         for plant in self.plant_names:
             for name in self._declared:
                 try:
                     laws[plant, name] = self.law(plant, name)
                 except GrosmcError as error:
-                    # What is wrong with the task is wrong for each of them.
                     mistakes.setdefault(str(error.__cause__ or error), str(error))
         if mistakes:
             raise MistakesError(mistakes.values())
@@ -134,57 +147,66 @@ class Experiment:
 
     @property
     def limits(self) -> Sequence[Limit]:
-        """What the laws must keep, as far as a run tells."""
-        return self._judged[0]
+        """Requirements that a single run can decide."""
+        decidable, _ = self._decidable_limits()
+        return decidable
 
     @property
     def not_judged(self) -> Sequence[str]:
-        """Which requirements a run does not tell about, and why."""
-        return self._judged[1]
+        """Requirements that a single run cannot decide, with the reasons."""
+        _, notes = self._decidable_limits()
+        return notes
 
-    @cached_property
-    def _judged(self) -> tuple[Sequence[Limit], Sequence[str]]:
+    def _decidable_limits(self) -> tuple[Sequence[Limit], Sequence[str]]:
+        """Return the requirements that a run can decide, and notes about the other ones."""
         case = self.case
-        onsets = [(d.window[0], d.window[0]) for d in case.disturbances]
+        onsets = [(item.window[0], item.window[0]) for item in case.disturbances]
         return judgeable(self.required, transient(case.duration, onsets))
 
+    # Every judgement of a run asks for it.
     @cached_property
     def required(self) -> Sequence[Limit]:
-        """All that the file requires of the laws."""
+        """All requirements of the file."""
         return self._all_limits("requirement", self.file.requirement)
 
-    @cached_property
+    @property
     def claimed(self) -> Sequence[Limit]:
-        """All that the file's claims ask of the laws."""
+        """All limits in the file's claims."""
         return self._all_limits("claim", self.file.claim)
 
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
-        """The limits in the tables of a kind."""
+        """Return the limits in the tables of a kind."""
         laws = [self.laws[self.plant_names[0], name] for name in self._declared]
-        required, mistakes, end = [], Mistakes(), self.file.run.duration
+        required = []
+        mistakes = Mistakes()
         for index, table in enumerate(tables):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                for name in table.of or ():
-                    require_known("controller", name, self._declared)
-                for name in table.on or ():
-                    require_known("plant", name, self.plant_names)
-                if 0 < end <= table.after:
-                    raise ArgumentError(
-                        f"after = {table.after:g} s must be before the end of a run at {end:g} s"
-                    )
-                own = limits(table, laws, self.plant_names, self.case.duration)
-                for limit in own:
-                    if limit.of_initial_error:
-                        require_initial_error(limit.kind, laws[0], self.case.x0)
-                required += own
+                required += self._limits_of(table, laws)
         mistakes.refuse()
         return required
 
+    def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Limit]:
+        """Return the limits in a table."""
+        for name in table.of or ():
+            require_known("controller", name, self._declared)
+        for name in table.on or ():
+            require_known("plant", name, self.plant_names)
+        end = self.file.run.duration
+        if 0 < end <= table.after:
+            raise ArgumentError(
+                f"after = {table.after:g} s must be before the end of a run at {end:g} s"
+            )
+        required = limits(table, laws, self.plant_names, self.case.duration)
+        for limit in required:
+            if limit.of_initial_error:
+                require_initial_error(limit.kind, laws[0], self.case.x0)
+        return required
+
     def checked(self) -> Experiment:
-        """The same, once its plants, laws and requirements are made.
+        """Make plants, laws and requirements, and return the experiment.
 
         Raises:
-            ArgumentError: All that is wrong with them.
+            ArgumentError: For all mistakes in them.
         """
         mistakes = Mistakes()
         for part in ("plants", "laws", "required", "claimed"):
@@ -194,7 +216,7 @@ class Experiment:
         return self
 
     def plant(self, name: PlantName) -> Plant:
-        """One of the plants that there are, whether the file compares it or not.
+        """Return a plant, whether the file compares it or not.
 
         Raises:
             ArgumentError: If there is none of that name, or the case starts beyond its stops.
@@ -206,31 +228,25 @@ class Experiment:
         return plant
 
     def law(self, plant: PlantName, name: str) -> Controller:
-        """A controller of the file, or a law by its name, designed for a plant to run on.
+        """Return a controller of the file, or a law by its name, designed for a plant to run on.
 
         Physics and the corrected equations get one and the same controller.
 
         Raises:
             GrosmcError: If there is no such law, a number does not fit, or the design fails.
         """
-        table, period = self.file.law(name), self.settings.control_period
+        table = self.file.law(name)
+        period = self.settings.control_period
         if self.case.loop is not None:
-            # A loop is made for the instants of its runs: what is wrong with these is told first.
+            # A loop is made for the instants of its runs: their mistakes come first.
             self.plant(plant)
             stride_of(period, self.settings.timestep)
-        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
         try:
-            if key not in self._designs:
-                self._designs[key] = design(
-                    table, self.file, self.nominal, plant, self.path.parent, period
-                )
-            controller = self._designs[key]
-            controller = _sampled(
-                _realized(controller, self._realization_of(table, controller)), period
-            )
+            controller = self._design(table, plant)
+            realization = self._realization_of(table, controller)
+            controller = _sampled(_realized(controller, realization), period)
             if self.case.loop is None:
                 return controller
-            # The law knows its loop if its table says so.
             return _in_loop(
                 controller,
                 self.case.loop,
@@ -245,15 +261,31 @@ class Experiment:
             owner = "" if str(error).startswith("task: ") else f"controller {name}: "
             raise ArgumentError(f"{owner}{error}") from error
 
+    def _design(self, table: ControllerTable, plant: PlantName) -> Controller:
+        """Return the controller of a table, designed once for all plants with one variant."""
+        period = self.settings.control_period
+        # Only a user's own law may depend on the control period.
+        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
+        if key not in self._designs:
+            self._designs[key] = design(
+                table, self.file, self.nominal, plant, self.path.parent, period
+            )
+        return self._designs[key]
+
     def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
-        """The same, designed for a nominal plant that is not the file's.
+        """Return a law by its name, designed for a nominal plant that is not the file's.
 
         Raises:
             GrosmcError: As for ``law``.
         """
-        table, period = self.file.law(name), self.settings.control_period
+        table = self.file.law(name)
         controller = design(
-            table, self.file, NominalPlant(nominal), "corrected", self.path.parent, period
+            table,
+            self.file,
+            NominalPlant(nominal),
+            "corrected",
+            self.path.parent,
+            self.settings.control_period,
         )
         return _realized(controller, self._realization_of(table, controller))
 
@@ -262,15 +294,19 @@ class Experiment:
         """Bounds of |z1|, |z2| ... that the file declares, itself or for the gains of a law."""
         if self.file.task.region is not None:
             return tuple(self.file.task.region)
-        return None if self.uncertainty is None else self.uncertainty.region
+        if self.uncertainty is None:
+            return None
+        return self.uncertainty.region
 
     @property
     def uncertainty(self) -> Uncertainty | None:
         """The first uncertainty that the gains of a law are computed from, if one is declared."""
-        laws = [self.file.law(name) for name in (*self._declared, *self.file.laws)]
-        declared = (law.numbers.get("uncertainty", {}) for law in laws)
-        # Those of laws on the linearization have no region.
-        return next((uncertainty(table) for table in declared if "region" in table), None)
+        for name in (*self._declared, *self.file.laws):
+            declared = self.file.law(name).numbers.get("uncertainty", {})
+            # The uncertainties of laws on the linearization have no region.
+            if "region" in declared:
+                return uncertainty(declared)
+        return None
 
     @property
     def slope(self) -> float:
@@ -279,30 +315,35 @@ class Experiment:
 
     @property
     def realization(self) -> Realization:
-        """How a sliding mode law is sampled of which the file says nothing."""
+        """Realization of a sliding mode law for which the file gives none."""
         return self._realization(self.settings.switching, self.settings.surface)
 
     def _realization_of(self, table: ControllerTable, controller: Controller) -> Realization:
-        """How a law is sampled: as its table says, unless a setting that is chosen counts."""
-        own = {"switching", "surface"} & table.model_fields_set
+        """Return the realization in a law's table, unless a setting was asked for."""
+        written = {"switching", "surface"} & table.model_fields_set
         if controller.design is None or not controller.design.switching:
-            if own:
-                raise ArgumentError(f"it does not switch, so it has no {', '.join(sorted(own))}")
+            if written:
+                names = ", ".join(sorted(written))
+                raise ArgumentError(f"it does not switch, so it has no {names}")
             return AS_PRINTED
-        settings = {name: getattr(self.settings, name) for name in ("switching", "surface")}
-        return self._realization(
-            **{**settings, **{name: getattr(table, name) for name in own - self.asked}}
-        )
+
+        counting = written - self.asked
+        switching = table.switching if "switching" in counting else self.settings.switching
+        surface = table.surface if "surface" in counting else self.settings.surface
+        return self._realization(switching, surface)
 
     def _realization(self, switching: str, surface: str) -> Realization:
+        """Return a realization by the names of switching law and surface."""
         law = find_switching(switching, slope=self.slope)
-        return Realization(law, self.settings.control_period if surface == "discrete" else None)
+        if surface == "discrete":
+            return Realization(law, self.settings.control_period)
+        return Realization(law, None)
 
     def with_settings(self, **changes: Any) -> Experiment:
-        """The same experiment, run in another way.
+        """Return a copy with other settings.
 
         Args:
-            changes: Fields of ``Settings``; those that are None stay as the file has them.
+            changes: Fields of ``Settings``; those that are None stay as they are in the file.
 
         Raises:
             ArgumentError: If there is no such setting, or it has no such value.
@@ -314,24 +355,26 @@ class Experiment:
         return replace(self, settings=settings, asked=self.asked | chosen.keys())
 
     def with_laws(self, names: Sequence[str]) -> Experiment:
-        """The same experiment under some laws.
+        """Return a copy that runs some laws only.
 
         Args:
-            names: Of its controllers, and of the file's ``[laws]``; none for all controllers.
+            names: Controllers and ``[laws]`` of the file; none for all controllers.
 
         Raises:
             ArgumentError: If there is no such law.
         """
         further = [name for name in self.file.laws if name not in self._declared]
-        known = [*self._declared, *further]
+        valid = [*self._declared, *further]
         for name in names:
-            require_known("law", name, known)
+            require_known("law", name, valid)
+
         added = [ControllerTable(law=name) for name in further if name in names]
         file = self.file.model_copy(update={"controller": [*self.file.controller, *added]})
-        return replace(self, file=file, chosen=tuple(name for name in known if name in names))
+        chosen = tuple(name for name in valid if name in names)
+        return replace(self, file=file, chosen=chosen)
 
     def varied(self, **changes: Any) -> Experiment:
-        """The same laws in another case.
+        """Return a copy with the same laws in another case.
 
         Args:
             changes: Fields of ``Case``, such as ``x0``, ``duration``, ``edits``, ``disturbances``.
@@ -339,12 +382,12 @@ class Experiment:
         return replace(self, case=replace(self.case, **changes))
 
     def changed(self, key: str, value: Any, designs: dict[Any, Controller]) -> Experiment:
-        """The same experiment with another number in its file.
+        """Return a copy with another number in its file.
 
         Args:
-            key: Where it stands: ``task.Q``, ``laws.grosmc.epsilon``, or a setting of ``run``.
-            value: What stands there instead.
-            designs: Where the laws of experiments with this number are kept.
+            key: Place of the number: ``task.Q``, ``laws.grosmc.epsilon``, or a setting of ``run``.
+            value: The new value.
+            designs: Cache for the laws of experiments with this number.
         """
         if key == "run.duration":
             return self.varied(duration=value)
@@ -353,23 +396,25 @@ class Experiment:
         return replace(self, file=_with(self.file, key.split("."), value), _designs=designs)
 
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
-        """One controller on one plant.
+        """Run one controller on one plant.
 
         Args:
-            plant: Its name; by default physics or, where there is none, the equations.
+            plant: Name of the plant; by default physics or, where there is none, the equations.
             law: Name of a controller of the file or of a law; the file's last one by default.
 
         Raises:
-            GrosmcError: If there is no such plant or law, or one of the user's own fails, with its
+            GrosmcError: If there is no such plant or law, or a user's own law fails, with its
                 file and line.
         """
-        where = self.nominal.truest if plant is None else plant
-        true, controller = self.plant(where), self.law(where, law or self.controllers[-1])
+        if plant is None:
+            plant = self.nominal.truest
+        true = self.plant(plant)
+        controller = self.law(plant, law or self.controllers[-1])
         try:
             with blamed(self.path.parent):
                 # Compiled code does not say where a law fails, or that it does.
                 require_answer(controller, np.array(self.case.x0), len(self.nominal.system.inputs))
-                return run_on(self, where, controller, true)
+                return run_on(self, plant, controller, true)
         except GrosmcError as error:
             raise ArgumentError(f"{self.path}: {error}") from error
 
@@ -380,46 +425,45 @@ class Experiment:
                 yield self.run(plant, name)
 
     def document(self) -> dict[str, Any]:
-        """The resolved file as plain values."""
+        """Return the resolved file as plain values."""
         return self.file.model_dump(exclude_none=True)
 
 
 def _with(table: Any, path: Sequence[str], value: Any) -> Any:
-    """A table of a file with another value at a path of keys."""
-    key, *rest = path
+    """Return a table of a file with another value at a path of keys."""
+    key = path[0]
+    inner_path = path[1:]
     if isinstance(table, Mapping):
-        return {**table, key: _with(table[key], rest, value) if rest else value}
-    inner = _with(getattr(table, key), rest, value) if rest else value
-    return table.model_copy(update={key: inner})
-
-
-_in_loop = lru_cache(maxsize=512)(in_loop)
-_realized = lru_cache(maxsize=512)(realized)
-_sampled = lru_cache(maxsize=512)(Controller.sampled)
+        if inner_path:
+            value = _with(table[key], inner_path, value)
+        return {**table, key: value}
+    if inner_path:
+        value = _with(getattr(table, key), inner_path, value)
+    return table.model_copy(update={key: value})
 
 
 def judge(target: str | Path | Experiment) -> list[Judgement]:
-    """Run an experiment, and say of each requirement and run whether it is kept.
+    """Run an experiment, and judge every run by every requirement.
 
     Args:
         target: ``system/case`` of the package, the path of a case file, or an experiment.
 
     Raises:
-        GrosmcError: If the file is wrong, or a law of the user's own fails.
+        GrosmcError: If the file is wrong, or a user's own law fails.
     """
     experiment = target if isinstance(target, Experiment) else Experiment.load(target)
     return judge_all(experiment.limits, list(experiment.runs()))
 
 
 def experiment_of(file: CaseFile, path: Path) -> Experiment:
-    """The experiment of a case file, with all its laws designed.
+    """Return the experiment of a case file, with all its laws designed.
 
     Args:
-        file: Its content.
-        path: Where it lies: what it names is looked for beside it.
+        file: The content of the file.
+        path: The file; files that it names are beside it.
 
     Raises:
-        ArgumentError: If it names what is not there, in one line that begins with its path.
+        ArgumentError: If it names a missing thing, in one line that begins with its path.
     """
     try:
         return undesigned(file, path).checked()
@@ -428,28 +472,51 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
 
 
 def undesigned(file: CaseFile, path: Path) -> Experiment:
-    """The experiment of a file, its laws designed when they are asked for."""
-    nominal, run = nominal_plant(file, path.parent), file.run
-    own = None if file.plant.system is not None else nominal.plant.step_length
-    timestep = run.timestep or own or ANALYTIC_TIMESTEP
-    settings = Settings(
+    """Return the experiment of a file, whose laws are designed when they are asked for.
+
+    Raises:
+        GrosmcError: If plant, case or loop do not fit.
+    """
+    nominal = nominal_plant(file, path.parent)
+    settings = _settings_of(file, nominal)
+    case = case_of(file, nominal.system, path.parent, nominal.rest)
+
+    designs: dict[Any, Controller] = {}
+    if file.plant.system is not None and not named_in(file):
+        task = (file.plant.system, edits_of(file, nominal.system, known=True), file.task)
+        designs = _shared_designs.setdefault(repr(task), designs)
+    experiment = Experiment(file, path, nominal, case, settings, _designs=designs)
+    _refuse_inconsistent(experiment)
+    return experiment
+
+
+def _settings_of(file: CaseFile, nominal: NominalPlant) -> Settings:
+    """Return the settings of a file, with defaults by its plant."""
+    run = file.run
+    timestep = run.timestep
+    if not timestep and file.plant.system is None:
+        timestep = nominal.plant.step_length
+    timestep = timestep or ANALYTIC_TIMESTEP
+    return Settings(
         engine=run.engine,
         control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),
         timestep=timestep,
         integrator=run.integrator or nominal.integrator,
     )
-    case = case_of(file, nominal.system, path.parent, nominal.rest)
-    # The package's own laws are designed once for all experiments on one task and nominal plant.
-    shared = file.plant.system is not None and not named_in(file)
-    task = (file.plant.system, edits_of(file, nominal.system, known=True), file.task)
-    designs = _shared_designs(repr(task)) if shared else {}
-    experiment = Experiment(file, path, nominal, case, settings, _designs=designs)
+
+
+def _refuse_inconsistent(experiment: Experiment) -> None:
+    """Refuse loops, controllers and plants that do not fit each other."""
+    file = experiment.file
+    nominal = experiment.nominal
+    loop = experiment.case.loop
+    settings = experiment.settings
     mistakes = Mistakes()
-    if case.loop is not None:
+    if loop is not None:
         with mistakes.gathered():
-            case.loop.require_fits(nominal.system, settings.timestep, settings.control_period)
+            loop.require_fits(nominal.system, settings.timestep, settings.control_period)
     for table in file.controller:
-        if table.predict and case.loop is None:
+        if table.predict and loop is None:
             mistakes.note(
                 f"controller {table.called}: predict: there is no loop that it could know: give "
                 "the file a [computing], a [[sensor]] or an [[actuator]]"
@@ -463,10 +530,3 @@ def undesigned(file: CaseFile, path: Path) -> Experiment:
         with mistakes.gathered("plant: compare: "):
             require_known("plant", name, nominal.names)
     mistakes.refuse()
-    return experiment
-
-
-@cache
-def _shared_designs(_task: str) -> dict[Any, Controller]:
-    """Where the controllers of a task are kept."""
-    return {}

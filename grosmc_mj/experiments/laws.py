@@ -1,13 +1,13 @@
-"""The laws that a case file names, with its numbers."""
+"""Controllers designed from the laws and numbers of a case file."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import sympy as sp
 
@@ -41,6 +41,7 @@ from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
 from grosmc_mj.plants.two_link_arm import tip
+from grosmc_mj.robots.robot import Robot
 
 Maker = Callable[..., Controller]
 Laws = Mapping[str, Maker]
@@ -70,11 +71,11 @@ COMPUTED_TORQUE: Laws = {
     "pid": pid,
     "adrc": adrc,
 }
-# Laws on the linearization about an operating point, and those of a model in MuJoCo with fewer
-# actuators than joints, which has no others.
+# Laws on the linearization about an operating point.
 AT_REST: Laws = {"lqr": linear_lqr, "linear-grosmc": state_grosmc}
+# All laws for a model in MuJoCo with fewer actuators than joints.
 UNDERACTUATED: Laws = {"lqr": linear_lqr, "grosmc": state_grosmc}
-# Laws of one system, with weights of their own: from its nominal plant and its linear model.
+# Laws of one system, with weights of their own, from its nominal plant and its linear model.
 FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] = {
     "cart_pendulum": {
         "cart-lqr": holding_lqr,
@@ -82,12 +83,24 @@ FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] 
         "cart-pfl": lambda plant, _: holding_pfl(plant),
     }
 }
-# Outputs of a system beside its own.
+# Further outputs of a system.
 OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip": tip}}
 
 _WEIGHTS = ("Q", "R")
-# Arguments of a law that are no numbers of a file's: its name there says them.
-_OURS = ("name", "linearizing")
+# Arguments of a law that the package sets itself.
+_NO_NUMBERS = ("name", "linearizing")
+
+
+@dataclass(frozen=True)
+class _Request:
+    """A controller to design; attributes as the arguments of ``design``."""
+
+    table: ControllerTable
+    file: CaseFile
+    nominal: NominalPlant
+    plant: PlantName
+    folder: Path
+    control_period: float
 
 
 def design(
@@ -98,148 +111,196 @@ def design(
     folder: Path,
     control_period: float,
 ) -> Controller:
-    """The controller of a table, designed for the nominal plant and sampled as printed.
+    """Design the controller of a table for the nominal plant, sampled as printed.
 
     Args:
-        table: Its law and numbers.
+        table: Law and numbers of the controller.
         file: The case file, with the task.
-        nominal: The plant that it believes in.
-        plant: Which plant it shall run on.
-        folder: Where the user's own Python is.
-        control_period: Of its runs [s].
+        nominal: The nominal plant.
+        plant: Name of the plant that the controller will run on.
+        folder: Folder of the user's own Python.
+        control_period: Control period of the runs [s].
 
     Raises:
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
+    request = _Request(table, file, nominal, plant, folder, control_period)
     if is_named(table.law):
-        law = _users(table, file, nominal, plant, folder, control_period)
+        controller = _users_controller(request)
     else:
-        law = _packaged(table, file, nominal, plant, folder)
-    return replace(law, name=table.called)
+        controller = _packaged_controller(request)
+    return replace(controller, name=table.called)
 
 
-def _packaged(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
-) -> Controller:
-    """A law of the package."""
+def _packaged_controller(request: _Request) -> Controller:
+    """Design a law of the package."""
+    table = request.table
+    nominal = request.nominal
     _refuse_memory(table)
     further = FURTHER.get(nominal.system.name, {}) if nominal.shipped else {}
     if table.law in further:
-        if table.numbers:
-            _refuse(f"{table.law} has weights and numbers of its own, not {list(table.numbers)}")
-        # MuJoCo's linear model, if the law is designed from the corrected equations.
-        corrected = design_variant(plant) == "corrected" and nominal.plant.kind == "physics"
-        model = nominal.plant.linearization() if corrected else None
-        return further[table.law](nominal.equations(plant), model)
+        return _further_controller(request, further[table.law])
+
     laws = laws_of(nominal)
     if table.law not in laws:
-        valid = dict.fromkeys([*file.laws, *laws, *further, "module:name"])
+        valid = dict.fromkeys([*request.file.laws, *laws, *further, "module:name"])
         if nominal.robot is not None and table.law in GENERAL:
             raise ArgumentError(
                 f"law {table.law!r} does not fit {nominal.system.name}, a model in MuJoCo without "
                 f"equations in symbols: take {listed(valid)}"
             )
         raise ArgumentError(unknown_name("law", table.law, valid))
-    maker, numbers = laws[table.law], {k: v for k, v in table.numbers.items() if k not in _WEIGHTS}
+    maker = laws[table.law]
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
-    make_task = _state_task if of_states else _task
-    task = make_task(table, file, nominal, plant, folder)
-    parameters = list(inspect.signature(maker).parameters.values())[1:]
-    needed = {
-        item.name: item.default is item.empty for item in parameters if item.name not in _OURS
-    }
+    task = _state_task(request) if of_states else _task(request)
+    return maker(task, **_arguments(table, maker, of_states=of_states))
+
+
+def _further_controller(request: _Request, maker: Callable[..., Controller]) -> Controller:
+    """Design a law of one system, with weights of its own."""
+    table = request.table
+    nominal = request.nominal
+    if table.numbers:
+        raise ArgumentError(
+            f"{table.law} has weights and numbers of its own, not {list(table.numbers)}"
+        )
+    linear_model = None
+    if design_variant(request.plant) == "corrected" and nominal.plant.kind == "physics":
+        linear_model = nominal.plant.linearization()
+    return maker(nominal.equations(request.plant), linear_model)
+
+
+def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict[str, Any]:
+    """Return the numbers of a table as arguments of a law of the package."""
+    numbers = {name: value for name, value in table.numbers.items() if name not in _WEIGHTS}
+    _, *parameters = inspect.signature(maker).parameters.values()
+    parameters = [parameter for parameter in parameters if parameter.name not in _NO_NUMBERS]
+
+    valid = [*ControllerTable.model_fields, *_WEIGHTS]
+    valid += [parameter.name for parameter in parameters]
     for name in numbers:
-        require_known("key", name, [*ControllerTable.model_fields, *_WEIGHTS, *needed])
-    if missing := [name for name, must in needed.items() if must and name not in numbers]:
+        require_known("key", name, valid)
+    required = [parameter.name for parameter in parameters if parameter.default is parameter.empty]
+    missing = [name for name in required if name not in numbers]
+    if missing:
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
+
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and isinstance(value, list):
-            _refuse(f"{name} = {shown(value)} must be a number")
-    arguments: dict[str, Any] = {
-        name: law_number(name, value, of_states=of_states) for name, value in numbers.items()
-    }
-    return maker(task, **arguments)
+            raise ArgumentError(f"{name} = {shown(value)} must be a number")
+    return {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
 
 
 def laws_of(nominal: NominalPlant) -> Laws:
-    """The package's laws for a plant, by name."""
-    robot = nominal.robot
-    if robot is not None:
-        return UNDERACTUATED if robot.underactuated else COMPUTED_TORQUE
-    return GENERAL if nominal.at is None else {**GENERAL, **AT_REST}
+    """Return the package's laws for a plant, by name."""
+    if nominal.robot is not None:
+        return UNDERACTUATED if nominal.robot.underactuated else COMPUTED_TORQUE
+    if nominal.at is not None:
+        return {**GENERAL, **AT_REST}
+    return GENERAL
 
 
-def _users(
-    table: ControllerTable,
-    file: CaseFile,
-    nominal: NominalPlant,
-    plant: PlantName,
-    folder: Path,
-    control_period: float,
-) -> Controller:
-    """A law of the user's own: a controller, a function that makes one, a linear system, a law."""
-    # One that numba has compiled stands for its source.
-    named = load_named(table.law, folder)
-    named = getattr(named, "py_func", named)
-    numbers = {name: law_number(name, value) for name, value in table.numbers.items()}
-    linear = not isinstance(named, Controller) and is_linear_system(named)
-    law = not linear and not isinstance(named, Controller) and _is_law(named, table.law)
-    if not law:
+def _users_controller(request: _Request) -> Controller:
+    """Make a controller of a user's controller, linear system, law, or function that makes one."""
+    table = request.table
+    value = load_named(table.law, request.folder)
+    # A function that numba has compiled stands for its source.
+    value = getattr(value, "py_func", value)
+    numbers = {name: law_number(name, number) for name, number in table.numbers.items()}
+
+    if isinstance(value, Controller):
         _refuse_memory(table)
-    if isinstance(named, Controller):
-        return named if not numbers else _refuse("a controller has its numbers already")
-    if linear or law:
-        at_rest = nominal.robot is not None or nominal.at is not None
-        like = file.law("lqr" if at_rest else "fl-lqr").law
-        weights = {k: v for k, v in table.numbers.items() if k in _WEIGHTS}
-        followed = ControllerTable.model_validate({"law": like, **weights})
-        like = _packaged(followed, file, nominal, plant, folder)
-        own = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
-        if law:
-            memory = {name: law_number(f"memory: {name}", v) for name, v in table.memory.items()}
-            return custom_controller(table.called, named, like, own, memory)
-        if own:
-            _refuse(f"a linear system has its numbers already, not {list(own)}")
-        return from_control(named, control_period, like, table.called)
-    # The nominal plant for a function that wants it: a robot as such, others by equations.
-    arguments = (nominal.robot or nominal.equations(plant),) if _needed(named) else ()
+        if numbers:
+            raise ArgumentError("a controller has its numbers already")
+        return value
+    if is_linear_system(value):
+        _refuse_memory(table)
+        return _linear_system(request, value, numbers)
+    if _is_law(value, table.law):
+        return _custom_law(request, value, numbers)
+    _refuse_memory(table)
+    return _made_by_function(request, value, numbers)
+
+
+def _linear_system(request: _Request, system: Any, numbers: dict[str, Any]) -> Controller:
+    """Make a controller of a linear system of python-control."""
+    optimum = _optimum_for_users_law(request)
+    further = [name for name in numbers if name not in _WEIGHTS]
+    if further:
+        raise ArgumentError(f"a linear system has its numbers already, not {further}")
+    return from_control(system, request.control_period, optimum, request.table.called)
+
+
+def _custom_law(request: _Request, law: Any, numbers: dict[str, Any]) -> Controller:
+    """Make a controller of a law (t, x, memory, p, u)."""
+    table = request.table
+    optimum = _optimum_for_users_law(request)
+    parameters = {name: value for name, value in numbers.items() if name not in _WEIGHTS}
+    memory = {name: law_number(f"memory: {name}", value) for name, value in table.memory.items()}
+    return custom_controller(table.called, law, optimum, parameters, memory)
+
+
+def _optimum_for_users_law(request: _Request) -> Controller:
+    """Design the linear optimum that a user's own law is compared with."""
+    nominal = request.nominal
+    at_rest = nominal.robot is not None or nominal.at is not None
+    law = request.file.law("lqr" if at_rest else "fl-lqr").law
+    numbers = request.table.numbers
+    weights = {name: value for name, value in numbers.items() if name in _WEIGHTS}
+    table = ControllerTable.model_validate({"law": law, **weights})
+    return _packaged_controller(replace(request, table=table))
+
+
+def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any]) -> Controller:
+    """Call a function that makes a controller."""
+    nominal = request.nominal
+    name = request.table.law
+    arguments = []
+    if _required_parameters(function):
+        # A robot itself, the equations of any other plant.
+        arguments.append(nominal.robot or nominal.equations(request.plant))
     try:
-        inspect.signature(named).bind(*arguments, **numbers)
+        inspect.signature(function).bind(*arguments, **numbers)
     except TypeError as error:
-        _refuse(f"{table.law} cannot be called with {list(numbers) or 'no numbers'}: {error}")
-    with blamed(folder):
-        controller = named(*arguments, **numbers)
+        raise ArgumentError(
+            f"{name} cannot be called with {list(numbers) or 'no numbers'}: {error}"
+        ) from None
+    with blamed(request.folder):
+        controller = function(*arguments, **numbers)
     if not isinstance(controller, Controller):
-        _refuse(f"{table.law} returned a {type(controller).__name__}, must return a Controller")
+        raise ArgumentError(
+            f"{name} returned a {type(controller).__name__}, must return a Controller"
+        )
     return controller
 
 
 def _refuse_memory(table: ControllerTable) -> None:
-    """Refuse memory for what is no plain law."""
+    """Refuse memory for a controller that is no plain law."""
     if table.memory:
-        _refuse("memory is of a law (t, x, memory, p, u) of your own: all others have theirs")
-
-
-def _refuse(message: str) -> NoReturn:
-    raise ArgumentError(message)
+        raise ArgumentError(
+            "memory is of a law (t, x, memory, p, u) of your own: all others have theirs"
+        )
 
 
 def _is_law(function: Any, text: str) -> bool:
     """Whether a function is a law, (t, x, memory, p, u), and not one that makes a controller."""
     if not callable(function):
-        _refuse(
+        raise ArgumentError(
             f"{text} is a {type(function).__name__}, must be a law (t, x, memory, p, u), a "
             "function (nominal plant, numbers ...) -> Controller, a Controller, or a StateSpace "
             "or TransferFunction of python-control"
         )
-    names = [parameter.name for parameter in _needed(function)]
-    if len(names) in (4, 5) and names[:2] != ["t", "x"]:
-        _refuse(f"{text} has the arguments {', '.join(names)}: a law has t, x, memory, p and u")
-    return names[:2] == ["t", "x"] and not inspect.isclass(function)
+    names = [parameter.name for parameter in _required_parameters(function)]
+    begins_like_a_law = names[:2] == ["t", "x"]
+    if len(names) in (4, 5) and not begins_like_a_law:
+        raise ArgumentError(
+            f"{text} has the arguments {', '.join(names)}: a law has t, x, memory, p and u"
+        )
+    return begins_like_a_law and not inspect.isclass(function)
 
 
-def _needed(function: Any) -> list[inspect.Parameter]:
-    """What a function must be given."""
+def _required_parameters(function: Any) -> list[inspect.Parameter]:
+    """Return the positional parameters of a function that have no default."""
     return [
         parameter
         for parameter in inspect.signature(function).parameters.values()
@@ -248,72 +309,86 @@ def _needed(function: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _weight(name: str, table: ControllerTable, file: CaseFile, size: int) -> Array:
-    """Q or R of a law, its own or the task's, (size, size)."""
-    if name in table.numbers:
-        return weight(name, table.numbers[name], size)
-    if (value := getattr(file.task, name)) is None:
+def _weight(name: str, request: _Request, size: int) -> Array:
+    """Return Q or R of a law, its own or the task's, (size, size)."""
+    if name in request.table.numbers:
+        return weight(name, request.table.numbers[name], size)
+    value = getattr(request.file.task, name)
+    if value is None:
         raise ArgumentError(f"task: {name} is missing: a plant of your own needs weights Q and R")
     return weight(f"task: {name}", value, size)
 
 
-def _state_task(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, _plant: PlantName, _: Path
-) -> Task:
-    """What a law on the linearization about the operating point is designed for."""
-    task, system = file.task, nominal.system
-    led = task.reference is not None or not task.outputs.own or task.sign != 1
-    if led:
+def _state_task(request: _Request) -> Task:
+    """Return the task of a law on the linearization about the operating point."""
+    task = request.file.task
+    nominal = request.nominal
+    if task.reference is not None or not task.outputs.own or task.sign != 1:
         raise ArgumentError(
-            f"task: reference, outputs and sign: under {table.law} all states are held at the "
-            "operating point: name that with [plant] at"
+            f"task: reference, outputs and sign: under {request.table.law} all states are held at "
+            "the operating point: name that with [plant] at"
         )
-    believed = nominal.believed or nominal.plant
-    n, m = len(system.states), len(system.inputs)
-    Q, R = _weight("Q", table, file, n), _weight("R", table, file, m)
-    return state_task(believed, Q, R, nominal.at)
+    Q = _weight("Q", request, len(nominal.system.states))
+    R = _weight("R", request, len(nominal.system.inputs))
+    return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
 
 
-def _task(
-    table: ControllerTable, file: CaseFile, nominal: NominalPlant, plant: PlantName, folder: Path
-) -> Task:
-    """What a law is designed for."""
-    task = file.task
-    if (robot := nominal.robot) is not None:
-        if not task.outputs.own or task.sign != 1:
-            raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
-        n = robot.joints
-        held = None if nominal.at is None else [repr(angle) for angle in nominal.at.x[:n].tolist()]
-        moving, parameters = _reference(task.reference or held, (2,) * n, robot, folder)
-        Q, R = _weight("Q", table, file, 2 * n), _weight("R", table, file, n)
-        return robot.task(moving, parameters, Q, R)
-    equations = nominal.equations(plant)
-    system, named = equations.system, task.outputs
-    outputs = _outputs(named, nominal, folder)
+def _task(request: _Request) -> Task:
+    """Return the task of a law that follows outputs."""
+    if request.nominal.robot is not None:
+        return _robot_task(request, request.nominal.robot)
+
+    task = request.file.task
+    nominal = request.nominal
+    equations = nominal.equations(request.plant)
+    outputs = _outputs(task.outputs, nominal, request.folder)
     try:
-        degrees = feedback_linearization(system.equations, outputs).relative_degree
+        degrees = feedback_linearization(equations.system.equations, outputs).relative_degree
     except PremiseError as error:
         raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
-    held = None if nominal.at is None else _outputs_at(nominal.at, equations, outputs)
-    moving, parameters = _reference(task.reference or held, degrees, equations, folder)
+
+    formulas = task.reference
+    if not formulas and nominal.at is not None:
+        formulas = _outputs_at(nominal.at, equations, outputs)
+    moving, parameters = _reference(formulas, degrees, equations, request.folder)
+
     guess = None
     if outputs or nominal.rest is not None:
-        guess = state_of(named.guess, system, "task: outputs: guess", nominal.rest)
-    error = _coordinates(system, moving, task.sign, outputs, guess, named.unit if outputs else "")
-    Q, R = _weight("Q", table, file, error.size), _weight("R", table, file, error.inputs)
+        guess = state_of(task.outputs.guess, equations.system, "task: outputs: guess", nominal.rest)
+    unit = task.outputs.unit if outputs else ""
+    error = _coordinates(equations.system, moving, task.sign, outputs, guess, unit)
+    Q = _weight("Q", request, error.size)
+    R = _weight("R", request, error.inputs)
     return Task(equations, error, parameters, Q, R)
+
+
+def _robot_task(request: _Request, robot: Robot) -> Task:
+    """Return the task of a law that follows a robot's joint angles."""
+    task = request.file.task
+    if not task.outputs.own or task.sign != 1:
+        raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
+    n = robot.joints
+    formulas = task.reference
+    if not formulas and request.nominal.at is not None:
+        formulas = [repr(angle) for angle in request.nominal.at.x[:n].tolist()]
+    moving, parameters = _reference(formulas, (2,) * n, robot, request.folder)
+    Q = _weight("Q", request, 2 * n)
+    R = _weight("R", request, n)
+    return robot.task(moving, parameters, Q, R)
 
 
 def _outputs_at(
     point: OperatingPoint, plant: AnalyticPlant, outputs: tuple[sp.Expr, ...] | None
 ) -> list[str]:
-    """The outputs at an operating point, as formulas."""
-    equations, numbers = plant.system.equations, vars(plant.parameters)
-    values = [(symbol, numbers[str(symbol)]) for symbol in equations.parameters]
+    """Return the outputs at an operating point, as formulas."""
+    equations = plant.system.equations
+    parameters = vars(plant.parameters)
+    values = [(symbol, parameters[str(symbol)]) for symbol in equations.parameters]
     values += zip(equations.x, point.x.tolist(), strict=True)
     return [repr(float(y.subs(values))) for y in outputs or equations.h]
 
 
+# A law is compiled for its coordinates: all laws on them share one object.
 @lru_cache(maxsize=64)
 def _coordinates(
     system: System,
@@ -323,66 +398,85 @@ def _coordinates(
     guess: tuple[float, ...] | None,
     unit: str,
 ) -> ErrorCoordinates:
-    """Error coordinates, once for all laws on them: a law is compiled once for it."""
+    """Return error coordinates."""
     return ErrorCoordinates(system, moving, sign, outputs=outputs, guess=guess, unit=unit)
 
 
 def _outputs(
     table: OutputsTable, nominal: NominalPlant, folder: Path
 ) -> tuple[sp.Expr, ...] | None:
-    """What is regulated, in symbols; None for the plant's own outputs."""
+    """Return the regulated outputs in symbols; None for the plant's own outputs."""
     if table.own:
         return None
-    system, of = nominal.system, table.of
     if table.formulas is not None:
-        if of != "plant":
+        if table.of != "plant":
             raise ArgumentError("task: outputs: of and formulas are the same: give one of them")
-        symbols = [sp.Symbol(state.name) for state in system.states]
-        places: Any = dict(zip(symbols, system.equations.x, strict=True))
-        try:
-            read = (formula(text, *symbols) for text in table.formulas)
-            return tuple(y.subs(places, simultaneous=True) for y in read)
-        except ArgumentError as error:
-            raise ArgumentError(f"task: outputs: {error}") from None
-    known = OUTPUTS.get(nominal.system.name, {})
-    if not is_named(of) and of not in known:
-        raise ArgumentError(f"task: outputs: {unknown_name('outputs', of, ['plant', *known])}")
-    outputs = load_named(of, folder) if is_named(of) else known[of]
+        return _outputs_by_formulas(table.formulas, nominal.system)
+
+    name = table.of
+    packaged = OUTPUTS.get(nominal.system.name, {})
+    if is_named(name):
+        outputs = load_named(name, folder)
+    elif name in packaged:
+        outputs = packaged[name]
+    else:
+        raise ArgumentError(f"task: outputs: {unknown_name('outputs', name, ['plant', *packaged])}")
     with blamed(folder):
         outputs = outputs() if callable(outputs) else outputs
     if not isinstance(outputs, tuple) or not all(isinstance(output, sp.Expr) for output in outputs):
-        _refuse(f"task: outputs: {of} must be, or return, a tuple of expressions in the states")
+        raise ArgumentError(
+            f"task: outputs: {name} must be, or return, a tuple of expressions in the states"
+        )
     return outputs
+
+
+def _outputs_by_formulas(formulas: list[str], system: System) -> tuple[sp.Expr, ...]:
+    """Return outputs from formulas in the names of the states."""
+    symbols = [sp.Symbol(state.name) for state in system.states]
+    states: Any = dict(zip(symbols, system.equations.x, strict=True))
+    try:
+        outputs = [formula(text, *symbols) for text in formulas]
+    except ArgumentError as error:
+        raise ArgumentError(f"task: outputs: {error}") from None
+    return tuple(output.subs(states, simultaneous=True) for output in outputs)
 
 
 def _reference(
     formulas: list[str] | None, degrees: tuple[int, ...], nominal: Any, folder: Path
 ) -> tuple[ReferenceFunction, Any]:
-    """A reference from formulas in t, or from Python; zero by default."""
+    """Return a reference and its parameters, from formulas in t or from Python; zero by default."""
     formulas = formulas or ["0"] * len(degrees)
     if len(formulas) == 1 and is_named(formulas[0]):
-        pair = load_named(formulas[0], folder)
-        if inspect.isfunction(pair):
-            with blamed(folder):
-                pair = pair(nominal)
-        if not (isinstance(pair, tuple) and len(pair) >= 2 and callable(pair[0])):
-            _refuse(
-                f"task: reference: {formulas[0]} must be a pair (reference, its parameters), or a "
-                "function of the nominal plant that returns it"
-            )
-        moving: Any = pair[0]
-        return moving, pair[1]
+        return _users_reference(formulas[0], nominal, folder)
     if len(formulas) != len(degrees):
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
     try:
-        return _written(tuple(formulas), degrees), NoNumbers()
+        return _reference_by_formulas(tuple(formulas), degrees), NoNumbers()
     except ArgumentError as error:
         raise ArgumentError(f"task: reference: {error}") from None
 
 
+def _users_reference(name: str, nominal: Any, folder: Path) -> tuple[ReferenceFunction, Any]:
+    """Return a user's own reference with its parameters."""
+    pair = load_named(name, folder)
+    if inspect.isfunction(pair):
+        with blamed(folder):
+            pair = pair(nominal)
+    if not (isinstance(pair, tuple) and len(pair) >= 2 and callable(pair[0])):
+        raise ArgumentError(
+            f"task: reference: {name} must be a pair (reference, its parameters), or a "
+            "function of the nominal plant that returns it"
+        )
+    moving: Any = pair[0]
+    return moving, pair[1]
+
+
+# A law is compiled for its reference: all laws on it share one function.
 @lru_cache(maxsize=64)
-def _written(formulas: tuple[str, ...], degrees: tuple[int, ...]) -> ReferenceFunction:
-    """The reference of these formulas in t."""
+def _reference_by_formulas(
+    formulas: tuple[str, ...], degrees: tuple[int, ...]
+) -> ReferenceFunction:
+    """Return the reference of formulas in t."""
     return reference([formula(text, TIME) for text in formulas], degrees)

@@ -1,7 +1,7 @@
 """Metrics of a run: one accumulator for running and for recorded runs, and sums over the record.
 
-A law's run accumulates them at every timestep, in Python and in compiled code, so that it need not
-be recorded; of a recorded run every instant is accumulated by the same function. Means, costs and
+A simulation accumulates them at every timestep, in Python and in compiled code, so that it need not
+be recorded. The instants of a recorded run go through the same function. Means, costs and
 variations are sums by NumPy over the record; ``Costs`` agrees with them up to rounding.
 """
 
@@ -27,21 +27,24 @@ from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation import problem
 from grosmc_mj.simulation.trajectory import Trajectory
 
-# The usual 2 % band, of the initial error.
+# The usual 2 % band, a share of the initial error.
 SETTLING_BAND = 0.02
-# The part of the time that an error must stay in it.
+# The share of the transient that an error must stay in its band.
 DWELL = 0.1
-# A law without switching repeats to rounding, which the step of a threshold or a sum over 1e4
-# samples amplifies; what depends on the chatter of a switched one in ways of its own.
-_SMOOTH, _OTHER = (1e-6, 1e-9), (0.1, 0.0)
+
+# Relative and absolute tolerances on another machine. A law without switching repeats to rounding,
+# which the step of a threshold or a sum over 1e4 samples amplifies.
+_SMOOTH = (1e-6, 1e-9)
+# Metrics that depend on the chatter of a switching law and have no tolerance of their own.
+_OTHER = (0.1, 0.0)
 
 
 class Metric(NamedTuple):
     """A measured value.
 
     Attributes:
-        value: None if there is none to give; ``note`` says why.
-        unit: Its unit.
+        value: None where nothing can be measured; ``note`` says why.
+        unit: Unit of the value.
         note: ``not reached``, ``no surface`` and the like.
     """
 
@@ -51,14 +54,14 @@ class Metric(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """What is known of a metric beforehand.
+    """Unit and tolerance of a metric.
 
     Attributes:
-        unit: Of it; ``output``, ``input`` and ``sliding`` stand for those of the law.
-        switched: How closely it repeats under a switching law on another machine: relative,
-            absolute. Switching amplifies rounding until whole samples differ; what then repeats
-            are bounds, norms, averages and envelopes of the chatter.
-        stored: Whether it is kept of runs that are not recorded.
+        unit: Unit; ``output``, ``input`` and ``sliding`` stand for those of the law.
+        switched: Relative and absolute tolerance under a switching law on another machine.
+            Switching amplifies rounding until whole samples differ; bounds, norms, averages and
+            envelopes of the chatter still repeat.
+        stored: Whether runs that are not recorded have it.
     """
 
     unit: str
@@ -82,26 +85,30 @@ DEFINITIONS = {
     "cart_travel": Definition("m", (0.05, 0.0), stored=True),
 }
 # The metrics that are kept of every run, with their units.
-METRICS: Mapping[str, str] = {name: d.unit for name, d in DEFINITIONS.items() if d.stored}
+METRICS: Mapping[str, str] = {
+    name: definition.unit for name, definition in DEFINITIONS.items() if definition.stored
+}
 
 
 def tolerance_of(metric: str, *, switched: bool) -> tuple[float, float]:
-    """How closely a metric repeats on another machine: relative, absolute in its unit.
+    """Return the relative tolerance of a metric on another machine, and the absolute in its unit.
 
     Args:
-        metric: Its name.
+        metric: Name of the metric.
         switched: Whether a switching law made the run.
     """
     if not switched:
         return _SMOOTH
-    return DEFINITIONS[metric].switched if metric in DEFINITIONS else _OTHER
+    if metric not in DEFINITIONS:
+        return _OTHER
+    return DEFINITIONS[metric].switched
 
 
 class Windows(NamedTuple):
     """Error windows and settling bands that are measured besides the usual metrics.
 
     Attributes:
-        after: From when on largest and RMS errors are wanted [s].
+        after: Instants from which on the largest and the RMS error are measured [s].
         bands: Widths of further bands to settle in, in the unit of the output.
     """
 
@@ -109,8 +116,10 @@ class Windows(NamedTuple):
     bands: tuple[float, ...] = ()
 
     def numbers(self) -> tuple[Array, Array]:
-        """The same as ``after`` and ``widths`` of ``MeterNumbers``."""
-        return np.array(self.after or (0.0,), float), np.array((0.0, *self.bands))
+        """``after`` and ``widths`` of ``MeterNumbers``; the first band is the usual one."""
+        after = np.array(self.after or (0.0,), float)
+        widths = np.array((0.0, *self.bands))
+        return after, widths
 
 
 NO_WINDOWS = Windows()
@@ -118,14 +127,14 @@ NO_WINDOWS = Windows()
 
 @dataclass
 class Costs:
-    """The index up to a sample: by the trapezoid rule of z, and with the input v held.
+    """The index up to a sample: trapezoid rule for z, held input v.
 
     Attributes:
         t: Time of the sample [s].
         of_state: ∫ z'Qz dt.
         of_input: ∫ v'Rv dt.
         state_rate: z'Qz at the sample.
-        input_rate: v'Rv from there on.
+        input_rate: v'Rv from the sample on.
     """
 
     t: float = 0.0
@@ -137,27 +146,27 @@ class Costs:
 
 @dataclass
 class Meters:
-    """What has been accumulated of a run up to some instant.
+    """Accumulated values of a run up to some instant.
 
     Attributes:
-        error: Largest error of the outputs from each of the wanted times on, (k,).
+        error: Largest error of the outputs from each instant of ``after`` on, (k,).
         squares: Sum of the squares of those errors, (k,).
-        count: Of how many instants, (k,).
-        band: Errors up to this count as none, for each band, (b,).
-        outside: Last time of the transient at which the error was beyond it [s], (b,); or -1.
+        count: Number of those errors, (k,).
+        band: Half width of each band, (b,).
+        last_outside: Last instant of the transient with the error outside a band [s], (b,); or -1.
+        optimal: Optimal error state at this instant of a simulation, (size,).
+        z: Error state at this instant, (size,).
+        next_optimal: Buffer in which the optimal state is computed, (size,).
+        zero: Error state without error, (size,).
         start: Error at t = 0.
-        left: Largest error in the late part of the transient.
-        beyond: Largest error of the other sign than the first, in the transient.
+        late_error: Largest error in the late part of the transient.
+        opposite: Largest error of the other sign than the first, in the transient.
         deviation: Largest distance of the outputs from the optimum.
         sliding: Largest entry of |s|.
-        sliding_start: The same at t = 0.
+        sliding_start: Largest entry of |s| at t = 0.
         input: Largest entry of |u| that the plant is given.
-        position: Of a cart at t = 0 [m].
-        travel: How far it went [m].
-        optimal: The optimal error state at this instant of a run that goes on, (size,).
-        z: The error state at this instant, (size,).
-        after: Where the optimal state is computed, (size,).
-        still: No error, (size,).
+        position: Position of a cart at t = 0 [m].
+        travel: Largest distance of the cart from there [m].
         costs: The index up to this instant, if it is wanted.
     """
 
@@ -165,14 +174,14 @@ class Meters:
     squares: Array
     count: Array
     band: Array
-    outside: Array
+    last_outside: Array
     optimal: Array
     z: Array
-    after: Array
-    still: Array
+    next_optimal: Array
+    zero: Array
     start: float = 0.0
-    left: float = 0.0
-    beyond: float = 0.0
+    late_error: float = 0.0
+    opposite: float = 0.0
     deviation: float = 0.0
     sliding: float = 0.0
     sliding_start: float = 0.0
@@ -182,24 +191,36 @@ class Meters:
     costs: Costs = field(default_factory=Costs)
 
     @classmethod
-    def of(cls, known: MeterNumbers) -> Meters:
-        """Those of a new run, with room for what these numbers ask."""
-        k, b, size = len(known.after), len(known.widths), len(known.transition)
-        errors: Any = (np.zeros(k), np.zeros(k), np.zeros(k), np.zeros(b), -np.ones(b))
-        return cls(*errors, *(np.zeros(size) for _ in range(4)))
+    def of(cls, numbers: MeterNumbers) -> Meters:
+        """Meters of a new run, with arrays of the sizes that the numbers ask for."""
+        windows = len(numbers.after)
+        bands = len(numbers.widths)
+        size = len(numbers.transition)
+        return cls(
+            error=np.zeros(windows),
+            squares=np.zeros(windows),
+            count=np.zeros(windows),
+            band=np.zeros(bands),
+            last_outside=-np.ones(bands),
+            optimal=np.zeros(size),
+            z=np.zeros(size),
+            next_optimal=np.zeros(size),
+            zero=np.zeros(size),
+        )
 
 
 @dataclass(frozen=True)
 class MeterNumbers:
-    """What meters need to know.
+    """Constants of the meters.
 
     Attributes:
-        after: From when on largest errors are wanted [s], (k,).
+        after: Instants from which on largest errors are measured [s], (k,).
         onset: End of the transient [s].
-        part: Part of the error at the start that counts as no error in the first band.
-        widths: What else counts as none, for each band, (b,).
-        late: When the late part of the transient begins [s].
-        transition: The optimal error state from one timestep to the next, (size, size).
+        part: Half width of the first band as a share of the error at the start.
+        widths: Half width of each band; the share is added to the first, (b,).
+        late: Beginning of the late part of the transient [s].
+        transition: exp((A - B K) h), which moves the optimal error state by a timestep,
+            (size, size).
         Q: State weight of the index, (size, size).
         R: Input weight, (m, m).
         limits: Least and largest of each input that the plant is given, (2, m).
@@ -217,45 +238,59 @@ class MeterNumbers:
 
 
 @jitable
-def larger(value: float, known: float) -> float:
-    """The larger of two; not a number is none, in Python and in compiled code."""
-    return value if value > known else known
+def larger(value: float, largest: float) -> float:
+    """Return the larger of two; NaN never replaces a number, in Python and in compiled code."""
+    return value if value > largest else largest
 
 
 @jitable
 def note(
-    t: float, error: float, deviation: float, u: float, s: float, position: float,
-    meters: Any, known: Any,
-) -> None:  # fmt: skip
+    t: float,
+    error: float,
+    deviation: float,
+    u: float,
+    s: float,
+    position: float,
+    meters: Any,
+    numbers: Any,
+) -> None:
     """Accumulate an instant.
 
     Args:
-        t: Its time [s].
-        error: Of a single output with its sign, or the norm of several.
-        deviation: The same from the optimum.
+        t: Time of the instant [s].
+        error: Error of a single output with its sign, or the norm of several.
+        deviation: Distance of the outputs from the optimum, likewise.
         u: Largest entry of |u| that the plant is given.
         s: Largest entry of |s|.
-        position: Of a cart [m].
+        position: Position of a cart [m].
         meters: ``Meters`` of the run.
-        known: ``MeterNumbers``.
+        numbers: ``MeterNumbers``.
     """
     if t == 0.0:
-        meters.start, meters.sliding_start, meters.position = error, s, position
-        for i in range(len(known.widths)):
-            meters.band[i] = known.widths[i]
-        meters.band[0] += known.part * abs(error)
-    if t <= known.onset * (1 + 1e-12):
-        for i in range(len(known.widths)):
+        meters.start = error
+        meters.sliding_start = s
+        meters.position = position
+        for i in range(len(numbers.widths)):
+            meters.band[i] = numbers.widths[i]
+        meters.band[0] += numbers.part * abs(error)
+
+    if t <= numbers.onset * (1 + 1e-12):
+        for i in range(len(numbers.widths)):
             if abs(error) > meters.band[i]:
-                meters.outside[i] = t
-        if t >= known.late * (1 - 1e-12):
-            meters.left = larger(abs(error), meters.left)
-        meters.beyond = larger(-error if meters.start > 0.0 else error, meters.beyond)
-    for i in range(len(known.after)):
-        if t >= known.after[i] * (1 - 1e-12):
+                meters.last_outside[i] = t
+        if t >= numbers.late * (1 - 1e-12):
+            meters.late_error = larger(abs(error), meters.late_error)
+        opposite = error
+        if meters.start > 0.0:
+            opposite = -error
+        meters.opposite = larger(opposite, meters.opposite)
+
+    for i in range(len(numbers.after)):
+        if t >= numbers.after[i] * (1 - 1e-12):
             meters.error[i] = larger(abs(error), meters.error[i])
             meters.squares[i] += error * error
             meters.count[i] += 1.0
+
     meters.deviation = larger(abs(deviation), meters.deviation)
     meters.input = larger(u, meters.input)
     meters.sliding = larger(s, meters.sliding)
@@ -268,91 +303,132 @@ def note_costs(t: float, state_rate: Any, input_rate: Any, costs: Any) -> None:
     elapsed = t - costs.t
     costs.of_state += elapsed * (costs.state_rate + state_rate) / 2
     costs.of_input += elapsed * costs.input_rate
-    costs.t, costs.state_rate, costs.input_rate = t, state_rate, input_rate
+    costs.t = t
+    costs.state_rate = state_rate
+    costs.input_rate = input_rate
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What is needed, besides its meters, to say what n runs did.
+    """Instants and windows of n runs, which turn their meters into metrics.
 
     Attributes:
-        duration: [s].
-        onset: When the first disturbance of each run begins [s], (n,).
-        following: From instants to those that were accumulated next [s].
-        windows: What else was measured.
+        duration: Duration of the runs [s].
+        onset: Onset of the first disturbance of each run [s], (n,).
+        windows: Further windows and bands that were measured.
+        period: Time between two instants, if there is no ``time`` [s].
+        time: All instants of one recorded run [s], (N,).
     """
 
     duration: float
     onset: Array
-    following: Callable[[Array], Array]
     windows: Windows = NO_WINDOWS
+    period: float = 0.0
+    time: Array | None = None
 
     @classmethod
     def sampled(
         cls, period: float, duration: float, onset: Array, windows: Windows = NO_WINDOWS
     ) -> Recording:
-        """Of runs that accumulated at instants a period apart [s]."""
-        return cls(duration, onset, lambda instants: instants + period, windows)
+        """Recording of runs that accumulated at instants a period apart [s]."""
+        return cls(duration, onset, windows, period)
+
+    @classmethod
+    def of_run(
+        cls, time: Array, onset: float = math.inf, windows: Windows = NO_WINDOWS
+    ) -> Recording:
+        """Recording of one run with all its instants [s], (N,)."""
+        return cls(float(time[-1]), np.array([onset]), windows, time=time)
 
     @property
     def transient(self) -> Array:
-        """How long the transient lasts, in which a run settles [s], (n,)."""
+        """Length of the transient, in which a run settles [s], (n,)."""
         return transient_of(self.onset, self.duration)
+
+    def following(self, instants: Array) -> Array:
+        """Return the instants that were accumulated next [s]; infinite after the last one."""
+        if self.time is None:
+            return instants + self.period
+        index = np.searchsorted(self.time, instants, side="right")
+        return np.append(self.time, np.inf)[index]
 
 
 def transient_of(onset: Any, duration: float) -> Any:
-    """How long a run of this duration is a transient whose first disturbance begins then [s]."""
-    return np.where((onset > 0) & (onset < duration), onset, duration)
+    """Return the length of the transient [s].
+
+    Args:
+        onset: Onset of the first disturbance [s]; one from the start on is part of the transient.
+        duration: Duration of the run [s].
+    """
+    during_the_run = (onset > 0) & (onset < duration)
+    return np.where(during_the_run, onset, duration)
 
 
 def error_after(after: float) -> str:
-    """Name of the largest error from then on [s]."""
+    """Return the name of the largest error from an instant on [s]."""
     return f"error after {after!r} s"
 
 
 def rms_after(after: float) -> str:
-    """Name of the root mean square of the error from then on [s]."""
+    """Return the name of the RMS error from an instant on [s]."""
     return f"rms error after {after!r} s"
 
 
 def settled_in(band: float | None) -> str:
-    """Name of the time to settle in a band, in the unit of the output; None for the usual one."""
-    return "settled" if band is None else f"settled in {band!r}"
+    """Return the name of the time to settle in a band.
+
+    Args:
+        band: Half width in the unit of the output; None for the usual band.
+    """
+    if band is None:
+        return "settled"
+    return f"settled in {band!r}"
 
 
-def folded(meters: Any, recording: Recording) -> dict[str, Array]:
-    """Metrics from the meters of n runs, by name, (n,) each.
+def metrics_of_meters(meters: Any, recording: Recording) -> dict[str, Array]:
+    """Return the metrics of n runs by name, (n,) each.
 
     ``settled`` is the first instant from which on a run stays in its band, in its transient. It
-    is its settling time if it stays for the last tenth of the transient at least, else infinity:
+    is the settling time if it stays for the last tenth of the transient at least, else infinity:
     an error that swings in and out is always inside for a moment before some end. A run that
     starts without error has a band of zero: it has settled if it never leaves its reference.
+
+    Args:
+        meters: ``Meters`` of each run at its last instant, (n,).
+        recording: Instants and windows of the runs.
     """
-    outside = meters["outside"]
-    settled = np.where(outside < 0, 0.0, recording.following(outside))
-    late = settled[:, 0] > (1 - DWELL) * recording.transient
-    windows, start = recording.windows, np.abs(meters["start"])
-    # A run that ended before the window begins has no instant in it.
-    mean = meters["squares"] / np.maximum(meters["count"], 1.0)
-    return {
+    # A run that was never outside its band is settled from the start.
+    last_outside = meters["last_outside"]
+    settled = np.where(last_outside < 0, 0.0, recording.following(last_outside))
+    too_late = settled[:, 0] > (1 - DWELL) * recording.transient
+
+    start = np.abs(meters["start"])
+    no_error = np.full(len(start), np.inf)
+    overshoot = np.divide(meters["opposite"], start, out=no_error, where=start > 0)
+
+    metrics = {
         "deviation": meters["deviation"],
         "settled": settled[:, 0],
-        "settling_time": np.where(late, np.inf, settled[:, 0]),
-        "left": meters["left"],
-        "overshoot": np.divide(
-            meters["beyond"], start, out=np.full(len(start), np.inf), where=start > 0
-        ),
+        "settling_time": np.where(too_late, np.inf, settled[:, 0]),
+        "left": meters["late_error"],
+        "overshoot": overshoot,
         "max_sliding": meters["sliding"],
         "sliding_start": meters["sliding_start"],
         "max_input": meters["input"],
         "cart_travel": meters["travel"],
-        **{settled_in(width): settled[:, i + 1] for i, width in enumerate(windows.bands)},
-        **{error_after(t): meters["error"][:, i] for i, t in enumerate(windows.after)},
-        **{rms_after(t): np.sqrt(mean[:, i]) for i, t in enumerate(windows.after)},
     }
+    for i, width in enumerate(recording.windows.bands):
+        metrics[settled_in(width)] = settled[:, i + 1]
+
+    # A run that ended before the window begins has no instant in it.
+    mean_squares = meters["squares"] / np.maximum(meters["count"], 1.0)
+    for i, after in enumerate(recording.windows.after):
+        metrics[error_after(after)] = meters["error"][:, i]
+        metrics[rms_after(after)] = np.sqrt(mean_squares[:, i])
+    return metrics
 
 
-# -- of runs that go on ----------------------------------------------------------------------------
+# -- simulations -----------------------------------------------------------------------------------
 
 
 def meters_of(
@@ -365,27 +441,30 @@ def meters_of(
     limits: Array | None = None,
     late: float = math.inf,
 ) -> problem.Meters:
-    """Meters of runs of a controller, for ``simulate``: they accumulate every timestep.
+    """Return the meters of a controller's runs, which ``simulate`` updates at every timestep.
 
     Args:
-        controller: A law with error coordinates and an optimum; around one in a loop they take the
-            true state and the input that the actuators give.
-        timestep: Of the runs [s].
-        windows: Measured besides the usual metrics.
-        onset: When the first disturbance begins; settling is measured up to it, unless it acts
-            from the start [s].
+        controller: Law with error coordinates and an optimum; in a loop the meters take the true
+            state and the input that the actuators give.
+        timestep: Timestep of the runs [s].
+        windows: Windows and bands that are measured besides the usual metrics.
+        onset: Onset of the first disturbance; settling is measured up to it, unless it acts from
+            the start [s].
         costs: Whether the index is wanted.
-        limits: ``Plant.input_limits``, (2, m), which the input is taken within, as the plant is
-            given it; None for none.
-        late: From when on the error that is left is taken, up to the end of the transient [s].
+        limits: ``Plant.input_limits``, (2, m), to which the input is clipped as the plant clips
+            it; None for none.
+        late: Beginning of the part of the transient whose largest error is ``left`` [s].
 
     Raises:
         ArgumentError: If the controller follows no optimum.
     """
     design = controller.designed
-    error, optimum = design.error, design.lqr
+    error = design.error
+    optimum = design.lqr
+    if limits is None:
+        limits = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
+
     after, widths = windows.numbers()
-    unlimited = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
     numbers = MeterNumbers(
         after=after,
         widths=widths,
@@ -394,53 +473,70 @@ def meters_of(
         transition=_transition(optimum.closed_loop.tobytes(), error.size, timestep),
         Q=optimum.Q,
         R=optimum.R,
-        limits=unlimited if limits is None else limits,
+        limits=limits,
     )
-    surface, cart = bool(design.sliding_unit), has_cart(error.system)
-    noting = _noting_timesteps(error.state, tuple(error.output_rows), surface, cart, costs)
-    return problem.Meters(noting, Meters.of(numbers), numbers)
+    note_timestep = _noting_timesteps(
+        error.state,
+        tuple(error.output_rows),
+        surface=bool(design.sliding_unit),
+        cart=has_cart(error.system),
+        costs=costs,
+    )
+    return problem.Meters(note_timestep, Meters.of(numbers), numbers)
 
 
 def _transient_end(onset: float) -> float:
-    """When the transient ends; a disturbance that acts from the start is part of it [s]."""
-    return onset if onset > 0 else math.inf
+    """Return the end of the transient [s]; a disturbance from the start on is part of it."""
+    if onset > 0:
+        return onset
+    return math.inf
 
 
+# The runs of a campaign ask for the same one whenever their disturbances begin at other instants.
 @cache
 def _transition(closed_loop: bytes, size: int, timestep: float) -> Array:
-    """exp((A - B K) h)."""
-    return scipy.linalg.expm(np.frombuffer(closed_loop).reshape(size, size) * timestep)
+    """Return exp((A - B K) h), (size, size)."""
+    matrix = np.frombuffer(closed_loop).reshape(size, size)
+    return scipy.linalg.expm(matrix * timestep)
 
 
+# A new function would be compiled anew.
 @cache
 def _noting_timesteps(
-    error_state: Any, outputs: tuple[int, ...], surface: bool, cart: bool, costs: bool
+    error_state: Any, outputs: tuple[int, ...], *, surface: bool, cart: bool, costs: bool
 ) -> Any:
-    """``problem.Meters.note``."""
+    """Return ``problem.Meters.note``: numba compiles a closure with only the branches it needs."""
     difference = _difference(outputs)
 
     @jitable
     def note_timestep(
-        t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, known: Any
-    ) -> None:  # fmt: skip
-        z, s, position = meters.z, 0.0, 0.0
-        error_state(t, x, p, z)
-        _follow(t, z, meters, known.transition)
+        t: float, x: Any, u: Any, memory: Any, p: Any, meters: Any, numbers: Any
+    ) -> None:
+        error_state(t, x, p, meters.z)
+        _follow(t, meters.z, meters, numbers.transition)
+        error = difference(meters.z, meters.zero)
+        deviation = difference(meters.z, meters.optimal)
+
+        s = 0.0
         if surface:
             s = _largest_entry(memory.s)
+        position = 0.0
         if cart:
             position = x[0]
-        error, deviation = difference(z, meters.still), difference(z, meters.optimal)
-        note(t, error, deviation, _largest_input(u, known.limits), s, position, meters, known)
+        largest_input = _largest_input(u, numbers.limits)
+        note(t, error, deviation, largest_input, s, position, meters, numbers)
+
         if costs:
-            note_costs(t, quadratic(z, known.Q), quadratic(memory.v, known.R), meters.costs)
+            state_rate = quadratic(meters.z, numbers.Q)
+            input_rate = quadratic(memory.v, numbers.R)
+            note_costs(t, state_rate, input_rate, meters.costs)
 
     return note_timestep
 
 
 @jitable
 def _largest_entry(values: Any) -> float:
-    """The largest magnitude of several numbers."""
+    """Return the largest magnitude of several numbers."""
     largest = 0.0
     for value in values:
         largest = larger(abs(value), largest)
@@ -449,17 +545,21 @@ def _largest_entry(values: Any) -> float:
 
 @jitable
 def _largest_input(values: Any, limits: Any) -> float:
-    """The largest magnitude of several inputs within the plant's limits."""
+    """Return the largest magnitude of several inputs within the plant's limits."""
     largest = 0.0
     for i in range(len(values)):
-        largest = larger(abs(min(max(values[i], limits[0, i]), limits[1, i])), largest)
+        limited = min(max(values[i], limits[0, i]), limits[1, i])
+        largest = larger(abs(limited), largest)
     return largest
 
 
-@cache
 def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
-    """Jitable (a, b) -> a - b of the one output, or the norm of that of several."""
-    only, several = outputs[0], len(outputs) > 1
+    """Return jitable (a, b) -> a - b of a single output, or the norm of that of several.
+
+    A closure, since numba compiles the choice and the indices as constants.
+    """
+    only = outputs[0]
+    several = len(outputs) > 1
 
     @jitable
     def difference(a: Any, b: Any) -> float:
@@ -477,9 +577,12 @@ def _difference(outputs: tuple[int, ...]) -> Callable[[Any, Any], float]:
 def _follow(t: float, z: Any, meters: Any, transition: Any) -> None:
     """Bring the optimum to this instant; it starts at z."""
     for i in range(len(z)):
-        meters.after[i] = z[i] if t == 0.0 else row_times(i, transition, meters.optimal)
+        if t == 0.0:
+            meters.next_optimal[i] = z[i]
+        else:
+            meters.next_optimal[i] = row_times(i, transition, meters.optimal)
     for i in range(len(z)):
-        meters.optimal[i] = meters.after[i]
+        meters.optimal[i] = meters.next_optimal[i]
 
 
 def said_by(
@@ -492,20 +595,20 @@ def said_by(
     *,
     costs: bool,
 ) -> dict[str, Array]:
-    """Metrics from the meters of n runs, by name, (n,) each.
+    """Return the metrics of n simulations by name, (n,) each.
 
     Args:
-        controller: Theirs.
-        meters: ``Meters`` of each at its last instant, (n,).
-        recording: What the runs were.
+        controller: Controller of the runs.
+        meters: ``Meters`` of each run at its last instant, (n,).
+        recording: Instants and windows of the runs.
         starts: States at t = 0, (n, states).
-        last: Their last states, (n, states).
-        completed: Which runs reached their end, (n,).
-        costs: Whether the index is wanted, as of ``meters_of``.
+        last: Last states, (n, states).
+        completed: Whether each run reached its end, (n,).
+        costs: Whether the index is wanted, as in ``meters_of``.
     """
-    metrics = folded(meters, recording)
+    metrics = metrics_of_meters(meters, recording)
     if costs:
-        # What a run ended early at may be out of all bounds.
+        # The last state of a run that ended early may be out of all bounds.
         ends = np.where(completed[:, None], last, starts)
         metrics["cost_ratio"] = cost_ratios(
             controller, meters["costs"], starts, ends, recording.duration
@@ -516,28 +619,32 @@ def said_by(
 def cost_ratios(
     controller: Controller, costs: Any, starts: Array, ends: Array, duration: float
 ) -> Array:
-    """J with the whole input over the least, J*, of n runs, (n,); infinite where J* is zero.
+    """Return J with the whole input over J* of n runs, (n,); infinite where J* is zero.
 
     Args:
-        controller: Their controller.
-        costs: ``Costs`` of each at its last instant, (n,).
+        controller: Controller of the runs.
+        costs: ``Costs`` of each run at its last instant, (n,).
         starts: States at t = 0, (n, states).
         ends: States at the end, (n, states).
-        duration: [s].
+        duration: Duration of the runs [s].
     """
-    error, design = controller.designed.error, controller.designed.lqr
-    first, last = (
-        error.along(np.full(len(states), t), states, controller.parameters)
-        for t, states in ((0.0, starts), (duration, ends))
-    )
-    ended = costs.copy().view(np.recarray)
-    note_costs(duration, np.array([quadratic(z, design.Q) for z in last]), 0.0, ended)
-    least = np.array([design.optimal_cost(z) for z in first])
-    cost = 0.5 * (ended.of_state + ended.of_input)
-    return np.divide(cost, least, out=np.full(len(least), np.inf), where=least != 0)
+    error = controller.designed.error
+    design = controller.designed.lqr
+    first_z = error.along(np.full(len(starts), 0.0), starts, controller.parameters)
+    last_z = error.along(np.full(len(ends), duration), ends, controller.parameters)
+
+    # The last interval ends at the last state, which no timestep has accumulated.
+    costs = costs.copy().view(np.recarray)
+    last_rates = np.array([quadratic(z, design.Q) for z in last_z])
+    note_costs(duration, last_rates, 0.0, costs)
+    cost = 0.5 * (costs.of_state + costs.of_input)
+
+    optimal_cost = np.array([design.optimal_cost(z) for z in first_z])
+    no_optimum = np.full(len(optimal_cost), np.inf)
+    return np.divide(cost, optimal_cost, out=no_optimum, where=optimal_cost != 0)
 
 
-# -- of recorded runs ------------------------------------------------------------------------------
+# -- recorded runs ---------------------------------------------------------------------------------
 
 
 class Comparison(NamedTuple):
@@ -547,9 +654,9 @@ class Comparison(NamedTuple):
         time: Instants [s], (N + 1,).
         z: Error state of the run, (N + 1, n).
         optimal: x* or z* of eqs. (7), (30) and (50) from the same start, (N + 1, n).
-        outputs: Columns of z that are outputs' errors; the others are their derivatives.
+        outputs: Columns of z that are errors of outputs; the others are their derivatives.
         reference: y_r in the outputs' own coordinates, (N + 1, m).
-        optimum: The outputs on the optimal trajectory, (N + 1, m).
+        optimum: Outputs on the optimal trajectory, (N + 1, m).
     """
 
     time: Array
@@ -561,141 +668,169 @@ class Comparison(NamedTuple):
 
     @property
     def error(self) -> Array:
-        """The output's error or, of several outputs, the norm of their errors, (N + 1,)."""
+        """Error of a single output, or the norm of several, (N + 1,)."""
         return _size(self.z[:, self.outputs])
 
     @property
     def optimal_error(self) -> Array:
-        """The same of the optimal trajectory, (N + 1,)."""
+        """Error of the optimal trajectory, or its norm, (N + 1,)."""
         return _size(self.optimal[:, self.outputs])
 
     @property
     def deviation(self) -> Array:
-        """The same of the distance from the optimal trajectory, (N + 1,)."""
+        """Distance of the outputs from the optimal trajectory, (N + 1,)."""
         return _size((self.z - self.optimal)[:, self.outputs])
 
 
 def _size(rows: Array) -> Array:
-    """A single column as it is, or the norms of the rows."""
-    return rows[:, 0] if rows.shape[1] == 1 else np.linalg.norm(rows, axis=1)
+    """Return a single column as it is, else the norms of the rows."""
+    if rows.shape[1] == 1:
+        return rows[:, 0]
+    return np.linalg.norm(rows, axis=1)
 
 
 def compare_with_optimum(run: Trajectory, controller: Controller) -> Comparison:
-    """The error state of a run and its nominal optimal trajectory, exact by matrix exponential.
+    """Return the error state of a run beside the nominal optimum, by matrix exponential.
 
     Raises:
         ArgumentError: If the controller follows no optimum.
     """
-    design, p = controller.designed, controller.parameters
-    error = design.error
+    error = controller.designed.error
+    p = controller.parameters
     reference = error.reference_along(run.time, p.reference)
     z = error.beside(reference, run.state, p)
-    optimal = design.lqr.optimal_trajectory(z[0], run.time)
-    outputs = error.output_rows
+    optimal = controller.designed.lqr.optimal_trajectory(z[0], run.time)
     optimum = reference + error.sign * optimal
+
+    outputs = error.output_rows
     return Comparison(run.time, z, optimal, outputs, reference[:, outputs], optimum[:, outputs])
 
 
 def measure(
     run: Trajectory, controller: Controller, comparison: Comparison, onset: float = math.inf
 ) -> dict[str, Metric]:
-    """All metrics of one run.
+    """Return all metrics of one run by name.
 
     Settling time and overshoot are of the transient: up to ``onset``, unless a disturbance
     acts from the start. The costs are of the index that the law was designed for, over the run.
 
     Args:
         run: One run on any plant.
-        controller: Its controller.
+        controller: Controller of the run.
         comparison: The run beside its optimum.
-        onset: When the first disturbance begins [s].
+        onset: Onset of the first disturbance [s].
     """
-    time = comparison.time
     names = [name for name in DEFINITIONS if name != "sliding_start"]
-    if len(time) < 2:
+    if len(comparison.time) < 2:
         return {name: Metric(None, "", "ended at the start") for name in names}
-    units, u = controller.designed.error.units, run.system.input.unit
-    shown = {
-        "output": units[comparison.outputs[0]], "input": u, "input/s": f"{u}/s",
-        "sliding": controller.designed.sliding_unit,
-    }  # fmt: skip
-    values = {k: float(v[0]) for k, v in folded(*noted(run, comparison, onset)).items()}
-    values["overshoot"] *= 100
-    values["rms_error"] = root_mean_square(comparison.error)
-    values["total_variation"] = variation_rate(run.input, float(time[-1]))
-    values |= _costs(run, controller, comparison)
-    absent: dict[str, Metric] = {}
-    if run.sliding is None:
-        absent |= dict.fromkeys(("max_sliding", "rms_sliding"), Metric(None, "", "no surface"))
-    else:
-        values["rms_sliding"] = root_mean_square(_largest_entries(run.sliding))
-    if len(comparison.outputs) > 1:
-        absent["overshoot"] = Metric(None, "%", "several outputs")
-    elif math.isinf(values["overshoot"]):
-        absent["overshoot"] = Metric(None, "%", "no initial error")
-    absent["settling_time"] = settling(values["settling_time"])
     if not has_cart(run.system):
         names.remove("cart_travel")
-    kinds = {name: DEFINITIONS[name].unit for name in names}
-    return {
-        name: absent.get(name) or Metric(values[name], shown.get(kind, kind))
-        for name, kind in kinds.items()
+
+    output_unit = controller.designed.error.units[comparison.outputs[0]]
+    input_unit = run.system.input.unit
+    units = {
+        "output": output_unit,
+        "input": input_unit,
+        "input/s": f"{input_unit}/s",
+        "sliding": controller.designed.sliding_unit,
     }
 
+    values = _values(run, controller, comparison, onset)
+    metrics = _metrics_that_may_be_absent(run, comparison, values)
+    for name in names:
+        if name not in metrics:
+            unit = DEFINITIONS[name].unit
+            metrics[name] = Metric(values[name], units.get(unit, unit))
+    return {name: metrics[name] for name in names}
 
-def noted(
+
+def _values(
+    run: Trajectory, controller: Controller, comparison: Comparison, onset: float
+) -> dict[str, float]:
+    """Return the value of each metric; infinite where it is not defined."""
+    meters, recording = accumulate_run(run, comparison, onset)
+    columns = metrics_of_meters(meters, recording)
+    values = {name: float(column[0]) for name, column in columns.items()}
+    values["overshoot"] *= 100
+    values["rms_error"] = root_mean_square(comparison.error)
+    values["total_variation"] = variation_rate(run.input, float(comparison.time[-1]))
+    if run.sliding is not None:
+        values["rms_sliding"] = root_mean_square(_largest_entries(run.sliding))
+    values.update(_costs(run, controller, comparison))
+    return values
+
+
+def _metrics_that_may_be_absent(
+    run: Trajectory, comparison: Comparison, values: Mapping[str, float]
+) -> dict[str, Metric]:
+    """Return the settling time, and each metric that the run does not have."""
+    metrics = {"settling_time": settling(values["settling_time"])}
+    if run.sliding is None:
+        metrics["max_sliding"] = Metric(None, "", "no surface")
+        metrics["rms_sliding"] = Metric(None, "", "no surface")
+    if len(comparison.outputs) > 1:
+        metrics["overshoot"] = Metric(None, "%", "several outputs")
+    elif math.isinf(values["overshoot"]):
+        metrics["overshoot"] = Metric(None, "%", "no initial error")
+    return metrics
+
+
+def accumulate_run(
     run: Trajectory,
     comparison: Comparison,
     onset: float = math.inf,
     windows: Windows = NO_WINDOWS,
 ) -> tuple[Any, Recording]:
-    """The meters of a recorded run, (1,), that have taken every instant, and what they are of.
+    """Return the meters of a recorded run after every instant, (1,), and its recording.
 
     Args:
         run: One run on any plant.
         comparison: The run beside its optimum.
-        onset: When the first disturbance begins [s].
-        windows: What else is measured.
+        onset: Onset of the first disturbance [s].
+        windows: Further windows and bands.
     """
     rows = np.zeros((len(run.time), 5))
-    rows[:, 0], rows[:, 1] = comparison.error, comparison.deviation
+    rows[:, 0] = comparison.error
+    rows[:, 1] = comparison.deviation
     # Input and s are held up to the next instant: at the last one there are none.
-    for column, held in ((2, run.input), (3, run.sliding)):
-        if held is not None:
-            rows[: len(held), column] = _largest_entries(held)
+    rows[: len(run.input), 2] = _largest_entries(run.input)
+    if run.sliding is not None:
+        rows[: len(run.sliding), 3] = _largest_entries(run.sliding)
     if has_cart(run.system):
         rows[:, 4] = run.state[:, 0]
+
     after, widths = windows.numbers()
-    known = MeterNumbers(after, _transient_end(onset), widths=widths)
-    return note_all(run.time, rows, known), _recorded(run.time, onset, windows)
+    numbers = MeterNumbers(after, _transient_end(onset), widths=widths)
+    return accumulate(run.time, rows, numbers), Recording.of_run(run.time, onset, windows)
 
 
-def _recorded(time: Array, onset: float = math.inf, windows: Windows = NO_WINDOWS) -> Recording:
-    """Of one run whose instants were recorded [s], (N,); after the last comes none."""
+def accumulate(time: Array, rows: Array, numbers: MeterNumbers) -> Any:
+    """Return the meters of one run, (1,).
 
-    def following(instants: Array) -> Array:
-        return np.append(time, np.inf)[np.searchsorted(time, instants, side="right")]
-
-    return Recording(float(time[-1]), np.array([onset]), following, windows)
-
-
-def note_all(time: Array, rows: Array, known: MeterNumbers) -> Any:
-    """Meters, (1,), of error, deviation, |u|, |s| and position in rows, (N, 5)."""
-    kept = [
-        np.frombuffer(pack(record), record_dtype(record)) for record in (Meters.of(known), known)
-    ]
-    _noting_rows()(time, rows, *kept)
-    return kept[0]
+    Args:
+        time: Instants [s], (N,).
+        rows: Error, deviation, |u|, |s| and position at each instant, (N, 5).
+        numbers: Constants of the meters.
+    """
+    meters = _record(Meters.of(numbers))
+    _noting_rows()(time, rows, meters, _record(numbers))
+    return meters
 
 
+def _record(value: Any) -> Any:
+    """Return a dataclass of numbers as a structured array, (1,)."""
+    return np.frombuffer(pack(value), record_dtype(value))
+
+
+# Compiled once.
 @cache
 def _noting_rows() -> Any:
-    """The compiled loop over the instants of a recorded run."""
+    """Return the compiled loop over the instants of a recorded run."""
 
-    def note_rows(time: Any, rows: Any, meters: Any, known: Any) -> None:
+    def note_rows(time: Any, rows: Any, meters: Any, numbers: Any) -> None:
         for i in range(len(time)):
             row = rows[i]
-            note(time[i], row[0], row[1], row[2], row[3], row[4], meters[0], known[0])
+            note(time[i], row[0], row[1], row[2], row[3], row[4], meters[0], numbers[0])
 
     return compile_python(note_rows)
 
@@ -706,81 +841,99 @@ def has_cart(system: System) -> bool:
 
 
 def settling_time(time: Array, error: Array, width: float | None = None) -> Metric:
-    """When |error| enters a band for good; ``not reached`` if never.
+    """Return when |error| enters a band for good; ``not reached`` if never.
 
     Args:
         time: Instants from 0 on [s], (N,).
-        error: (N,).
-        width: Of the band; 2 % of |error(0)| by default.
+        error: Error at the instants, (N,).
+        width: Half width of the band; 2 % of |error(0)| by default.
     """
-    known = MeterNumbers() if width is None else MeterNumbers(part=0.0, widths=np.array([width]))
-    return settling(_of_error(time, error, known)["settling_time"])
+    numbers = MeterNumbers()
+    if width is not None:
+        numbers = MeterNumbers(part=0.0, widths=np.array([width]))
+    metrics = _metrics_of_error(time, error, numbers)
+    return settling(metrics["settling_time"])
 
 
 def overshoot(error: Array) -> Metric:
-    """Largest error beyond zero, in percent of the initial error."""
-    share = _of_error(np.arange(float(len(error))), error, MeterNumbers())["overshoot"]
-    return Metric(100 * share, "%") if share < math.inf else Metric(None, "%", "no initial error")
+    """Return the largest error beyond zero, in percent of the initial error."""
+    instants = np.arange(float(len(error)))
+    share = _metrics_of_error(instants, error, MeterNumbers())["overshoot"]
+    if math.isinf(share):
+        return Metric(None, "%", "no initial error")
+    return Metric(100 * share, "%")
 
 
-def _of_error(time: Array, error: Array, known: MeterNumbers) -> dict[str, float]:
-    """Metrics of an error alone."""
-    rows = np.column_stack([error, np.zeros((len(time), 4))])
-    metrics = folded(note_all(time, rows, known), _recorded(time))
+def _metrics_of_error(time: Array, error: Array, numbers: MeterNumbers) -> dict[str, float]:
+    """Return the metrics of an error alone."""
+    rows = np.zeros((len(time), 5))
+    rows[:, 0] = error
+    meters = accumulate(time, rows, numbers)
+    metrics = metrics_of_meters(meters, Recording.of_run(time))
     return {name: float(value[0]) for name, value in metrics.items()}
 
 
 def settling(settled: float) -> Metric:
-    """A settling time [s]; infinite stands for never."""
-    return Metric(settled, "s") if settled < math.inf else Metric(None, "s", "not reached")
+    """Return a settling time as a metric [s]; infinite stands for never."""
+    if settled < math.inf:
+        return Metric(settled, "s")
+    return Metric(None, "s", "not reached")
 
 
 def root_mean_square(values: Array) -> float:
-    """The root of the mean of the squares."""
+    """Return the root of the mean of the squares."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def variation_rate(values: Array, seconds: float) -> float:
-    """How much held values change, of several the sum of theirs, per second."""
+    """Return the total variation of held values per second, summed over the columns."""
     return float(np.abs(np.diff(values, axis=0)).sum() / seconds)
 
 
 def _largest_entries(rows: Array) -> Array:
-    """The largest magnitude in each row of one or more numbers, (N,)."""
+    """Return the largest magnitude in each row of one or more numbers, (N,)."""
     return np.abs(rows.reshape(len(rows), -1)).max(axis=1)
 
 
 def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric, Metric]:
-    """Costs of a run in numbers that do not grow with a run that has settled.
+    """Return costs of a run that do not grow with its length once it has settled.
 
     Args:
-        metrics: Of the run.
-        duration: Of the run [s].
+        metrics: Metrics of the run.
+        duration: Duration of the run [s].
 
     Returns:
         J with the continuous part of the input over J*, and the cost of the rest of the input a
         second over J* [1/s].
     """
-    names = ("cost_continuous", "cost_whole", "cost_optimal")
-    continuous, total, least = (metrics[name].value for name in names)
-    if not (continuous is not None and total is not None and least and duration > 0):
+    continuous = metrics["cost_continuous"].value
+    whole = metrics["cost_whole"].value
+    optimal = metrics["cost_optimal"].value
+    if continuous is None or whole is None or not optimal or not duration > 0:
         return Metric(None, "1", "no J*"), Metric(None, "1/s", "no J*")
-    rate = (total - continuous) / (least * duration)
-    return Metric(continuous / least, "1"), Metric(rate, "1/s")
+    rate = (whole - continuous) / (optimal * duration)
+    return Metric(continuous / optimal, "1"), Metric(rate, "1/s")
 
 
 def _costs(run: Trajectory, controller: Controller, comparison: Comparison) -> dict[str, float]:
-    """J over the run, index (13) with the continuous part of the input, with the whole, and J*."""
+    """Return index (13) with the continuous part of the input, with the whole, and J*."""
     design = controller.designed.lqr
-    time, z = comparison.time, comparison.z
-    of_state = np.trapezoid(np.einsum("ti,ij,tj->t", z, design.Q, z), time)
+    time = comparison.time
+    z = comparison.z
+
+    state_cost = np.trapezoid(_quadratic_rows(z, design.Q), time)
     continuous = -(z @ design.K.T)
-    of_continuous = np.trapezoid(np.einsum("ti,ij,tj->t", continuous, design.R, continuous), time)
+    continuous_cost = np.trapezoid(_quadratic_rows(continuous, design.R), time)
     # The whole input is held between samples: its integral is a sum.
     v = run.weighed.reshape(len(run.weighed), -1)
-    of_whole = float(np.einsum("ti,ij,tj->t", v, design.R, v) @ np.diff(time))
+    whole_cost = float(_quadratic_rows(v, design.R) @ np.diff(time))
     return {
-        "cost_continuous": float(0.5 * (of_state + of_continuous)),
-        "cost_whole": float(0.5 * (of_state + of_whole)),
+        "cost_continuous": float(0.5 * (state_cost + continuous_cost)),
+        "cost_whole": float(0.5 * (state_cost + whole_cost)),
         "cost_optimal": design.optimal_cost(z[0]),
     }
+
+
+def _quadratic_rows(rows: Array, weight: Array) -> Array:
+    """Return x' W x of each row x, (N,)."""
+    return np.einsum("ti,ij,tj->t", rows, weight, rows)

@@ -1,4 +1,4 @@
-"""The plant that a case file names: the one that its laws believe in, and those that they meet."""
+"""The plants of a case file: the nominal one for its laws, and the true ones for its runs."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ PlantName = Literal["printed", "corrected", "physics"]
 
 @dataclass(frozen=True, eq=False)
 class NominalPlant:
-    """The plant that laws are designed for, and what true plants are made of it.
+    """The plant that laws are designed for, and from which the true plants are made.
 
     Attributes:
-        plant: Before any edit.
-        robot: The robot that it is, if it is one: its laws are designed from MuJoCo's dynamics.
+        plant: The plant before any edit.
+        robot: The robot, if it is one: its laws are designed from MuJoCo's dynamics.
         scales: Parameters of equations without a model, with factors that the true ones have.
-        believed: The equations that laws are designed from, if they are not its own.
+        believed: Other equations that laws are designed from, if the file names some.
         at: Its operating point, if the file has one or laws need one.
         pushed: Inputs and rates of equations that disturbances act on.
     """
@@ -64,11 +64,12 @@ class NominalPlant:
 
     @property
     def names(self) -> list[PlantName]:
-        """The true plants that there are: the equations, then physics."""
+        """Names of the true plants: the equations, then physics."""
         if self.plant.kind != "physics":
             return ["corrected"]
-        known = self.system.variants if self.system.read_parameters is not None else ()
-        return [*known, "physics"]
+        if self.system.read_parameters is None:
+            return ["physics"]
+        return [*self.system.variants, "physics"]
 
     @property
     def truest(self) -> PlantName:
@@ -78,27 +79,29 @@ class NominalPlant:
     @property
     def rest(self) -> tuple[float, ...] | None:
         """State of its operating point, if it has one."""
-        return None if self.at is None else tuple(self.at.x.tolist())
+        if self.at is None:
+            return None
+        return tuple(self.at.x.tolist())
 
     @property
     def integrator(self) -> Integrator:
-        """What steps it by itself; equations are stepped by RK4."""
+        """Integrator of the model; equations are stepped by RK4."""
         return self.plant.stepped_by
 
     def equations(self, plant: PlantName) -> AnalyticPlant:
-        """The nominal equations that a law is designed from that shall run on a plant."""
+        """Return the nominal equations for the design of a law that runs on a plant."""
         return self.believed or self.plant.analytic(design_variant(plant))
 
     def true(
         self, name: PlantName, edits: tuple[Edit, ...], timestep: float, integrator: Integrator
     ) -> Plant:
-        """The plant that a law meets.
+        """Return the plant that a law runs on.
 
         Args:
-            name: Which of ``names``.
-            edits: What it has that the law does not know.
-            timestep: Of the physics [s].
-            integrator: MuJoCo's.
+            name: One of ``names``.
+            edits: Changes that the law does not know.
+            timestep: Timestep of the physics [s].
+            integrator: MuJoCo's integrator.
         """
         if not isinstance(self.plant, MujocoPlant):
             true = self.plant
@@ -107,28 +110,33 @@ class NominalPlant:
             return true.pushed(self.pushed)
         machine = self.plant if self.robot is None else self.robot.built
         physics = _edited(machine, edits, timestep, integrator)
-        return physics if name == "physics" else physics.analytic(name)
+        if name == "physics":
+            return physics
+        return physics.analytic(name)
 
 
+# A model is compiled once for all runs on it.
 @lru_cache(maxsize=256)
 def _edited(
     plant: MujocoPlant, edits: tuple[Edit, ...], timestep: float, integrator: Integrator
 ) -> MujocoPlant:
-    """An edited model, compiled once for all runs on it."""
+    """Return an edited model."""
     return replace(plant, edits=edits, timestep=timestep, integrator=integrator)
 
 
 def design_variant(plant: PlantName) -> Variant:
-    """The equations that the law for a plant is designed from."""
-    return "printed" if plant == "printed" else "corrected"
+    """Return the variant of the equations that the law for a plant is designed from."""
+    if plant == "printed":
+        return "printed"
+    return "corrected"
 
 
 def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
-    """The plant that a case file names.
+    """Return the nominal plant of a case file.
 
     Args:
         file: The case file.
-        folder: Where it lies.
+        folder: The folder of the file.
 
     Raises:
         GrosmcError: If there is no such plant, or it cannot be edited like that.
@@ -142,6 +150,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
                 f"{parameters[0]!r}"
             )
         return _with_known(nominal, edits_of(file, nominal.system, known=True))
+
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
         raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")
     if len(parameters) < len(file.edit):
@@ -150,54 +159,50 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
         )
     for name in parameters:
         require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
+    pushed = [table.of for table in file.disturbance if not table.body]
     return replace(
         nominal,
         scales=tuple((table.parameter or "", table.scale or 0.0) for table in file.edit),
-        pushed=tuple(dict.fromkeys(table.of for table in file.disturbance if not table.body)),
+        pushed=tuple(dict.fromkeys(pushed)),
     )
 
 
+# A model is compiled once for all experiments on it.
 @lru_cache(maxsize=64)
 def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
-    """The nominal plant with the edits that laws know."""
+    """Return the nominal plant with the edits that laws know."""
     if not edits:
         return nominal
     assert isinstance(nominal.plant, MujocoPlant)
     plant = nominal.plant.believed(*edits)
-    if (robot := nominal.robot) is not None:
+    robot = nominal.robot
+    if robot is not None:
         built = plant if robot.built is robot.plant else robot.built.believed(*edits)
         robot = Robot(plant, robot.notes, built)
     return replace(nominal, plant=plant, robot=robot)
 
 
+# A model is compiled once for all experiments on it.
 @cache
 def _of_system(name: str) -> NominalPlant:
-    """A system of the package, whose models are compiled once for all experiments."""
+    """Return the nominal plant of a system of the package."""
     return NominalPlant(MujocoPlant.load(name))
 
 
 def _named(file: CaseFile, folder: Path) -> NominalPlant:
-    """What the file names, with what laws believe instead and where it rests."""
-    table = file.plant
-    if table.system is not None:
-        nominal = _of_system(find_system(table.system).name)
-    else:
-        if table.model is not None:
-            path = _model_file(table.model, folder)
-            plant: Any = Robot.from_mjcf(path, table.joints, table.actuators)
-        else:
-            plant = _made(table.plant or "", folder)
-        robot = isinstance(plant, Robot)
-        nominal = NominalPlant(plant.plant, plant) if robot else NominalPlant(plant)
-    if file.design is not None and nominal.robot is not None:
-        raise ArgumentError(
-            "design: laws of a model are designed from MuJoCo's own dynamics: it has no other "
-            "equations; name another model, or a plant as equations"
-        )
+    """Return the plant that a file names, with other equations and an operating point, if any."""
+    nominal = _named_without_design(file, folder)
     if file.design is not None:
+        if nominal.robot is not None:
+            raise ArgumentError(
+                "design: laws of a model are designed from MuJoCo's own dynamics: it has no other "
+                "equations; name another model, or a plant as equations"
+            )
         nominal = replace(nominal, believed=_believed(file.design.plant, nominal, folder))
-    if table.at is not None or (nominal.robot is not None and nominal.robot.underactuated):
-        held = states_of(table.at or {}, nominal.system, "plant: at")
+
+    underactuated = nominal.robot is not None and nominal.robot.underactuated
+    if file.plant.at is not None or underactuated:
+        held = states_of(file.plant.at or {}, nominal.system, "plant: at")
         try:
             nominal = replace(nominal, at=equilibrium(nominal.believed or nominal.plant, held))
         except PremiseError as error:
@@ -205,8 +210,23 @@ def _named(file: CaseFile, folder: Path) -> NominalPlant:
     return nominal
 
 
+def _named_without_design(file: CaseFile, folder: Path) -> NominalPlant:
+    """Return the system, the model or the user's plant that a file names."""
+    table = file.plant
+    if table.system is not None:
+        return _of_system(find_system(table.system).name)
+    if table.model is not None:
+        path = _model_file(table.model, folder)
+        plant: Any = Robot.from_mjcf(path, table.joints, table.actuators)
+    else:
+        plant = _load_plant(table.plant or "", folder)
+    if isinstance(plant, Robot):
+        return NominalPlant(plant.plant, plant)
+    return NominalPlant(plant)
+
+
 def _model_file(text: str, folder: Path) -> Path:
-    """An MJCF file beside the case file, or in an installed package.
+    """Return an MJCF file beside the case file, or in an installed package.
 
     Raises:
         ArgumentError: If it is in a package that has none, or that is not installed.
@@ -223,32 +243,38 @@ def _model_file(text: str, folder: Path) -> Path:
             f"install {package}"
         )
     for place in spec.submodule_search_locations:
-        if (path := Path(place) / inside).is_file():
+        path = Path(place) / inside
+        if path.is_file():
             return path
     raise ArgumentError(f"plant: model: the installed {package} has no file {shown(inside)}")
 
 
 def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:
-    """The equations that laws are designed from, with the states and inputs of the plant.
+    """Return the equations that laws are designed from.
 
     Raises:
         ArgumentError: If it is another kind of plant, or has other states or inputs.
     """
-    plant, system = _made(text, folder), nominal.system
+    plant = _load_plant(text, folder)
     if not isinstance(plant, AnalyticPlant):
         raise ArgumentError(f"design: {text} is no plant as equations: make it with affine_plant")
     for kind in ("states", "inputs"):
-        theirs, ours = (
-            [(signal.name, signal.unit) for signal in getattr(one, kind)]
-            for one in (plant.system, system)
-        )
-        if theirs != ours:
-            raise ArgumentError(f"design: {text} has the {kind} {theirs}, the plant has {ours}")
+        design_signals = _signals(plant.system, kind)
+        plant_signals = _signals(nominal.system, kind)
+        if design_signals != plant_signals:
+            raise ArgumentError(
+                f"design: {text} has the {kind} {design_signals}, the plant has {plant_signals}"
+            )
     return plant
 
 
-def _made(text: str, folder: Path) -> Any:
-    """The plant, or the robot, that ``module:name`` names."""
+def _signals(system: System, kind: str) -> list[tuple[str, str]]:
+    """Return names and units of the states or the inputs of a system."""
+    return [(signal.name, signal.unit) for signal in getattr(system, kind)]
+
+
+def _load_plant(text: str, folder: Path) -> Any:
+    """Return the plant, or the robot, that ``module:name`` names."""
     plant: Any = load_named(text, folder)
     if callable(plant):
         try:

@@ -1,4 +1,4 @@
-"""Numbers of a case that are allowed, and probably a slip."""
+"""Numbers of a case that are allowed, and probably a mistake."""
 
 from __future__ import annotations
 
@@ -13,26 +13,41 @@ from grosmc_mj.plants import System
 
 
 def implausible(case: Case, system: System) -> Iterator[str]:
-    """A line for each number of a case that is far from those of any machine.
+    """Return a line for each number of a case that is far from those of any machine.
 
     The usual sizes stand beside its field, or are those of its unit.
     """
-    numbers: list[tuple[str, Any, Range]] = []
+    for label, value, bounds in [*_starts(case, system), *_parts(case, system)]:
+        if not isinstance(value, float):
+            continue
+        usual = bounds.unusual(value)
+        if usual:
+            line = f"{label} = {value:g} {bounds.unit} is implausible; usual: {usual} {bounds.unit}"
+            # A number without a unit leaves two blanks.
+            yield " ".join(line.split())
+
+
+def _starts(case: Case, system: System) -> Iterator[tuple[str, Any, Range]]:
+    """Return label, value and range of each state at the start."""
     for state, value in zip(system.states, case.x0, strict=True):
         # A start at an operating point has rounding errors in the place of zeros.
-        numbers.append((f"start: {state.name}", value, Range(unit=state.unit, usual=(0, 1e4))))
-    edits: list[tuple[str, Any]] = [(table_of(edit), edit) for edit in case.edits]
-    for kind, part in [*edits, *(case.loop.parts if case.loop else ())]:
-        of = getattr(part, "of", "")
-        of = of if isinstance(of, str) else of[0]
+        yield f"start: {state.name}", value, Range(unit=state.unit, usual=(0, 1e4))
+
+
+def _parts(case: Case, system: System) -> Iterator[tuple[str, Any, Range]]:
+    """Return label, value and range of each number of edits, machine and loop."""
+    parts: list[tuple[str, Any]] = [(table_of(edit), edit) for edit in case.edits]
+    if case.loop is not None:
+        parts += case.loop.parts
+    for kind, part in parts:
+        owner = getattr(part, "of", "")
+        if not isinstance(owner, str):
+            owner = owner[0]
+        name = f"{kind} of {owner!r}" if owner else kind
         for item in fields(part):
             bounds = range_of(type(part), item.name)
-            if bounds is not None:
-                if kind in TABLES and not bounds.whole:
-                    bounds = replace(bounds, unit=unit_of(kind, of, item.name, system))
-                label = f"{kind}{of and f' of {of!r}'}: {item.name}"
-                numbers.append((label, getattr(part, item.name), bounds))
-    for label, value, bounds in numbers:
-        if isinstance(value, float) and (usual := bounds.unusual(value)):
-            line = f"{label} = {value:g} {bounds.unit} is implausible; usual: {usual}"
-            yield " ".join(f"{line} {bounds.unit}".split())
+            if bounds is None:
+                continue
+            if kind in TABLES and not bounds.whole:
+                bounds = replace(bounds, unit=unit_of(kind, owner, item.name, system))
+            yield f"{name}: {item.name}", getattr(part, item.name), bounds

@@ -1,4 +1,4 @@
-"""What a run must keep, and by how much it does."""
+"""Requirements on runs, and judgements with their margins."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from grosmc_mj.experiments.metrics import (
     DWELL,
     SETTLING_BAND,
     Windows,
+    accumulate_run,
     error_after,
-    folded,
     has_cart,
-    noted,
+    metrics_of_meters,
     rms_after,
     settled_in,
     settling_time,
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9
-# Metric and unit of each kind of limit; the metrics of the first three have an instant or a band in
-# their names, and "output", "input" and "sliding" stand for the units of the laws.
+# Metric and unit of each kind of limit. An empty metric has an instant or a band in its name, see
+# ``Limit.metric``. The units "output", "input" and "sliding" stand for those of the laws.
 _KINDS = {
     "settles_within": ("", "s"),
     "stays_within": ("", "output"),
@@ -47,11 +47,11 @@ _KINDS = {
     "no_reaching_phase": ("sliding_start", ""),
     "cost_ratio_below": ("cost_ratio", "1"),
 }
-# Required of laws with a surface only.
+# Kinds for laws with a surface only.
 _OF_SURFACE = ("sliding_below", "no_reaching_phase")
-# Of errors from an instant on.
+# Kinds that limit an error from ``after`` on.
 _AFTER = ("stays_within", "rms_below")
-# Numbers already when the file has been read.
+# Kinds whose values are numbers already in the table of the file.
 _READ = ("settles_within", "cart_travel_below")
 
 
@@ -60,15 +60,15 @@ class Limit(NamedTuple):
 
     Attributes:
         kind: Name of the key in the file.
-        written: The largest value allowed, as the file has it.
-        value: The same in ``unit``.
-        unit: Its unit.
-        after: From when on it holds [s].
-        band: Width of the band that ``settles_within`` is about, in the unit of the output; None
-            for 2 % of the error at the start.
+        written: The largest value allowed, as written in the file.
+        value: The largest value allowed in ``unit``.
+        unit: Unit of the value.
+        after: Instant from which on it holds [s].
         of: Controllers that must keep it.
-        on: Plants on which.
-        key: What it is called where no two may have one name.
+        on: Plants on which they must keep it.
+        key: Unique name among the requirements of a campaign.
+        band: Half width of the band of ``settles_within``, in the unit of the output; None
+            for 2 % of the error at the start.
     """
 
     kind: str
@@ -83,40 +83,45 @@ class Limit(NamedTuple):
 
     @property
     def metric(self) -> str:
-        """Name of what is limited."""
+        """Name of the limited metric."""
         if self.kind == "settles_within":
             return settled_in(self.band)
         if self.kind == "rms_below":
             return rms_after(self.after)
-        return _KINDS[self.kind][0] or error_after(self.after)
+        if self.kind in ("stays_within", "final_error_below"):
+            return error_after(self.after)
+        metric, _ = _KINDS[self.kind]
+        return metric
 
     @property
     def of_initial_error(self) -> bool:
-        """Whether it is a share of the error at the start, which a run must have then."""
-        return self.kind == "overshoot_below" or (
-            self.kind == "settles_within" and self.band is None
-        )
+        """Whether it is a share of the error at the start, which must not be zero then."""
+        if self.kind == "settles_within":
+            return self.band is None
+        return self.kind == "overshoot_below"
 
     @property
     def words(self) -> str:
         """The requirement in words."""
         if self.kind == "no_reaching_phase":
             return "no reaching phase: s(0) = 0"
-        since = f" from {self.after:g} s on" if self.after and self.kind in _AFTER else ""
-        return f"{self.kind.replace('_', ' ')} {self.written}{since}"
+        words = f"{self.kind.replace('_', ' ')} {self.written}"
+        if self.after and self.kind in _AFTER:
+            words += f" from {self.after:g} s on"
+        return words
 
 
 class Judgement(NamedTuple):
-    """A requirement of one run.
+    """A requirement of one run, judged.
 
     Attributes:
         limit: The requirement.
-        controller: Whose run.
-        plant: On which plant.
-        measured: What was measured, in the limit's unit; None if there is nothing to measure.
-        margin: Limit less measured; None without a measurement.
+        controller: Name of the run's controller.
+        plant: Name of the run's plant.
+        measured: Measured value in the limit's unit; None if nothing could be measured.
+        margin: Limit less measured value; None without one.
         kept: Whether the run keeps it.
-        note: Why nothing was measured.
+        note: Reason why nothing was measured.
     """
 
     limit: Limit
@@ -129,8 +134,10 @@ class Judgement(NamedTuple):
 
     @property
     def share(self) -> float:
-        """How much of the limit is used; infinite without a measurement."""
-        return math.inf if self.margin is None else 1 - self.margin / self.limit.value
+        """Measured value over the limit; infinite without a measurement."""
+        if self.margin is None:
+            return math.inf
+        return 1 - self.margin / self.limit.value
 
 
 def limits(
@@ -139,73 +146,106 @@ def limits(
     plants: Sequence[str],
     duration: float,
 ) -> list[Limit]:
-    """The requirements that a table of a case file makes, with their units checked.
+    """Return the requirements in a table of a case file, with their units checked.
 
     Args:
-        table: Of the file.
-        controllers: Those that may be meant.
-        plants: Where they run.
-        duration: Of a run [s]: the final error is the largest one in its last tenth.
+        table: Table of the file.
+        controllers: All controllers of the file.
+        plants: Plants that they run on.
+        duration: Duration of a run [s]: the final error is the largest one in its last tenth.
 
     Raises:
-        ArgumentError: If it requires nothing, names what is not there, or a unit does not fit.
+        ArgumentError: If it requires nothing, names a missing thing, or a unit does not fit.
     """
-    named = tuple(table.of or ())
-    # Physics is judged unless the file names plants, or all where there is none.
-    on = tuple(table.on or (("physics",) if "physics" in plants else plants))
-    error = controllers[0].designed.error
-    surfaces = {law.name: unit for law in controllers if (unit := law.designed.sliding_unit)}
-    own = [surfaces[name] for name in named or surfaces if name in surfaces]
-    units = {
-        "output": error.units[error.output_rows[0]],
-        "input": error.system.inputs[0].unit,
-        "sliding": own[0] if own else "",
-    }
-    values = {kind: getattr(table, kind) for kind in _KINDS}
-    values = {kind: value for kind, value in values.items() if value not in (None, False)}
-    if not values:
+    kinds = [kind for kind in _KINDS if getattr(table, kind) not in (None, False)]
+    if not kinds:
         raise ArgumentError(f"nothing is required: give one of {', '.join(_KINDS)}")
-    required, mistakes = [], Mistakes()
-    for kind, value in values.items():
-        judged = surfaces if kind in _OF_SURFACE else [law.name for law in controllers]
-        of = named or tuple(judged)
-        unit, band = units.get(_KINDS[kind][1], _KINDS[kind][1]), None
+
+    required = []
+    mistakes = Mistakes()
+    for kind in kinds:
         with mistakes.gathered(f"{kind}: "):
-            _refuse_undefined(kind, error, of)
-            number = _number(kind, value, unit)
-            after = table.after if kind in _AFTER else 0.0
-            written = f"{value:g} {unit}" if kind in _READ else str(value)
-            if kind == "final_error_below":
-                after = (1 - DWELL) * duration
-            if kind == "settles_within" and table.band is not None:
-                band = _number("band", table.band, units["output"])
-                written += f" to {table.band}"
-            required.append(Limit(kind, written, number, unit, after, of, on, band=band))
+            required.append(_limit(kind, table, controllers, plants, duration))
     mistakes.refuse()
     return required
 
 
+def _limit(
+    kind: str,
+    table: RequirementTable,
+    controllers: Sequence[Controller],
+    plants: Sequence[str],
+    duration: float,
+) -> Limit:
+    """Return one requirement of a table."""
+    of = tuple(table.of or ())
+    if not of and kind in _OF_SURFACE:
+        of = tuple(law.name for law in controllers if law.designed.sliding_unit)
+    elif not of:
+        of = tuple(law.name for law in controllers)
+    _refuse_undefined(kind, controllers[0].designed.error, of)
+
+    units = _units(controllers, table.of)
+    _, unit = _KINDS[kind]
+    unit = units.get(unit, unit)
+    value = getattr(table, kind)
+    number = _number(kind, value, unit)
+    written = f"{value:g} {unit}" if kind in _READ else str(value)
+
+    after = 0.0
+    if kind in _AFTER:
+        after = table.after
+    elif kind == "final_error_below":
+        after = (1 - DWELL) * duration
+
+    band = None
+    if kind == "settles_within" and table.band is not None:
+        band = _number("band", table.band, units["output"])
+        written += f" to {table.band}"
+    return Limit(kind, written, number, unit, after, of, _plants_of(table, plants), band=band)
+
+
+def _plants_of(table: RequirementTable, plants: Sequence[str]) -> tuple[str, ...]:
+    """Return the plants that a table names: physics by default, or all where there is none."""
+    if table.on:
+        return tuple(table.on)
+    if "physics" in plants:
+        return ("physics",)
+    return tuple(plants)
+
+
+def _units(controllers: Sequence[Controller], names: Sequence[str] | None) -> dict[str, str]:
+    """Return the units of output, input and s; of s under the named controllers, if any."""
+    error = controllers[0].designed.error
+    sliding_units = {law.name: law.designed.sliding_unit for law in controllers}
+    named_units = [sliding_units.get(name, "") for name in names or sliding_units]
+    return {
+        "output": error.units[error.output_rows[0]],
+        "input": error.system.inputs[0].unit,
+        "sliding": next(filter(None, named_units), ""),
+    }
+
+
 def _refuse_undefined(kind: str, error: Any, of: Sequence[str]) -> None:
     """Refuse a limit of a quantity that these laws or this plant do not have."""
-    outputs = {error.units[row] for row in error.output_rows}
-    inputs = {signal.unit for signal in error.system.inputs}
-    reasons = {
-        "no law has a surface": kind in _OF_SURFACE and not of,
-        f"{error.system.name} has no cart": kind == "cart_travel_below"
-        and not has_cart(error.system),
-        "the outputs have different units: there is no one error": len(outputs) > 1
-        and _KINDS[kind][1] == "output",
-        "the inputs have different units": kind == "input_below" and len(inputs) > 1,
-        "several outputs have no one overshoot": kind == "overshoot_below"
-        and len(error.output_rows) > 1,
-    }
-    for reason, present in reasons.items():
-        if present:
-            raise ArgumentError(reason)
+    _, unit = _KINDS[kind]
+    if kind in _OF_SURFACE and not of:
+        raise ArgumentError("no law has a surface")
+    if kind == "cart_travel_below" and not has_cart(error.system):
+        raise ArgumentError(f"{error.system.name} has no cart")
+
+    output_units = {error.units[row] for row in error.output_rows}
+    if unit == "output" and len(output_units) > 1:
+        raise ArgumentError("the outputs have different units: there is no one error")
+    input_units = {signal.unit for signal in error.system.inputs}
+    if kind == "input_below" and len(input_units) > 1:
+        raise ArgumentError("the inputs have different units")
+    if kind == "overshoot_below" and len(error.output_rows) > 1:
+        raise ArgumentError("several outputs have no one overshoot")
 
 
 def initial_error(law: Controller, x0: Sequence[float]) -> float:
-    """Size of the outputs' error at a start (n,), in their unit."""
+    """Return the size of the outputs' error at a start (n,), in their unit."""
     error = law.designed.error
     z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
     return float(np.linalg.norm(z[list(error.output_rows)]))
@@ -220,22 +260,21 @@ def require_initial_error(kind: str, law: Controller, x0: Sequence[float]) -> No
         x0: Start, (n,).
 
     Raises:
-        ArgumentError: If the error at the start, of which the band is a share, is zero to rounding.
+        ArgumentError: If the error at the start is zero to rounding.
     """
-    if initial_error(law, x0) <= _ROUNDING:
-        share = (
-            f"its band is {100 * SETTLING_BAND:g} %"
-            if kind == "settles_within"
-            else "it is a share"
-        )
-        raise ArgumentError(
-            f"{kind}: {share} of the error at the start, and runs start without error: ask for "
-            "stays_within with after instead, or start elsewhere"
-        )
+    if initial_error(law, x0) > _ROUNDING:
+        return
+    share = "it is a share"
+    if kind == "settles_within":
+        share = f"its band is {100 * SETTLING_BAND:g} %"
+    raise ArgumentError(
+        f"{kind}: {share} of the error at the start, and runs start without error: ask for "
+        "stays_within with after instead, or start elsewhere"
+    )
 
 
 def _number(kind: str, value: Any, unit: str) -> float:
-    """The number of a limit."""
+    """Return the number of a limit in a unit."""
     if kind == "no_reaching_phase":
         return _ROUNDING
     number = float(value) if kind in _READ else number_in(value, unit)
@@ -245,70 +284,94 @@ def _number(kind: str, value: Any, unit: str) -> float:
 
 
 def judge(limit: Limit, result: RunResult) -> Judgement:
-    """Whether a run keeps a requirement; one that ended early keeps none.
+    """Judge a run by a requirement; a run that ended early keeps none.
 
     Where a run does not settle in time, the note says how long its nominal optimum itself takes.
     """
-    margin, kept = None, False
-    if result.status is Status.COMPLETED:
+    completed = result.status is Status.COMPLETED
+    if completed:
         measured, note = _measured(limit, result)
     else:
         measured = None
         note = f"the run ended at {float(result.trajectory.valid_until):.3g} s"
+
+    margin = None
+    kept = False
     if measured is not None:
         margin = limit.value - measured
         kept = margin >= 0
-    if limit.kind == "settles_within" and not kept and result.status is Status.COMPLETED:
-        best = result.comparison
-        needed = settling_time(best.time, best.optimal_error, limit.band)
-        time = needed.note if needed.value is None else f"takes {needed.value:.3g} s"
-        note = f"{note}; its nominal optimum itself: {time}".removeprefix("; ")
+    if completed and limit.kind == "settles_within" and not kept:
+        optimum = f"its nominal optimum itself: {_settling_of_optimum(limit, result)}"
+        note = f"{note}; {optimum}" if note else optimum
     return Judgement(limit, result.controller.name, result.plant, measured, margin, kept, note)
 
 
+def _settling_of_optimum(limit: Limit, result: RunResult) -> str:
+    """Return the time that the nominal optimum takes to settle, in words."""
+    comparison = result.comparison
+    settled = settling_time(comparison.time, comparison.optimal_error, limit.band)
+    if settled.value is None:
+        return settled.note
+    return f"takes {settled.value:.3g} s"
+
+
 def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
-    """The value that a limit is of, or why there is nothing to measure."""
-    run, comparison, metrics = result.trajectory, result.comparison, result.metrics
+    """Return the limited value of a run, or None and the reason why there is none."""
+    run = result.trajectory
+    comparison = result.comparison
+    metrics = result.metrics
     if limit.kind == "cost_ratio_below":
-        total, least = metrics["cost_whole"].value, metrics["cost_optimal"].value
-        if total is None or not least:
+        cost = metrics["cost_whole"].value
+        optimal_cost = metrics["cost_optimal"].value
+        if cost is None or not optimal_cost:
             return None, "J* is zero: the run starts where it shall end"
-        return total / least, ""
+        return cost / optimal_cost, ""
     if limit.kind == "no_reaching_phase" and run.sliding is None:
         return None, "the law has no surface"
     if limit.after and comparison.time[-1] < limit.after * (1 - 1e-12):
         return None, "the run is shorter"
-    usual = limit.kind == "settles_within" and limit.band is None
-    known = metrics.get("settling_time" if usual else limit.metric)
-    if known is not None and limit.kind != "overshoot_below":
-        return known.value, known.note
-    values = folded(*noted(run, comparison, result.case.onset, windows([limit])))
-    measured = float(values[limit.metric][0])
+
+    name = limit.metric
+    if limit.kind == "settles_within" and limit.band is None:
+        name = "settling_time"
+    # The overshoot among the metrics is in percent.
+    if name in metrics and limit.kind != "overshoot_below":
+        return metrics[name].value, metrics[name].note
+
+    meters, recording = accumulate_run(run, comparison, result.case.onset, windows([limit]))
+    measured = float(metrics_of_meters(meters, recording)[limit.metric][0])
     if math.isfinite(measured):
         return measured, ""
-    never = limit.kind == "settles_within"
-    return None, "not reached" if never else "there is no error at the start"
+    if limit.kind == "settles_within":
+        return None, "not reached"
+    return None, "there is no error at the start"
 
 
 def transient(duration: float, onsets: Iterable[tuple[float, float]]) -> float:
-    """How long every run goes on before a disturbance begins, or until its end [s].
+    """Return the time before a disturbance begins or the run ends, in every run [s].
 
     Args:
-        duration: Of a run [s].
-        onsets: When each disturbance begins at the earliest and at the latest [s]; one that acts
-            from the start of every run is part of the transient.
+        duration: Duration of a run [s].
+        onsets: Earliest and latest onset of each disturbance [s]; one that acts from the start of
+            every run is part of the transient.
     """
-    return min([duration, *(max(low, 0.0) for low, high in onsets if high > 0)])
+    ends = [duration]
+    for earliest, latest in onsets:
+        if latest > 0:
+            ends.append(max(earliest, 0.0))
+    return min(ends)
 
 
 def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list[str]]:
-    """The requirements that runs tell about, and of the others why they do not.
+    """Return the requirements that runs can decide, and a note about each of the other ones.
 
     Args:
-        limits: All that there are.
-        before: How long a run is a ``transient`` [s].
+        limits: All requirements.
+        before: Length of a run's ``transient`` [s].
     """
-    latest, judged, notes = (1 - DWELL) * before, [], []
+    latest = (1 - DWELL) * before
+    judged = []
+    notes = []
     for limit in limits:
         if limit.kind == "settles_within" and limit.value > latest * (1 + 1e-12):
             notes.append(
@@ -323,46 +386,46 @@ def judgeable(limits: Sequence[Limit], before: float) -> tuple[list[Limit], list
 
 
 def required(limits: Sequence[Limit], laws: Container[str]) -> tuple[Limit, ...]:
-    """The requirements of the laws that are run, each with a key of its own.
+    """Return the requirements of the laws that are run, with unique keys.
 
     Args:
-        limits: All that there are.
-        laws: Names of those that are run.
+        limits: All requirements.
+        laws: Names of the laws that are run.
     """
     chosen: list[Limit] = []
     for limit in limits:
         of = tuple(name for name in limit.of if name in laws)
         if not of:
             continue
-        same = sum(other.kind == limit.kind for other in chosen)
-        key = f"{limit.kind} {same + 1}" if same else limit.kind
+        number = 1 + sum(earlier.kind == limit.kind for earlier in chosen)
+        key = limit.kind
+        if number > 1:
+            key = f"{limit.kind} {number}"
         chosen.append(limit._replace(of=of, key=key))
     return tuple(chosen)
 
 
 def costs_wanted(limits: Iterable[Limit]) -> bool:
-    """Whether one of them is of the index."""
+    """Whether one of the requirements limits the index."""
     return any(limit.metric == "cost_ratio" for limit in limits)
 
 
 def windows(limits: Sequence[Limit]) -> Windows:
-    """What must be measured for some limits besides the usual metrics."""
-    errors = (limit for limit in limits if limit.after or limit.kind in _AFTER)
-    return Windows(
-        tuple(sorted({limit.after for limit in errors})),
-        tuple(sorted({limit.band for limit in limits if limit.band is not None})),
-    )
+    """Return the windows and bands that requirements need besides the usual metrics."""
+    after = {limit.after for limit in limits if limit.after or limit.kind in _AFTER}
+    bands = {limit.band for limit in limits if limit.band is not None}
+    return Windows(tuple(sorted(after)), tuple(sorted(bands)))
 
 
 def margins_of(
     limits: Sequence[Limit], metrics: Mapping[str, Array], completed: Array
 ) -> dict[str, Array]:
-    """Limit less measured of n runs by key, (n,) each; -inf for runs that ended early.
+    """Return limit less measured value of n runs by key, (n,) each; -inf if a run ended early.
 
     Args:
-        limits: Of the runs' controller.
-        metrics: Of the runs, (n,) each.
-        completed: Which runs did, (n,).
+        limits: Requirements of the runs' controller.
+        metrics: Metrics of the runs, (n,) each.
+        completed: Whether each run reached its end, (n,).
     """
     return {
         limit.key: np.where(completed, limit.value - metrics[limit.metric], -np.inf)
@@ -371,10 +434,13 @@ def margins_of(
 
 
 def judge_all(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:
-    """Every requirement of every run that it is about."""
-    return [
-        judge(limit, result)
-        for limit in limits
-        for result in results
-        if result.controller.name in limit.of and result.plant in limit.on
-    ]
+    """Judge each run by each of its requirements."""
+    judgements = []
+    for limit in limits:
+        judgements += [judge(limit, result) for result in results if _applies(limit, result)]
+    return judgements
+
+
+def _applies(limit: Limit, result: RunResult) -> bool:
+    """Whether a requirement is about a run."""
+    return result.controller.name in limit.of and result.plant in limit.on

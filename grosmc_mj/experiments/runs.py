@@ -1,4 +1,4 @@
-"""One run of an experiment, and how experiments are run."""
+"""Settings of runs, and the result of one run of an experiment."""
 
 from __future__ import annotations
 
@@ -31,22 +31,19 @@ if TYPE_CHECKING:
 
 Surface = Literal["printed", "discrete"]
 
-# What a run is told to cost.
-_SHARES = ("J(u_c)/J*", "J(u_d)/J*")
-
 
 @dataclass(frozen=True)
 class Settings:
-    """How the cases are run.
+    """Settings of a simulation.
 
     Attributes:
         engine: ``native`` or ``python``.
-        control_period: [s]; the chapter prints none.
+        control_period: Time between two samples of the laws [s]; the chapter prints none.
         timestep: Physics timestep [s].
         integrator: MuJoCo's integrator.
         switching: Name of the switching law of the sliding mode laws.
-        surface: Their surface: ``printed``, or ``discrete`` for the one that is zero at every
-            sample of the nominal plant.
+        surface: Surface of the sliding mode laws: ``printed``, or ``discrete`` for the one that is
+            zero at every sample of the nominal plant.
     """
 
     engine: Engine = "native"
@@ -57,35 +54,34 @@ class Settings:
     surface: Surface = "printed"
 
     def __post_init__(self) -> None:
-        for kind, value, valid in (
-            ("engine", self.engine, get_args(Engine)),
-            ("surface", self.surface, get_args(Surface)),
-            ("switching law", self.switching, SWITCHINGS),
-        ):
-            require_known(kind, value, valid)
+        require_known("engine", self.engine, get_args(Engine))
+        require_known("surface", self.surface, get_args(Surface))
+        require_known("switching law", self.switching, SWITCHINGS)
 
     def changes(self) -> dict[str, Any]:
-        """The settings that are not the defaults."""
+        """Return the settings that are not the defaults."""
         default = vars(Settings())
         return {name: value for name, value in vars(self).items() if value != default[name]}
 
     def engine_for(self, law: Controller) -> Engine:
-        """The engine, or ``python`` for a law that can't be compiled."""
-        return "python" if getattr(law.law, "python_only", False) else self.engine
+        """Return the engine, or ``python`` for a law that can't be compiled."""
+        if getattr(law.law, "python_only", False):
+            return "python"
+        return self.engine
 
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """An experiment on one plant under one controller.
+    """Result of an experiment on one plant under one controller.
 
     Attributes:
         experiment: The experiment.
         plant: ``printed``, ``corrected`` or ``physics``.
-        controller: With the numbers of its design.
-        trajectory: Up to the end or to where the run stopped being valid.
+        controller: Controller with the numbers of its design.
+        trajectory: Trajectory up to the end or to the last valid instant.
         comparison: The run beside the optimum that its law was designed for.
-        metrics: By name.
-        ended: Empty, or why the run ended early.
+        metrics: Metrics by name.
+        ended: Reason why the run ended early; empty otherwise.
         true: The plant itself.
     """
 
@@ -105,7 +101,7 @@ class RunResult:
 
     @property
     def requirements(self) -> list[Judgement]:
-        """What the experiment requires of this run, and whether it is kept."""
+        """Judgements of this run by the experiment's requirements."""
         from grosmc_mj.experiments.requirements import judge_all
 
         return judge_all(self.experiment.limits, [self])
@@ -116,7 +112,7 @@ class RunResult:
         return cost_shares(self.metrics, float(self.trajectory.time[-1]))
 
     def film(self, path: str | Path) -> Path:
-        """Write a film of the run, and return where it is.
+        """Write a film of the run, and return its path.
 
         Raises:
             ArgumentError: If the run is not on physics.
@@ -133,21 +129,25 @@ class RunResult:
         return self.trajectory.save(path, sliding_unit=unit)
 
     def __repr__(self) -> str:
-        """What was run and what came out, in five lines."""
+        """Return case, end, metrics, costs and requirements in five lines."""
+        end = f"{self.status.name.lower()} at {self.trajectory.time[-1]:g} s"
+        if self.ended:
+            end += f": {self.ended}"
+        metrics = [
+            f"{name.replace('_', ' ')} {_with_unit(self.metrics[name])}"
+            for name in ("deviation", "settling_time", "max_input")
+        ]
+        continuous, switched = self.cost_shares
+        costs = f"J(u_c)/J* {_with_unit(continuous)}, J(u_d)/J* {_with_unit(switched)}"
         kept = [item.kept for item in self.requirements]
-        words = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
-        until, status = self.trajectory.time[-1], self.status.name.lower()
-        named = ("deviation", "settling_time", "max_input")
-        values = [f"{name.replace('_', ' ')} {_shown(self.metrics[name])}" for name in named]
-        for name, share in zip(_SHARES, self.cost_shares, strict=True):
-            values.append(f"{name} {_shown(share)}")
+        requirements = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
         return "\n".join(
             [
                 f"{self.key}: {self.case.title}",
-                f"{status} at {until:g} s" + (f": {self.ended}" if self.ended else ""),
-                ", ".join(values[:3]),
-                ", ".join(values[3:]),
-                f"requirements: {words}",
+                end,
+                ", ".join(metrics),
+                costs,
+                f"requirements: {requirements}",
             ]
         )
 
@@ -158,29 +158,40 @@ class RunResult:
 
     @property
     def plant_parameters(self) -> Any:
-        """The true plant's numbers; None where it has no equations."""
-        return self.true.parameters if self.true else None
+        """Numbers of the true plant; None where it has no equations."""
+        if self.true is None:
+            return None
+        return self.true.parameters
 
     @property
     def status(self) -> Status:
-        """How the run ended."""
+        """Status at the end of the run."""
         return self.trajectory.status  # pyright: ignore[reportReturnType]
 
 
-def _shown(metric: Metric) -> str:
-    """A metric with its unit, or why it has no value."""
+def _with_unit(metric: Metric) -> str:
+    """Return a metric with its unit, or the reason why it has no value."""
     if metric.value is None:
         return f"- ({metric.note})"
-    unit = "" if metric.unit == "1" else f" {metric.unit}"
-    return f"{metric.value:.4g}{unit}"
+    if metric.unit == "1":
+        return f"{metric.value:.4g}"
+    return f"{metric.value:.4g} {metric.unit}"
 
 
 def run_on(experiment: Experiment, name: PlantName, law: Controller, plant: Plant) -> RunResult:
-    """Run an experiment with this very law on this very plant, whatever they are called.
+    """Run an experiment with a given law on a given plant, and measure the run.
 
     A run that ends early is a result like any other.
+
+    Args:
+        experiment: Start, duration, disturbances and settings.
+        name: Name of the plant in the result.
+        law: The controller.
+        plant: The plant.
     """
-    case, settings, ended = experiment.case, experiment.settings, ""
+    case = experiment.case
+    settings = experiment.settings
+    ended = ""
     try:
         run = simulate(
             plant,
@@ -193,7 +204,8 @@ def run_on(experiment: Experiment, name: PlantName, law: Controller, plant: Plan
             engine=settings.engine_for(law),
         )
     except DivergenceError as error:
-        run, ended = error.trajectory, str(error)
+        run = error.trajectory
+        ended = str(error)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
     return RunResult(experiment, name, law, run, comparison, metrics, ended, plant)

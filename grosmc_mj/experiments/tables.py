@@ -1,10 +1,10 @@
-"""Tables of runs, of what was required of them, and of gains."""
+"""Tables of runs, of their requirements, and of gains."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grosmc_mj.experiments.metrics import Metric
+from grosmc_mj.experiments.metrics import Metric, has_cart
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
@@ -24,34 +24,45 @@ _COLUMNS = (
     ("var. of\nu per s", "total_variation"),
     ("max\n|u|", "max_input"),
 )
-# Names of its entries are as long: K11, K110.
+# Names of a matrix's entries are at least as long: K11, K110.
 _MATRIX = 3
 _CART = ("cart\n[m]", "cart_travel")
 
 
 def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
-    """A metric in a table, in other units by a factor."""
+    """Return the cell of a metric, in another unit by a factor."""
     if metric is None:
         return ""
-    if metric.value is None:
-        return "never" if metric.note == "not reached" else "-"
-    return number(factor * metric.value)
+    if metric.value is not None:
+        return number(factor * metric.value)
+    if metric.note == "not reached":
+        return "never"
+    return "-"
 
 
 def results_table(results: Sequence[RunResult]) -> Table:
-    """The runs of one system."""
-    system, error = results[0].trajectory.system, results[0].controller.designed.error
-    output = error.units[error.output_rows[0]]
-    columns = [*_COLUMNS, _CART] if system.name == "cart_pendulum" else _COLUMNS
-    rows, styles = [], []
+    """Return the table of the runs of one system."""
+    system = results[0].trajectory.system
+    error = results[0].controller.designed.error
+    output_unit = error.units[error.output_rows[0]]
+    columns = list(_COLUMNS)
+    if has_cart(system):
+        columns.append(_CART)
+
+    rows = []
+    styles = []
     for result in results:
-        law, ended = result.controller.name, result.status is not Status.COMPLETED
+        law = result.controller.name
+        style = "bold" if law == "grosmc" else ""
+        if result.status is not Status.COMPLETED:
+            law += " (!)"
+            style = "red"
         metrics = {**result.metrics, "": result.cost_shares[1]}
         cells = [metric_cell(metrics.get(name)) for _, name in columns]
-        rows.append((result.case.name, result.plant, law + (" (!)" if ended else ""), *cells))
-        styles.append("red" if ended else "bold" if law == "grosmc" else "")
+        rows.append((result.case.name, result.plant, law, *cells))
+        styles.append(style)
     return table(
-        f"{system.title}: x1 in {output}, u in {system.input.unit}",
+        f"{system.title}: x1 in {output_unit}, u in {system.input.unit}",
         [*words("case", "plant", "law"), *numbers(*(header for header, _ in columns))],
         rows,
         styles=styles,
@@ -70,44 +81,63 @@ LEGEND = (
 
 
 def requirements_table(judgements: Sequence[Judgement]) -> Table:
-    """What was required, and whether it was kept."""
+    """Return the table of requirements, with measured value, margin and verdict."""
+    columns = [
+        *names("law"),
+        *words("plant"),
+        *text("requirement"),
+        *numbers("measured", "margin"),
+        *text(),
+    ]
     rows = []
     for item in judgements:
-        unit = item.limit.unit if item.limit.unit != "1" else ""
-        measured = "-" if item.measured is None else f"{number(item.measured)} {unit}".strip()
-        verdict = "kept" if item.kept else "FAILED" + (f": {item.note}" if item.note else "")
+        measured = "-"
+        if item.measured is not None:
+            unit = item.limit.unit if item.limit.unit != "1" else ""
+            measured = f"{number(item.measured)} {unit}".strip()
+        verdict = "kept" if item.kept else "FAILED"
+        if item.note and not item.kept:
+            verdict += f": {item.note}"
         margin = number(item.margin)
         rows.append((item.controller, item.plant, item.limit.words, measured, margin, verdict))
-    return table(
-        "Requirements",
-        [
-            *names("law"), *words("plant"), *text("requirement"),
-            *numbers("measured", "margin"), *text(),
-        ],
-        rows,
-        styles=["" if item.kept else "red" for item in judgements],
-    )  # fmt: skip
+    styles = ["" if item.kept else "red" for item in judgements]
+    return table("Requirements", columns, rows, styles=styles)
 
 
 def endings(results: Sequence[RunResult]) -> list[str]:
-    """One line for each run that ended early."""
+    """Return one line for each run that ended early."""
     return [f"(!) {result.key}: {result.ended}" for result in results if result.ended]
 
 
 def gains_table(results: Sequence[RunResult]) -> Table:
-    """The gains of each controller, and where its law stands in the chapter."""
+    """Return the table of the gains of each controller, with its equations in the chapter."""
+    columns = [*words("system", "designed on", "law", "equations"), *text("gains")]
     rows = {}
     for result in results:
-        equations = "printed" if result.plant == "printed" else "corrected"
-        if result.trajectory.system.read_parameters is None and result.plant == "physics":
-            equations = "MuJoCo"
-        # Of a matrix for many joints most entries are zero.
-        design = result.controller.designed
-        shown = [(n, v) for n, v in design.gains.items() if v or len(n) < _MATRIX]
-        gains = ", ".join(f"{n} = {v:.4g}" for n, v in shown)
-        if design.declared:
-            gains += f"; computed for {design.declared}"
-        key = (result.case.system, equations, result.controller.name)
-        rows.setdefault(key, (*key, design.source, gains))
-    columns = [*words("system", "designed on", "law", "equations"), *text("gains")]
+        key = (result.case.system, _designed_on(result), result.controller.name)
+        if key not in rows:
+            rows[key] = (*key, result.controller.designed.source, _gains_in_words(result))
     return table("", columns, list(rows.values()))
+
+
+def _designed_on(result: RunResult) -> str:
+    """Return the equations that the controller of a run was designed on."""
+    if result.plant == "printed":
+        return "printed"
+    if result.plant == "physics" and result.trajectory.system.read_parameters is None:
+        return "MuJoCo"
+    return "corrected"
+
+
+def _gains_in_words(result: RunResult) -> str:
+    """Return the gains of a run's controller; of a matrix the entries that are not zero."""
+    design = result.controller.designed
+    gains = [
+        f"{name} = {value:.4g}"
+        for name, value in design.gains.items()
+        if value or len(name) < _MATRIX
+    ]
+    line = ", ".join(gains)
+    if design.declared:
+        line += f"; computed for {design.declared}"
+    return line

@@ -60,6 +60,7 @@ MACHINE = {kind: TABLES[kind] for kind in MACHINE_PARTS}
 
 
 def extended(folder: Path, case: str = CASE, common: str = COMMON) -> Path:
+    """A case file beside the file that it extends."""
     (folder / "common.toml").write_text(common)
     (folder / "mine.toml").write_text(case)
     return folder / "mine.toml"
@@ -67,9 +68,15 @@ def extended(folder: Path, case: str = CASE, common: str = COMMON) -> Path:
 
 @pytest.mark.parametrize(
     ("value", "unit", "number"),
-    [("10 deg", "rad", math.pi / 18), ("1 Hz", "rad/s", 2 * math.pi), ("5 cm", "m", 0.05),
-     ("-.5e-1 N m", "N m", -0.05), ("3 rad/s³", "rad/s³", 3.0), (4, "1", 4.0)],
-)  # fmt: skip
+    [
+        ("10 deg", "rad", math.pi / 18),
+        ("1 Hz", "rad/s", 2 * math.pi),
+        ("5 cm", "m", 0.05),
+        ("-.5e-1 N m", "N m", -0.05),
+        ("3 rad/s³", "rad/s³", 3.0),
+        (4, "1", 4.0),
+    ],
+)
 def test_units_are_converted(value, unit, number) -> None:
     # A conversion is one product or two, of factors that are rounded once.
     assert number_in(value, unit) == pytest.approx(number, rel=4e-16)
@@ -85,53 +92,97 @@ def test_known_factors_convert_as_pint_does(number: float, units: tuple[str, str
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [(6, '6 has no unit: write "6 s"'), ("6", '"6" has no unit'), ("1e999 s", "finite"),
-     ("6 parsnip", "'parsnip' is no unit"), ("soon", "is no number with a unit"),
-     (True, "must be a number with a unit"), ("0.5 Nm", "cannot be converted to s"),
-     ("1 s**2**9**9**9", "is no unit")],
-)  # fmt: skip
+    [
+        (6, '6 has no unit: write "6 s"'),
+        ("6", '"6" has no unit'),
+        ("1e999 s", "finite"),
+        ("6 parsnip", "'parsnip' is no unit"),
+        ("soon", "is no number with a unit"),
+        (True, "must be a number with a unit"),
+        ("0.5 Nm", "cannot be converted to s"),
+        ("1 s**2**9**9**9", "is no unit"),
+    ],
+)
 def test_wrong_units_are_refused(value, words) -> None:
     with pytest.raises(ValueError, match=words):
         number_in(value, "s")
+
+
+def test_a_pure_number_has_no_unit() -> None:
     with pytest.raises(ValueError, match="must be a number without a unit"):
         number_in("4", "1")
 
 
-@pytest.mark.slow
-def test_a_changed_gain_is_seen_by_run_and_validate(tmp_path: Path, monkeypatch) -> None:
-    """In a copy of the package's cases, which the package takes for its own."""
-    copied = Path(shutil.copytree(shipped.CASES, tmp_path / "cases"))
-    monkeypatch.setattr(shipped, "CASES", copied)
+def gains_in(path: Path) -> dict[str, float]:
+    """The gain k of GROSMC in each case of a result."""
+    runs = json.loads(path.read_text())["runs"]
+    return {run["case"]: run["gains"]["k"] for run in runs if run["controller"] == "grosmc"}
+
+
+@pytest.fixture
+def changed_gains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A copy of the package's cases, which it takes for its own: k = 11, and 12 in case1."""
+    cases = Path(shutil.copytree(shipped.CASES, tmp_path / "cases"))
+    monkeypatch.setattr(shipped, "CASES", cases)
     monkeypatch.chdir(tmp_path)
-    for name, old, new in (("base", "k = 18", "k = 11"),
-                           ("case1", 'law = "grosmc"', 'law = "grosmc"\nk = 12')):  # fmt: skip
-        file = copied / "arm" / f"{name}.toml"
-        file.write_text(file.read_text().replace(old, new))
-    gains = {}
-    for name, arguments in (("arm_case1", ("run", "arm/case1")),
-                            ("validation", ("validate", "arm", "--no-claims"))):  # fmt: skip
-        run(*arguments, "--no-figures", "--out", "out")
-        rows = json.loads((Path("out") / f"{name}.json").read_text())["runs"]
-        gains[name] = {row["case"]: row["gains"]["k"] for row in rows
-                       if row["controller"] == "grosmc"}  # fmt: skip
-    assert gains["arm_case1"] == {"case1": 12.0}
-    assert gains["validation"] == {"nominal": 11.0, "case1": 12.0, "case2": 11.0}
+    base = cases / "arm" / "base.toml"
+    base.write_text(base.read_text().replace("k = 18", "k = 11"))
+    case1 = cases / "arm" / "case1.toml"
+    case1.write_text(case1.read_text().replace('law = "grosmc"', 'law = "grosmc"\nk = 12'))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("changed_gains")
+def test_a_changed_gain_is_seen_by_run() -> None:
+    run("run", "arm/case1", "--no-figures", "--out", "out")
+    assert gains_in(Path("out/arm_case1.json")) == {"case1": 12.0}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("changed_gains")
+def test_a_changed_gain_is_seen_by_validate() -> None:
+    run("validate", "arm", "--no-claims", "--no-figures", "--out", "out")
+    gains = gains_in(Path("out/validation.json"))
+    assert gains == {"nominal": 11.0, "case1": 12.0, "case2": 11.0}
+
+
+@pytest.mark.usefixtures("changed_gains")
+def test_a_law_is_designed_once_for_experiments_and_claims() -> None:
     experiment = Experiment.load("arm/case1")
-    theirs = Laboratory(Settings()).controller(experiment.varied(edits=()), "physics", "grosmc")
-    assert experiment.laws["physics", "grosmc"] is theirs
+    without_edits = experiment.varied(edits=())
+    law = Laboratory(Settings()).controller(without_edits, "physics", "grosmc")
+    assert experiment.laws["physics", "grosmc"] is law
 
 
-def test_tables_are_merged_and_the_resolved_text_says_the_same_alone(tmp_path: Path) -> None:
+def test_tables_are_merged_key_by_key(tmp_path: Path) -> None:
     file = read_case_file(extended(tmp_path))
-    assert (file.name, file.title, file.plant.system) == ("mine", "common", "arm")
-    assert (file.run.duration, dict(file.run.start)) == (0.1, {"joint angle": "0.5 rad"})
-    # The file's own, the extended file's, and the numbers of the system's base.
+    assert file.title == "common"
+    assert file.plant.system == "arm"
+    assert file.run.duration == 0.1
+    assert dict(file.run.start) == {"joint angle": "0.5 rad"}
+    # The extended file's number, and those of the system's base.
     assert file.law("grosmc").numbers == {"k": 7, "epsilon": 6, "G": [[0, 1]]}
+
+
+def test_arrays_of_tables_and_the_name_are_the_files_own(tmp_path: Path) -> None:
+    file = read_case_file(extended(tmp_path))
+    assert file.name == "mine"
     assert [table.called for table in file.controller] == ["grosmc"]
-    for path in (tmp_path / "mine.toml", *shipped.shipped_files().values()):
-        text = resolved_text(path)
-        assert "extends" not in text
-        assert parse_case_file(text, path) == read_case_file(path)
+
+
+def test_the_resolved_text_of_a_file_is_its_whole_content(tmp_path: Path) -> None:
+    path = extended(tmp_path)
+    text = resolved_text(path)
+    assert "extends" not in text
+    assert parse_case_file(text, path) == read_case_file(path)
+
+
+@pytest.mark.parametrize("name", shipped.shipped_files())
+def test_the_resolved_text_of_a_shipped_file_is_its_whole_content(name: str) -> None:
+    path = shipped.shipped_files()[name]
+    text = resolved_text(path)
+    assert "extends" not in text
+    assert parse_case_file(text, path) == read_case_file(path)
 
 
 @pytest.mark.parametrize(
@@ -149,69 +200,131 @@ def test_a_wrong_base_is_refused(tmp_path: Path, name: str, words: str) -> None:
         Experiment.load(path)
 
 
+IMPLICIT = """
+extends = "common.toml"
+[run]
+duration = "0.1 s"
+[[controller]]
+law = "grosmc"
+switching = "implicit"
+surface = "discrete"
+"""
+
+
+def test_settings_of_a_file_count_without_a_call(tmp_path: Path) -> None:
+    law = Experiment.load(extended(tmp_path, IMPLICIT)).law("physics", "grosmc").designed
+    assert law.switching == "implicit"
+    assert law.control_period == 1e-3
+
+
 def test_settings_of_a_call_count_instead_of_the_files(tmp_path: Path) -> None:
-    case = CASE + 'switching = "implicit"\nsurface = "discrete"\n'
-    experiment = Experiment.load(extended(tmp_path, case))
-    other = experiment.with_settings(switching="boundary-layer", control_period=2e-3, engine=None)
-    for one, numbers in ((experiment, ("implicit", 1e-3)), (other, ("boundary-layer", 2e-3))):
-        law = one.law("physics", "grosmc").designed
-        assert (law.switching, law.control_period) == numbers
+    experiment = Experiment.load(extended(tmp_path, IMPLICIT))
+    changed = experiment.with_settings(switching="boundary-layer", control_period=2e-3, engine=None)
+    law = changed.law("physics", "grosmc").designed
+    assert law.switching == "boundary-layer"
+    assert law.control_period == 2e-3
+
+
+def test_an_unknown_setting_is_refused(tmp_path: Path) -> None:
+    experiment = Experiment.load(extended(tmp_path))
     with pytest.raises(ArgumentError, match="unknown setting 'period'"):
         experiment.with_settings(period=1.0)
 
 
-def test_a_run_has_its_metrics_and_its_requirements() -> None:
-    experiment = gm.Experiment.load("servo/nominal").varied(duration=0.5)
-    result = experiment.run(plant="corrected", law="grosmc")
+@pytest.fixture(scope="module")
+def short_servo() -> gm.Experiment:
+    return gm.Experiment.load("servo/nominal").varied(duration=0.5)
+
+
+def test_a_run_has_its_metrics(short_servo: gm.Experiment) -> None:
+    result = short_servo.run(plant="corrected", law="grosmc")
     assert result.trajectory.time[-1] == 0.5
     assert result.metrics["deviation"].unit == "rad"
-    # Requirements are of physics.
-    assert result.requirements == []
-    kinds = {"deviation_below", "no_reaching_phase"}
-    assert {one.limit.kind for one in experiment.run().requirements} == kinds
-    # Half a second does not tell of 5 s.
-    assert ["settles within 5 s" in line for line in experiment.not_judged] == [True]
+
+
+def test_requirements_are_of_physics(short_servo: gm.Experiment) -> None:
+    assert short_servo.run(plant="corrected", law="grosmc").requirements == []
+    kinds = {judgement.limit.kind for judgement in short_servo.run().requirements}
+    assert kinds == {"deviation_below", "no_reaching_phase"}
+
+
+def test_a_short_run_does_not_judge_a_long_settling_time(short_servo: gm.Experiment) -> None:
+    (line,) = short_servo.not_judged
+    assert "settles within 5 s" in line
     assert gm.Experiment.load("servo/nominal").not_judged == []
 
 
-def test_laws_of_a_machine_are_its_own_and_an_assumed_number_is_the_same(tmp_path: Path) -> None:
-    servo = {one.case.name: one for one in find_experiments("servo")}
+def test_laws_of_a_machine_are_its_own() -> None:
+    servo = {experiment.case.name: experiment for experiment in find_experiments("servo")}
     bench = servo["bench"].law("corrected", "implicit").parameters
     machine = servo["machine"].law("corrected", "implicit").parameters
     assert bench.plant.J == 0.0577
     assert 2.1e-3 < machine.plant.J < 2.2e-3
-    delay = STEP + 'input_below = "1 A"\n[computing]\ndelay = "1 ms"\n'
-    loops = [load(tmp_path, delay + mark).case.loop for mark in ("", 'assumed = ["delay"]')]
-    assert loops[0] == loops[1] is not None
 
 
-def test_laws_of_the_file_are_run_on_request(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+DELAY = STEP + 'input_below = "1 A"\n[computing]\ndelay = "1 ms"\n'
+
+
+def test_an_assumed_number_is_a_number(tmp_path: Path) -> None:
+    loop = load(tmp_path, DELAY).case.loop
+    assert loop is not None
+    assert load(tmp_path, DELAY + 'assumed = ["delay"]').case.loop == loop
+
+
+def test_all_controllers_of_a_file_are_run(tmp_path: Path) -> None:
     experiment = Experiment.load(extended(tmp_path, CASE + OTHERS))
-    assert [one.controller for one in gm.judge(experiment)] == ["grosmc"]
-    chosen = experiment.with_laws(["quite soft"])
-    assert [one.controller for one in gm.judge(chosen)] == ["quite soft"]
-    assert chosen.run().controller.parameters.k == 5
+    assert [judgement.controller for judgement in gm.judge(experiment)] == ["grosmc"]
+
+
+def test_laws_of_the_file_are_run_on_request(tmp_path: Path) -> None:
+    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS)).with_laws(["quite soft"])
+    assert [judgement.controller for judgement in gm.judge(experiment)] == ["quite soft"]
+    assert experiment.run().controller.parameters.k == 5
+
+
+def test_a_law_that_the_file_does_not_have_is_refused(tmp_path: Path) -> None:
+    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS))
     with pytest.raises(ArgumentError, match=r"unknown law 'stiff': .*'soft', 'quite soft'"):
         experiment.with_laws(["stiff"])
+
+
+def test_the_command_runs_laws_on_request(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    extended(tmp_path, CASE + OTHERS)
     run("run", "mine.toml", "--laws", "soft", "grosmc", "--no-figures")
     content = json.loads(Path("renders/mine.json").read_text())
-    assert {one["controller"] for one in content["runs"]} == {"soft", "grosmc"}
+    assert {run["controller"] for run in content["runs"]} == {"soft", "grosmc"}
 
 
-def test_the_starter_explains_every_key_and_its_machine_is_one(tmp_path: Path) -> None:
+STARTER = shipped.starter()
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        schema.RunTable,
+        schema.ClaimTable,
+        schema.DisturbanceTable,
+        schema.EditTable,
+        *MACHINE.values(),
+    ],
+)
+def test_the_starter_explains_every_key(table) -> None:
+    for key in table.model_fields:
+        assert re.search(rf"\b{key}\b", STARTER.lower()), key
+
+
+@pytest.mark.parametrize(("name", "table"), MACHINE.items())
+def test_the_starter_explains_every_key_of_a_part_at_its_table(name: str, table) -> None:
+    (part,) = re.findall(rf"# \[\[{name}\]\](.*?)\n(?:# \[\[|\n)", STARTER, re.DOTALL)
+    for key in table.model_fields.keys() - {"assumed"}:
+        assert re.search(rf"\b{key}\b", part), key
+
+
+def test_the_machine_of_the_starter_is_one(tmp_path: Path) -> None:
     """Without its comment signs, and without the words behind them."""
-    starter = shipped.starter()
-    tables = schema.RunTable, schema.ClaimTable, schema.DisturbanceTable, schema.EditTable
-    for table in (*tables, *MACHINE.values()):
-        for key in table.model_fields:
-            assert re.search(rf"\b{key}\b", starter.lower()), f"{table.__name__}.{key}"
-    for name, table in MACHINE.items():
-        (part,) = re.findall(rf"# \[\[{name}\]\](.*?)\n(?:# \[\[|\n)", starter, re.DOTALL)
-        for key in table.model_fields.keys() - {"assumed"}:
-            assert re.search(rf"\b{key}\b", part), f"[[{name}]] without {key}"
     before, machine, after = re.split(
-        r"(# ---- The machine.*?)(?=# ---- The laws)", starter, flags=re.DOTALL
+        r"(# ---- The machine.*?)(?=# ---- The laws)", STARTER, flags=re.DOTALL
     )
     lines = [line[2:] for line in machine.splitlines() if re.match(r"# (\[\[|\w+ = )", line)]
     plant = load(tmp_path, "\n".join([before, *lines, "", after])).plant("physics")

@@ -1,9 +1,10 @@
-"""Metrics against closed forms on made-up runs, requirements of them and the record of them."""
+"""Metrics of made-up runs against closed forms, limits on metrics, and their record."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,19 @@ OPTIMUM = LQR.designed.lqr.optimal_trajectory([1.0, 0.0], TIME)
 def servo_run(theta: np.ndarray, rate: np.ndarray, u: np.ndarray) -> Trajectory:
     """A run of the servo that went through these angles under these inputs."""
     return Trajectory(
-        system=SERVO, time=TIME, state=np.column_stack([theta, rate]), command=u, input=u,
-        sliding=None, weighed=u, memory=np.zeros(len(u), [("v", np.float64)]), wrench=None,
-        physics=None, status=np.array([Status.COMPLETED], object)[0],
+        system=SERVO,
+        time=TIME,
+        state=np.column_stack([theta, rate]),
+        command=u,
+        input=u,
+        sliding=None,
+        weighed=u,
+        memory=np.zeros(len(u), [("v", np.float64)]),
+        wrench=None,
+        physics=None,
+        status=np.array([Status.COMPLETED], object)[0],
         valid_until=np.array(TIME[-1]),
-    )  # fmt: skip
+    )
 
 
 # The continuous optimum itself, x* and u* = -K x*.
@@ -62,100 +71,153 @@ def measured(run: Trajectory, **options: Any) -> dict[str, Metric]:
 
 def result_of(run: Trajectory, **metrics: Metric) -> RunResult:
     """The run as the servo's nominal case, with some metrics changed."""
-    comparison, metrics = compare_with_optimum(run, LQR), {**measured(run), **metrics}
+    comparison = compare_with_optimum(run, LQR)
     nominal = find_experiment("servo", "nominal")
-    return RunResult(nominal, "physics", LQR, run, comparison, metrics)
+    return RunResult(nominal, "physics", LQR, run, comparison, {**measured(run), **metrics})
 
 
 STEP = np.where(TIME < 1, 1.0, 0.0)
+# Leaves its band of 2 % once more in each half second.
+SWINGING = np.where(TIME < 1, 1.0, 0.03 * np.sin(2 * np.pi * TIME))
 
 
+@pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
     ("error", "settled"),
     [
         (np.exp(-2 * TIME), np.log(50) / 2),
-        # Still outside at the end; outside once more, from 6 s to 7 s.
-        (np.exp(-0.1 * TIME), None),
+        # Outside once more, from 6 s to 7 s.
         (np.where((TIME > 6) & (TIME < 7), 0.1, STEP), 7.0),
         # Without an error at the start a run settles only if it stays.
         (0 * TIME, 0.0),
-        (1e-6 * (1 - STEP), None),
-        # In and out of its band, and out at some of the ends.
-        *((np.where(TIME < 1, 1.0, 0.03 * np.sin(2 * np.pi * TIME))[:end], None)
-          for end in (5000, 5370, 6110)),
     ],
-)  # fmt: skip
-def test_an_error_settles_where_it_enters_its_band_for_good(error, settled) -> None:
-    for sign in (1, -1):
-        metric = settling_time(TIME[: len(error)], sign * error)
-        if settled is None:
-            assert metric == (None, "s", "not reached")
-        else:
-            assert metric.value == pytest.approx(settled, abs=2 * H)
+)
+def test_an_error_settles_where_it_enters_its_band_for_good(error, settled, sign) -> None:
+    assert settling_time(TIME, sign * error).value == pytest.approx(settled, abs=2 * H)
 
 
-def test_an_overshoot_is_beyond_zero_in_percent_of_the_initial_error() -> None:
-    for sign in (1, -1):
-        assert overshoot(sign * np.array([2.0, 3.0, -0.5, 0.1])) == (25.0, "%", "")
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    "error",
+    [
+        # Outside at the end.
+        np.exp(-0.1 * TIME),
+        1e-6 * (1 - STEP),
+        # In and out of its band, and out at some of the ends.
+        SWINGING[:5000],
+        SWINGING[:5370],
+        SWINGING[:6110],
+    ],
+)
+def test_an_error_that_leaves_its_band_late_does_not_settle(error, sign) -> None:
+    assert settling_time(TIME[: len(error)], sign * error) == (None, "s", "not reached")
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_overshoot_is_beyond_zero_in_percent_of_the_initial_error(sign) -> None:
+    assert overshoot(sign * np.array([2.0, 3.0, -0.5, 0.1])) == (25.0, "%", "")
+
+
+def test_there_is_no_overshoot_without_an_initial_error() -> None:
     assert overshoot(np.zeros(3)) == (None, "%", "no initial error")
 
 
-def test_the_optimum_deviates_by_nothing_and_costs_its_own_optimum() -> None:
-    """In the output's own coordinate: the error is theta_d - theta, with theta_d = 1."""
-    metrics, comparison = measured(RUN), compare_with_optimum(RUN, LQR)
-    assert metrics["deviation"].value == pytest.approx(0, abs=1e-12)
+def test_the_optimum_costs_its_own_optimum() -> None:
+    metrics = measured(RUN)
     optimum = metrics["cost_optimal"].value
     # The trapezoid rule errs by h^2/12 times the fastest rate squared, 11.5^2: 1e-5.
     assert metrics["cost_continuous"].value == pytest.approx(optimum, rel=2e-5)
     # Holding the input errs by half a sample of a falling cost: h/2 * 11.5.
     assert metrics["cost_whole"].value == pytest.approx(optimum, rel=6e-3)
+
+
+def test_the_optimum_deviates_by_nothing() -> None:
+    assert measured(RUN)["deviation"].value == pytest.approx(0, abs=1e-12)
+
+
+def test_a_displaced_optimum_deviates_by_its_displacement() -> None:
+    deviation = measured(bumped(5000, 0.25))["deviation"]
+    assert deviation.value == pytest.approx(0.25, abs=1e-12)
+    assert deviation.unit == "rad"
+
+
+def test_a_comparison_is_in_the_coordinate_of_the_output() -> None:
+    """The error is theta_d - theta, with theta_d = 1."""
+    comparison = compare_with_optimum(RUN, LQR)
     assert comparison.outputs == (0,)
     np.testing.assert_array_equal(comparison.reference, np.ones((len(TIME), 1)))
     np.testing.assert_allclose(comparison.optimum[:, 0], RUN.state[:, 0], rtol=0, atol=1e-12)
-    deviation = measured(bumped(5000, 0.25))["deviation"]
-    assert (deviation.value, deviation.unit) == (pytest.approx(0.25, abs=1e-12), "rad")
-    assert all(metric.unit or metric.note for metric in metrics.values())
+
+
+def test_every_metric_has_a_unit_or_a_note() -> None:
+    assert all(metric.unit or metric.note for metric in measured(RUN).values())
 
 
 def test_the_transient_ends_where_the_disturbance_begins() -> None:
-    """A wrench held from then on has not moved the state yet at its onset."""
     run = bumped(TIME > 8, 0.5)
-    full, transient = measured(run), measured(run, onset=8.0)
+    full = measured(run)
+    transient = measured(run, onset=8.0)
     assert full["settling_time"].note == "not reached"
     assert transient["settling_time"].value == pytest.approx(3.99, abs=0.05)
     assert transient["overshoot"].value == pytest.approx(0, abs=1e-9)
     assert transient["deviation"] == full["deviation"]
-    # One from the start leaves all of it.
+
+
+def test_a_disturbance_from_the_start_is_part_of_the_transient() -> None:
     assert measured(RUN, onset=0.0) == measured(RUN)
-    for row, percent in ((8000, 50.0), (8001, 0.0)):
-        run = bumped(row, 1.5 - RUN.state[row, 0])
-        assert measured(run, onset=8.0)["overshoot"].value == pytest.approx(percent, abs=1e-9)
-    # A run is measured up to its own case's onset.
+
+
+@pytest.mark.parametrize(("row", "percent"), [(8000, 50.0), (8001, 0.0)])
+def test_the_instant_of_the_onset_is_part_of_the_transient(row, percent) -> None:
+    """A wrench held from then on has not moved the state yet."""
+    run = bumped(row, 1.5 - RUN.state[row, 0])
+    assert measured(run, onset=8.0)["overshoot"].value == pytest.approx(percent, abs=1e-9)
+
+
+def test_a_run_is_measured_up_to_the_onset_of_its_case() -> None:
     shove = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -100.0, 0.0), Pulse(0.3, 1.0))
     case = replace(find_case("servo", "nominal"), duration=0.6, disturbances=(shove,))
     result = run_case(case, "corrected", "lqr", Settings(engine="python"))
     assert result.metrics["overshoot"].value == 0.0
-    later = measure(result.trajectory, result.controller, result.comparison)
-    assert (later["overshoot"].value or 0.0) > 10.0
+    whole = measure(result.trajectory, result.controller, result.comparison)
+    assert (whole["overshoot"].value or 0.0) > 10.0
 
 
-def test_sizes_are_of_both_signs_and_from_the_start() -> None:
-    """RMS of a sine of full cycles is its amplitude over the root of two."""
-    wave = np.sin(2 * np.pi * np.arange(10_000) / 1000)
-    run = servo_run(np.ones(10_001), np.zeros(10_001), np.minimum(wave, 0.5))
-    run = replace(run, sliding=np.column_stack([0.3 * wave, 0.1 * np.ones(10_000)]))
-    z, nothing = np.append(2 * wave, 0.0)[:, None], np.zeros((10_001, 1))
-    made_up = Comparison(TIME, np.hstack([z, 0 * z]), 0 * np.hstack([z, z]), (0,), nothing, nothing)
-    metrics = measure(run, LQR, made_up)
-    assert metrics["max_input"] == (1.0, "A", "")
-    assert metrics["rms_error"].value == pytest.approx(2**0.5, rel=1e-4)
+WAVE = np.sin(2 * np.pi * np.arange(10_000) / 1000)
+CLIPPED = servo_run(np.ones(10_001), np.zeros(10_001), np.minimum(WAVE, 0.5))
+SLIDING = replace(CLIPPED, sliding=np.column_stack([0.3 * WAVE, 0.1 * np.ones(10_000)]))
+
+
+def metrics_of_a_wave() -> dict[str, Metric]:
+    """Metrics of a run whose error is twice the wave, beside an optimum without error."""
+    error = np.append(2 * WAVE, 0.0)
+    z = np.column_stack([error, np.zeros(10_001)])
+    nothing = np.zeros((10_001, 1))
+    comparison = Comparison(TIME, z, np.zeros_like(z), (0,), nothing, nothing)
+    return measure(SLIDING, LQR, comparison)
+
+
+def test_a_largest_input_is_of_both_signs() -> None:
+    assert metrics_of_a_wave()["max_input"] == (1.0, "A", "")
+
+
+def test_the_rms_error_of_a_sine_is_its_amplitude_over_the_root_of_two() -> None:
+    assert metrics_of_a_wave()["rms_error"].value == pytest.approx(2**0.5, rel=1e-4)
+
+
+def test_the_size_of_s_is_its_largest_entry() -> None:
+    metrics = metrics_of_a_wave()
     assert metrics["max_sliding"].value == pytest.approx(0.3)
-    largest = np.maximum(0.3 * np.abs(wave), 0.1)
-    assert metrics["rms_sliding"].value == pytest.approx(float(np.mean(largest**2)) ** 0.5)
-    # A square wave jumps by 3 A between its 10 000 samples in 10 s.
-    square = replace(run, command=1.5 * (-1.0) ** np.arange(10_000))
-    square = replace(square, input=square.command)
-    assert measured(square)["total_variation"].value == pytest.approx(3 * 9999 / 10)
+    largest = np.maximum(0.3 * np.abs(WAVE), 0.1)
+    rms = float(np.mean(largest**2)) ** 0.5
+    assert metrics["rms_sliding"].value == pytest.approx(rms)
+
+
+def test_the_total_variation_of_a_square_wave_is_the_sum_of_its_jumps() -> None:
+    """By 3 A between its 10 000 samples in 10 s."""
+    square = 1.5 * (-1.0) ** np.arange(10_000)
+    run = replace(SLIDING, command=square, input=square)
+    assert measured(run)["total_variation"].value == pytest.approx(3 * 9999 / 10)
 
 
 def test_a_cart_travels_from_where_it_starts() -> None:
@@ -186,6 +248,7 @@ def limit(kind: str, value: float, after: float = 0.0) -> Limit:
 COSTS = {"cost_continuous": 5.0, "cost_whole": 3.0, "cost_optimal": 2.0}
 
 
+@pytest.mark.parametrize(("factor", "kept"), [(1.0, True), (2.0, True), (0.9, False)])
 @pytest.mark.parametrize(
     ("kind", "metrics", "value"),
     [
@@ -197,12 +260,14 @@ COSTS = {"cost_continuous": 5.0, "cost_whole": 3.0, "cost_optimal": 2.0}
         ("input_below", {"max_input": 1.5}, 1.5),
     ],
 )
-def test_a_limit_is_of_its_own_metric_and_kept_if_just_met(kind, metrics, value) -> None:
+def test_a_limit_is_of_its_own_metric(kind, metrics, value, factor, kept) -> None:
+    """It is kept if it is just met."""
     result = result_of(RUN, **{name: Metric(size, "") for name, size in metrics.items()})
-    for allowed, kept in ((value, True), (value + 1, True), (0.9 * value, False)):
-        judgement = judge(limit(kind, allowed), result)
-        assert (judgement.measured, judgement.kept) == (value, kept)
-        assert judgement.margin == allowed - value
+    allowed = factor * value
+    judgement = judge(limit(kind, allowed), result)
+    assert judgement.measured == value
+    assert judgement.kept == kept
+    assert judgement.margin == allowed - value
 
 
 def test_the_rest_of_the_input_costs_a_second_over_the_optimum() -> None:
@@ -213,43 +278,78 @@ def test_the_rest_of_the_input_costs_a_second_over_the_optimum() -> None:
     assert cost_shares(metrics | {"cost_optimal": Metric(None, "1")}, 0.5)[1].value is None
 
 
-def test_a_surface_starts_at_zero_and_an_error_stays_within_to_both_sides() -> None:
-    for start, kept in ((-1e-3, False), (1e-3, False), (-1e-12, True), (0.0, True)):
-        run = replace(RUN, sliding=np.append(start, np.zeros(9999)))
-        judgement = judge(limit("no_reaching_phase", 1e-9), result_of(run))
-        assert (judgement.measured, judgement.kept) == (abs(start), kept)
-    # The instant itself counts; theta beyond theta_d is a negative error, after 6 s of decay.
-    for row, away in ((6000, 0.25), (5999, 0.0), (10_000, 0.25)):
-        within = limit("stays_within", 0.1, after=6.0)
-        assert judge(within, result_of(bumped(row, 0.25))).measured == pytest.approx(away, abs=5e-3)
+@pytest.mark.parametrize(
+    ("start", "kept"), [(-1e-3, False), (1e-3, False), (-1e-12, True), (0.0, True)]
+)
+def test_a_surface_starts_at_zero_to_rounding(start, kept) -> None:
+    run = replace(RUN, sliding=np.append(start, np.zeros(9999)))
+    judgement = judge(limit("no_reaching_phase", 1e-9), result_of(run))
+    assert judgement.measured == abs(start)
+    assert judgement.kept == kept
+
+
+@pytest.mark.parametrize(("row", "error"), [(6000, 0.25), (5999, 0.0), (10_000, 0.25)])
+def test_an_error_stays_within_from_the_instant_itself_on(row, error) -> None:
+    """To both sides: theta beyond theta_d is a negative error, after 6 s of decay."""
+    within = limit("stays_within", 0.1, after=6.0)
+    judgement = judge(within, result_of(bumped(row, 0.25)))
+    assert judgement.measured == pytest.approx(error, abs=5e-3)
 
 
 # The record
 
 
-def test_a_record_keeps_other_runs_and_tells_what_differs(tmp_path, monkeypatch) -> None:
+@pytest.fixture
+def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the record, which the package takes for its own."""
     path = tmp_path / "expected.json"
     path.write_text(expected.EXPECTED_FILE.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.setattr(expected, "EXPECTED_FILE", path)
-    before, result = json.loads(path.read_text()), result_of(RUN)
+    return path
+
+
+def test_a_record_keeps_other_runs(record: Path) -> None:
+    before = json.loads(record.read_text())
+    result = result_of(RUN)
     expected.record_expected([result])
-    after = json.loads(path.read_text())
+    after = json.loads(record.read_text())
     assert after["settings"] == before["settings"]
     assert after["runs"].pop(result.key) != before["runs"].pop(result.key)
     assert after["runs"] == before["runs"]
 
-    number, none = Metric(1.25, "s"), Metric(None, "s", "not reached")
-    key = "servo/nominal/physics/lqr: settling_time is"
-    for now, then, words in ((none, number, [f"{key} none, recorded 1.25 s"]),
-                             (number, none, [f"{key} 1.25, recorded none s"]),
-                             (none, none, [])):  # fmt: skip
-        expected.record_expected([result_of(RUN, settling_time=then)])
-        assert expected.differences([result_of(RUN, settling_time=now)]) == words
-    # Only laws that switch may repeat roughly.
-    for sliding, apart, as_recorded in ((None, 5e-7, True), (None, 5e-6, False),
-                                        (np.zeros(10_000), 1e-3, True),
-                                        (np.zeros(10_000), 0.5, False)):  # fmt: skip
-        run = replace(RUN, sliding=sliding)
-        expected.record_expected([result_of(run, cost_whole=Metric(1.0, "1"))])
-        now = result_of(run, cost_whole=Metric(1.0 + apart, "1"))
-        assert (expected.differences([now]) == []) is as_recorded
+
+NUMBER = Metric(1.25, "s")
+NONE = Metric(None, "s", "not reached")
+
+
+@pytest.mark.usefixtures("record")
+@pytest.mark.parametrize(
+    ("now", "recorded", "differences"),
+    [
+        (NONE, NUMBER, ["servo/nominal/physics/lqr: settling_time is none, recorded 1.25 s"]),
+        (NUMBER, NONE, ["servo/nominal/physics/lqr: settling_time is 1.25, recorded none s"]),
+        (NONE, NONE, []),
+    ],
+)
+def test_a_record_tells_which_value_is_there_now(now, recorded, differences) -> None:
+    expected.record_expected([result_of(RUN, settling_time=recorded)])
+    assert expected.differences([result_of(RUN, settling_time=now)]) == differences
+
+
+SWITCHING = replace(RUN, sliding=np.zeros(10_000))
+
+
+@pytest.mark.usefixtures("record")
+@pytest.mark.parametrize(
+    ("run", "apart", "as_recorded"),
+    [
+        (RUN, 5e-7, True),
+        (RUN, 5e-6, False),
+        (SWITCHING, 1e-3, True),
+        (SWITCHING, 0.5, False),
+    ],
+)
+def test_only_laws_that_switch_may_repeat_roughly(run, apart, as_recorded) -> None:
+    expected.record_expected([result_of(run, cost_whole=Metric(1.0, "1"))])
+    now = result_of(run, cost_whole=Metric(1.0 + apart, "1"))
+    assert (expected.differences([now]) == []) is as_recorded

@@ -1,4 +1,4 @@
-"""Files of plants about an operating point, laws of other equations, implausible numbers."""
+"""Plants about an operating point, laws of other equations, implausible numbers."""
 
 from __future__ import annotations
 
@@ -7,48 +7,122 @@ import warnings
 import numpy as np
 import pytest
 from campaign_cases import run
-from case_texts import BALL, BEAM, FURUTA, MAGLEV, OWN, STEP, load
+from case_texts import OWN, STEP, load, written
 
 from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.physics.edits import AddedMass
 
+LEVITATED = """
+[plant]
+plant = "grosmc_mj.cases.maglev.maglev:plant"
+at = { gap = "10 mm" }
+[run]
+duration = "0.01 s"
+[task]
+Q = [1e8, 1e5, 10]
+R = 1e-3
+[[controller]]
+law = "fl-lqr"
+"""
+LEVITATED_BY_USERS_LAW = """
+[plant]
+plant = "grosmc_mj.cases.maglev.maglev:plant"
+at = { gap = "10 mm" }
+[run]
+start = { gap = "11 mm" }
+duration = "0.01 s"
+[task]
+Q = [1e8, 1e5, 10]
+R = 1e-3
+[[controller]]
+law = "mine:held"
+gain = -300
+"""
+USERS_LAW = """
+def held(t, x, memory, p):
+    return p.reference.u[0] - p.gain * (x[0] - p.reference.x[0])
+"""
+APPROXIMATED = """
+[plant]
+plant = "grosmc_mj.cases.ball_beam.ball_beam:plant"
+[design]
+plant = "grosmc_mj.cases.ball_beam.ball_beam:approximation"
+[run]
+duration = "0.01 s"
+[task]
+Q = [10, 10, 1, 1]
+R = 0.1
+[[controller]]
+law = "fl-lqr"
+"""
+LOADED = """
+[plant]
+model = "furuta.xml"
+[run]
+duration = "0.01 s"
+[task]
+Q = [1, 5, 0.02, 0.02]
+R = 100
+[[controller]]
+law = "lqr"
+[[edit]]
+body = "rod"
+added_mass = "20 g"
+at = ["1 cm", "2 cm", "3 cm"]
+"""
 
-def test_runs_start_are_held_and_weighed_at_the_operating_point(tmp_path) -> None:
-    experiment = load(tmp_path, MAGLEV.replace('"lqr"', '"fl-lqr"'))
+
+def test_runs_start_at_the_operating_point(tmp_path) -> None:
+    experiment = load(tmp_path, LEVITATED)
     point = experiment.nominal.at
     assert point is not None
     np.testing.assert_array_equal(experiment.case.x0, point.x)
+
+
+def test_runs_are_held_at_the_operating_point(tmp_path) -> None:
+    experiment = load(tmp_path, LEVITATED)
+    point = experiment.nominal.at
+    assert point is not None
     run = experiment.run().trajectory
     np.testing.assert_allclose(run.state - run.state[0], 0, atol=1e-9)
     np.testing.assert_allclose(run.input, point.u[0], rtol=1e-6)
-    # A law of one's own, from another start.
-    (tmp_path / "mine.py").write_text(
-        "def held(t, x, memory, p):\n"
-        "    return p.reference.u[0] - p.gain * (x[0] - p.reference.x[0])\n"
-    )
-    text = MAGLEV.replace("[run]", '[run]\nstart = { gap = "11 mm" }')
-    moved = load(tmp_path, text.replace('"lqr"', '"mine:held"\ngain = -300'))
-    assert (moved.case.x0[0], moved.case.x0[2]) == (pytest.approx(0.011), point.x[2])
-    trajectory = moved.run().trajectory
+
+
+def test_a_start_replaces_states_of_the_operating_point(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text(USERS_LAW)
+    experiment = load(tmp_path, LEVITATED_BY_USERS_LAW)
+    point = experiment.nominal.at
+    assert point is not None
+    assert experiment.case.x0[0] == pytest.approx(0.011)
+    assert experiment.case.x0[2] == point.x[2]
+
+
+def test_the_index_weighs_the_input_from_the_operating_point(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text(USERS_LAW)
+    experiment = load(tmp_path, LEVITATED_BY_USERS_LAW)
+    point = experiment.nominal.at
+    assert point is not None
+    trajectory = experiment.run().trajectory
     v = trajectory.memory["v"][:, 0]
     assert v[0] == pytest.approx(300 * 0.001)
     assert trajectory.input[0] - v[0] == pytest.approx(point.u[0])
 
 
-def test_a_law_believes_in_the_design_s_equations(tmp_path) -> None:
-    design = f'[design]\nplant = "{BALL}:approximation"\n[run]'
-    experiment = load(tmp_path, BEAM.replace("[run]", design))
-    law = experiment.law("corrected", "fl-lqr")
+def test_a_law_believes_in_the_equations_of_the_design(tmp_path) -> None:
+    law = load(tmp_path, APPROXIMATED).law("corrected", "fl-lqr")
     assert law.coordinates.linearization.relative_degree == (4,)
     assert law.designed.error.system.name == "ball_beam_approximated"
+
+
+def test_a_plant_keeps_its_equations_beside_a_design(tmp_path) -> None:
+    experiment = load(tmp_path, APPROXIMATED)
     assert experiment.plant("corrected").system.name == "ball_beam"
 
 
 def test_a_load_is_where_the_file_says(tmp_path) -> None:
-    edit = '[[edit]]\nbody = "rod"\nadded_mass = "20 g"\nat = ["1 cm", "2 cm", "3 cm"]\n'
-    edits = load(tmp_path, FURUTA.replace("grosmc", "lqr") + edit).case.edits
+    edits = load(tmp_path, LOADED).case.edits
     assert edits == (AddedMass("rod", 0.02, (0.01, 0.02, 0.03)),)
 
 
@@ -76,7 +150,7 @@ stop = "0.2 s"
 CASE = STEP + 'stays_within = "1e9 rad"\n'
 
 
-@pytest.mark.parametrize(
+IMPLAUSIBLE = pytest.mark.parametrize(
     ("more", "line"),
     [
         (
@@ -94,18 +168,25 @@ CASE = STEP + 'stays_within = "1e9 rad"\n'
         ),
     ],
 )
-def test_an_implausible_number_is_a_warning_and_a_line(tmp_path, capsys, more, line) -> None:
+
+
+@IMPLAUSIBLE
+def test_an_implausible_number_is_a_warning(tmp_path, more, line) -> None:
     with pytest.warns(ImplausibleWarning) as caught:
         load(tmp_path, CASE + more)
     assert [str(item.message) for item in caught] == [f"{tmp_path / 'mine.toml'}: {line}"]
-    capsys.readouterr()
-    run("list", tmp_path / "mine.toml")
-    assert f"grosmc-mj: {tmp_path / 'mine.toml'}: {line}\n" in capsys.readouterr().err
+
+
+@IMPLAUSIBLE
+def test_the_command_prints_a_line_for_an_implausible_number(tmp_path, capsys, more, line) -> None:
+    path = written(tmp_path, CASE + more)
+    run("list", path)
+    assert f"grosmc-mj: {path}: {line}\n" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_every_shipped_case_can_be_prepared_and_is_plausible() -> None:
+@pytest.mark.parametrize("name", shipped_files())
+def test_a_shipped_case_is_plausible_and_requires_something(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for path in shipped_files().values():
-            assert Experiment.load(path).limits, f"{path} requires nothing"
+        assert Experiment.load(name).limits

@@ -1,13 +1,13 @@
-"""Case files that are wrong: one line for each mistake, from whichever door of a file."""
+"""Wrong case files: one line for each mistake, wherever it is in the file."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from case_texts import (
     ARM,
-    BALL,
     BEAM,
     FURUTA,
     LEG,
@@ -15,7 +15,7 @@ from case_texts import (
     MAGLEV,
     MOTOR,
     OWN,
-    PLAY,
+    OWN_NATIVE,
     PYTHON,
     RIVAL,
     SERVO,
@@ -28,7 +28,7 @@ from grosmc_mj import cli
 from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 
-# A part of the text, another one in its place, and words of the line.
+# A part of a sound text, the mistake in its place, and words of the line.
 ARMS = [
     ('system = "arm"', 'sytem = "arm"', "plant: unknown key 'sytem': did you mean 'system'?"),
     ('system = "arm"', "system = 3", "plant: system = 3 must be a text in quotes"),
@@ -62,7 +62,6 @@ ARMS = [
     ('"10 mrad"', '"10 mrad"\nof = ["lqr"]', "requirement 1: unknown controller 'lqr'"),
     ('title = "sound"', "title = sound", "no valid TOML: Invalid value (at line 2"),
 ]
-LAW = '"own:law"\na = 4\nb = 4'
 OWNS = [
     ("own:pendulum", "onw:pendulum", "there is no onw.py in"),
     ("own:pendulum", "own:", "'own:' must be module:name"),
@@ -73,49 +72,86 @@ OWNS = [
     ('parameter = "m"', 'parameter = "k"', "unknown parameter 'k': valid: m"),
     ('parameter = "m"\nscale = 1.5', 'body = "rod"\nmass_scale = 2', "edit a parameter"),
     ("Q = [1, 1]\n", "", "Q is missing"),
-    (LAW, '"grosmc"', "grosmc needs k and epsilon"),
-    (LAW, '"lqr"\nswitching = "sign"', "it does not switch"),
+    ('"own:law"\na = 4\nb = 4', '"grosmc"', "grosmc needs k and epsilon"),
+    ('"own:law"\na = 4\nb = 4', '"lqr"\nswitching = "sign"', "it does not switch"),
     ("[task]", '[task]\nreference = ["own:wrong"]', "must be a pair"),
 ]
-LEVITATED, ITS_LAW, FAMILY = 'at = { gap = "10 mm" }', '"lqr"', '"linear-grosmc"\nuncertainty = '
+BEAM_WITHOUT_POINT = """
+[plant]
+plant = "grosmc_mj.cases.ball_beam.ball_beam:plant"
+[run]
+duration = "0.01 s"
+[task]
+Q = [10, 10, 1]
+R = 0.1
+[[controller]]
+law = "grosmc"
+"""
 OPERATING_POINTS = [
     (LEG, 'model = "leg.xml"', 'model = "lag.xml"', "lag.xml"),
     (LEG, 'law = "lqr"', 'law = "fl-lqr"', "law 'fl-lqr' does not fit leg, a model"),
     (LEG, 'law = "lqr"', 'law = "adaptive"', "law 'adaptive' does not fit leg, a model"),
-    (MAGLEV, LEVITATED, 'at = { gap = "10" }', 'plant: at: gap: "10" has no unit'),
-    (MAGLEV, LEVITATED, 'at = { current = "0 A", gap = "10 mm" }', "at: maglev rests nowhere"),
+    (MAGLEV, '"10 mm"', '"10"', 'plant: at: gap: "10" has no unit'),
+    (MAGLEV, "gap = ", 'current = "0 A", gap = ', "at: maglev rests nowhere"),
     (MAGLEV, "R = 1e-3", 'R = 1\nreference = ["1"]', "under lqr all states are held"),
-    (MAGLEV, ITS_LAW, FAMILY + "1", "must be a table with body"),
-    (MAGLEV, ITS_LAW, FAMILY + "{ scales = { R = 2 } }", "[least, "),
+    (MAGLEV, '"lqr"', '"linear-grosmc"\nuncertainty = 1', "must be a table with body"),
+    (
+        MAGLEV,
+        '"lqr"',
+        '"linear-grosmc"\nuncertainty = { scales = { R = 2 } }',
+        "[least, ",
+    ),
     (MAGLEV + MOTOR, "", "", "maglev has no model in MuJoCo, so no machine as built"),
     (BEAM, "10, 1, 1]", "10, 1]", "of position, of relative degree (3,), is singular"),
-    (BEAM.replace("10, 1, 1]", "10, 1]"), '"fl-lqr"', '"grosmc"', "[plant] at"),
-    (BEAM, "[run]", f'[design]\nplant = "{BALL}:nothing"\n[run]', "unknown name in"),
+    (BEAM_WITHOUT_POINT, "", "", "[plant] at"),
     (
-        BEAM, "[run]", '[design]\nplant = "grosmc_mj.cases.maglev.maglev:plant"\n[run]',
+        BEAM,
+        "[run]",
+        '[design]\nplant = "grosmc_mj.cases.ball_beam.ball_beam:nothing"\n[run]',
+        "unknown name in",
+    ),
+    (
+        BEAM,
+        "[run]",
+        '[design]\nplant = "grosmc_mj.cases.maglev.maglev:plant"\n[run]',
         "has the states",
     ),
     (FURUTA, "R = 100", 'R = 1\nreference = ["1", "2"]', "are held at the operating point"),
-    (FURUTA, "[run]", f'[design]\nplant = "{BALL}:plant"\n[run]', "from MuJoCo's own dynamics"),
+    (
+        FURUTA,
+        "[run]",
+        '[design]\nplant = "grosmc_mj.cases.ball_beam.ball_beam:plant"\n[run]',
+        "from MuJoCo's own dynamics",
+    ),
     (FURUTA, "furuta.xml", "nowhere:furuta.xml", "nowhere, which is not installed; run: pip inst"),
     (FURUTA, "furuta.xml", "numpy:furuta.xml", "the installed numpy has no file 'furuta.xml'"),
     (FURUTA, "furuta.xml", "../a:furuta.xml", "must be a file, or package:path of one"),
     (FURUTA, "[run]", 'at = { rod = "90 deg" }\n[run]', "furuta rests nowhere near"),
-    # Numbers of further laws.
-    (RIVAL, '"lqi"', '"pid"\nfrequency = -2', "frequency = -2 must be above 0"),
-    (RIVAL, '"lqi"', '"adrc"\nswitching = "implicit"', "not switch, so it has no switching"),
-    (RIVAL, '"lqi"', '"pd"', "pd needs frequency"),
-]  # fmt: skip
-# Parts of a machine and edits, behind the laws.
-STOP = '[[stop]]\njoint = "shaft"\n'
+]
+# Numbers of further laws.
+RIVALS = [
+    ('"lqi"', '"pid"\nfrequency = -2', "frequency = -2 must be above 0"),
+    ('"lqi"', '"adrc"\nswitching = "implicit"', "not switch, so it has no switching"),
+    ('"lqi"', '"pd"', "pd needs frequency"),
+]
+# Wrong parts of a machine and edits, behind the laws.
 MACHINES = [
-    (PLAY.replace("shaft", "shfat"), "transmission 1: unknown joint 'shfat': did you mean 'shaft'"),
-    (LUGRE.replace("[[lugre]]", "[lugre]"), "[lugre] is one of possibly several: write [[lugre]]"),
+    (
+        '[[transmission]]\njoint = "shfat"\ninertia = "10 g m^2"\n',
+        "transmission 1: unknown joint 'shfat': did you mean 'shaft'",
+    ),
+    (
+        '[lugre]\njoint = "shaft"\ncoulomb = "0.05 N m"\n',
+        "[lugre] is one of possibly several: write [[lugre]]",
+    ),
     (LUGRE + 'stiffness = "1 GN m/rad"\n', "with a timestep of 0.00025 s makes unstable: take"),
-    (MOTOR.replace("current", "currant"), "motor 1: unknown input 'currant': did you mean 'curr"),
+    (
+        '[[motor]]\ninput = "currant"\nconstant = "7.68 mN m/A"\nresistance = "2.6 ohm"\n',
+        "motor 1: unknown input 'currant': did you mean 'curr",
+    ),
     (MOTOR + "ratio = 70\nadded = false\n", "which is no part of the model's damping of 0.0088"),
     (
-        STOP + 'low = "-2 rad"\nhigh = "-1 rad"\n',
+        '[[stop]]\njoint = "shaft"\nlow = "-2 rad"\nhigh = "-1 rad"\n',
         "shaft starts at 0 rad, beyond its stops at -2 and -1 rad: move the start or the stops",
     ),
     (
@@ -126,15 +162,15 @@ MACHINES = [
     ('[[edit]]\njoint = "shaft"\ngear = 2\n', "edit 1: a joint has no gear; valid: damping"),
     ('[computing]\ndelay = "1 ms"\nassumed = ["jitter"]\n', "assumed: the table gives no jitter"),
 ]
+# Wrong limits at the end of the last requirement.
 REQUIREMENTS = [
     ('band = "1 rad"\ninput_below = "1 A"', "band is for settles_within, which is not there"),
     ('settles_within = "1 s"\nband = "0 rad"', "'0 rad' must be positive"),
     ('rms_below = "1 mrad"\nafter = "7 s"', "after = 7 s must be before the end of a run at 6 s"),
     ('stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
 ]
-SOUND, AT_REST = 'input_below = "1 A"\n', '[run]\nstart = { "rotor angle" = "1 rad" }'
-NO_ERROR = "and runs start without error: ask for stays_within"
-TASK = '\nreference = ["1"]\nsign = -1\n'
+# Limits that are shares of the error at the start.
+SHARES = ["overshoot_below = 0.1", 'settles_within = "4 s"']
 TASKS = [
     ('\noutputs = { formulas = ["speed"] }\n', "task: outputs: 'speed' has speed, may have rotor"),
     ('\noutputs = { formulas = ["1"] }\n', "task: outputs: output 1, 1, has no relative degree"),
@@ -143,44 +179,90 @@ TASKS = [
         "task: outputs: of and formulas are the same: give one of them",
     ),
 ]
-MISTAKES = [
-    *((ARM, *change) for change in ARMS),
-    *((OWN, *change) for change in OWNS),
-    *OPERATING_POINTS,
-    *((SERVO + parts, "", "", words) for parts, words in MACHINES),
-    *((STEP + required, "", "", words) for required, words in REQUIREMENTS),
-    *((STEP + SOUND, TASK, task, words) for task, words in TASKS),
-    *((STEP + required, "[run]", AT_REST, NO_ERROR)
-      for required in ("overshoot_below = 0.1", 'settles_within = "4 s"')),
-]  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "good", "bad", "words"), MISTAKES, ids=[m[3] for m in MISTAKES])
-def test_a_mistake_is_one_line_with_the_file(text, good, bad, words, tmp_path) -> None:
+def refusal_of(folder: Path, text: str, good: str = "", bad: str = "") -> str:
+    """The message about a text with a mistake in the place of a part of it."""
     assert good in text
-    path = written(tmp_path, text.replace(good, bad, 1))
+    path = written(folder, text.replace(good, bad, 1))
     with pytest.raises(GrosmcError) as refusal:
         list(Experiment.load(path).checked().runs())
     line = str(refusal.value)
-    assert words in line
     assert "mine.toml: " in line
     assert "\n" not in line
+    return line
+
+
+@pytest.mark.parametrize(("good", "bad", "words"), ARMS)
+def test_a_mistake_on_a_system_of_the_package_is_one_line(tmp_path, good, bad, words) -> None:
+    assert words in refusal_of(tmp_path, ARM, good, bad)
+
+
+@pytest.mark.parametrize(("good", "bad", "words"), OWNS)
+def test_a_mistake_on_a_users_plant_is_one_line(tmp_path, good, bad, words) -> None:
+    assert words in refusal_of(tmp_path, OWN, good, bad)
+
+
+@pytest.mark.parametrize(("text", "good", "bad", "words"), OPERATING_POINTS)
+def test_a_mistake_at_an_operating_point_is_one_line(tmp_path, text, good, bad, words) -> None:
+    assert words in refusal_of(tmp_path, text, good, bad)
+
+
+@pytest.mark.parametrize(("good", "bad", "words"), RIVALS)
+def test_a_mistake_in_a_rival_law_is_one_line(tmp_path, good, bad, words) -> None:
+    assert words in refusal_of(tmp_path, RIVAL, good, bad)
+
+
+@pytest.mark.parametrize(("parts", "words"), MACHINES)
+def test_a_mistake_in_a_machine_is_one_line(tmp_path, parts, words) -> None:
+    assert words in refusal_of(tmp_path, SERVO + parts)
+
+
+@pytest.mark.parametrize(("limits", "words"), REQUIREMENTS)
+def test_a_mistake_in_a_requirement_is_one_line(tmp_path, limits, words) -> None:
+    assert words in refusal_of(tmp_path, STEP + limits)
+
+
+@pytest.mark.parametrize(("task", "words"), TASKS)
+def test_a_mistake_in_the_outputs_is_one_line(tmp_path, task, words) -> None:
+    regulated = '\nreference = ["1"]\nsign = -1\n'
+    assert words in refusal_of(tmp_path, STEP + 'input_below = "1 A"\n', regulated, task)
+
+
+@pytest.mark.parametrize("limit", SHARES)
+def test_a_share_of_no_initial_error_is_refused(tmp_path, limit) -> None:
+    at_rest = '[run]\nstart = { "rotor angle" = "1 rad" }'
+    line = refusal_of(tmp_path, STEP + limit, "[run]", at_rest)
+    assert "and runs start without error: ask for stays_within" in line
+
+
+TWO_MISTAKES = """
+[[transmission]]
+joint = "shfat"
+inertia = "10 g m^2"
+[[lugre]]
+joint = "shaft"
+coulomb = "0.05 N m"
+stiffness = 4
+"""
 
 
 def test_two_mistakes_are_named_at_once(tmp_path) -> None:
-    text = SERVO + PLAY.replace("shaft", "shfat") + LUGRE + "stiffness = 4\n"
     with pytest.raises(ArgumentError) as refusal:
-        load(tmp_path, text)
+        load(tmp_path, SERVO + TWO_MISTAKES)
     first, joint, unit = str(refusal.value).split(NEXT)
     assert first.endswith("mine.toml: 2 mistakes:")
     assert "transmission 1: unknown joint" in joint
     assert "lugre 1: stiffness: 4 has no unit" in unit
 
 
-def test_binary_files_and_an_overshoot_of_several_outputs_are_refused(tmp_path) -> None:
+def test_a_binary_file_is_refused(tmp_path) -> None:
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ArgumentError, match="no text in UTF-8"):
         Experiment.load(tmp_path / "mine.toml")
+
+
+def test_an_overshoot_of_several_outputs_is_refused() -> None:
     machine = Experiment.load("two_link_arm/machine")
     table = machine.file.requirement[0].model_copy(update={"overshoot_below": 0.05})
     file = machine.file.model_copy(update={"requirement": [table]})
@@ -188,34 +270,48 @@ def test_binary_files_and_an_overshoot_of_several_outputs_are_refused(tmp_path) 
         _ = replace(machine, file=file).limits
 
 
-# Python of the user's own.
-
-NATIVE = OWN.replace('"python"', '"native"')
-RETURN = "    return p.plant"
+# A user's own Python.
 
 
 @pytest.mark.parametrize(
-    ("good", "bad", "words", "case"),
+    ("case", "good", "bad", "words"),
     [
-        ("p.a * x[0]", "p.a * x[9]", "IndexError", OWN),
-        ("p.a * x[0]", "p.aa * x[0]", "p has no 'aa'", OWN),
-        ("return gm.affine_plant", "return gm.affine_plan", "AttributeError", OWN),
-        ("import sympy as sp", "import sympi as sp", "No module named 'sympi'", OWN),
-        ("def law(t", "def law(t,,", "SyntaxError", OWN),
-        ("q, w = sp", "raise SystemExit\nq, w = sp", "SystemExit", OWN),
-        ("p.a * x[0]", "p.a * sum(x.tolist())", "numba cannot compile the law", NATIVE),
-        (RETURN, f"    if t > 0.1: raise ValueError('too late')\n{RETURN}",
-         "ValueError: too late (law at t = 0.101 s)", NATIVE),
-        (RETURN, f"    return 'a'\n{RETURN}", "law returned", OWN),
+        (OWN, "p.a * x[0]", "p.a * x[9]", "IndexError"),
+        (OWN, "p.a * x[0]", "p.aa * x[0]", "p has no 'aa'"),
+        (OWN, "return gm.affine_plant", "return gm.affine_plan", "AttributeError"),
+        (OWN, "import sympy as sp", "import sympi as sp", "No module named 'sympi'"),
+        (OWN, "def law(t", "def law(t,,", "SyntaxError"),
+        (OWN, "q, w = sp", "raise SystemExit\nq, w = sp", "SystemExit"),
+        (OWN_NATIVE, "p.a * x[0]", "p.a * sum(x.tolist())", "numba cannot compile the law"),
+        (
+            OWN_NATIVE,
+            "    return p.plant",
+            "    if t > 0.1: raise ValueError('too late')\n    return p.plant",
+            "ValueError: too late (law at t = 0.101 s)",
+        ),
     ],
-)  # fmt: skip
-def test_errors_in_the_users_python_point_to_its_line(tmp_path, capfd, good, bad, words, case):
-    path = written(tmp_path, case)
-    (tmp_path / "own.py").write_text(PYTHON.replace(good, bad, 1))
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["run", str(path), "--no-figures", "--out", str(tmp_path / "out")])
-    assert stop.value.code == cli.WRONG
-    line, number = capfd.readouterr().err, PYTHON[: PYTHON.index(good)].count("\n") + 1
-    assert line.count("\n") == 1
+)
+def test_an_error_in_a_users_python_points_to_its_line(tmp_path, capfd, case, good, bad, words):
+    line = line_of_command(tmp_path, capfd, case, PYTHON.replace(good, bad, 1))
+    number = PYTHON[: PYTHON.index(good)].count("\n") + 1
     assert words in line
-    assert ("mine.toml" if words == "law returned" else f"own.py:{number}: ") in line
+    assert f"own.py:{number}: " in line
+
+
+def test_a_law_that_returns_no_numbers_is_an_error_of_the_case_file(tmp_path, capfd):
+    returning = PYTHON.replace("    return p.plant", "    return 'a'\n    return p.plant", 1)
+    line = line_of_command(tmp_path, capfd, OWN, returning)
+    assert "law returned" in line
+    assert "mine.toml" in line
+
+
+def line_of_command(folder: Path, capfd: pytest.CaptureFixture[str], case: str, python: str) -> str:
+    """The line of a run that fails."""
+    path = written(folder, case)
+    (folder / "own.py").write_text(python)
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["run", str(path), "--no-figures", "--out", str(folder / "out")])
+    assert stop.value.code == cli.WRONG
+    line = capfd.readouterr().err
+    assert line.count("\n") == 1
+    return line

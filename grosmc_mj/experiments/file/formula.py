@@ -1,8 +1,8 @@
 """Formulas in t or in states, read by a grammar of their own: no part of one is ever executed.
 
 sympy's parser evaluates what it reads, so text never reaches it: Python's grammar makes a tree,
-and what is in the list below is built of it. Sizes are bounded on the way, since sympy computes
-exactly: ``9**9**9`` would not end.
+and only the kinds of nodes below become an expression. Sizes are bounded on the way, since sympy
+computes exactly: ``9**9**9`` would not end.
 """
 
 from __future__ import annotations
@@ -20,18 +20,29 @@ import sympy as sp
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.experiments.file.units import number_in
 
-# Of a formula: characters, parts, and how deep they are nested.
-_LONGEST, _MOST_PARTS, _DEEPEST = 1000, 200, 40
-# Of a number, of all powers of a part together, and of a number in an exponent with the symbol.
-_LARGEST, _LARGEST_POWER, _LARGEST_RATE = 1e100, 64.0, 1e4
-# Functions and such exponents inside each other: sympy's work grows with powers of their number.
+# Characters of a formula, its parts, and the depth of their nesting.
+_LONGEST = 1000
+_MOST_PARTS = 200
+_DEEPEST = 40
+# Magnitude of a number.
+_LARGEST = 1e100
+# Product of the exponents that stand on each other in a part.
+_LARGEST_POWER = 64.0
+# A number in an exponent that has a symbol in it.
+_LARGEST_RATE = 1e4
+# Functions, and exponents with a symbol, inside each other: sympy's work grows with powers of this.
 _MOST_INSIDE = 5
 
-# Numbers with a unit in a formula, and the unit that each is turned into: 2 Hz are 4 pi rad/s.
+# Units that a number in a formula may have, and the unit it is converted to: 2 Hz are 4 pi rad/s.
 _UNITS = {
-    **dict.fromkeys(("deg", "mrad", "rad"), "rad"),
-    **dict.fromkeys(("mm", "cm", "m"), "m"),
-    **dict.fromkeys(("ms", "s"), "s"),
+    "deg": "rad",
+    "mrad": "rad",
+    "rad": "rad",
+    "mm": "m",
+    "cm": "m",
+    "m": "m",
+    "ms": "s",
+    "s": "s",
     "Hz": "rad/s",
 }
 _QUANTITY = re.compile(
@@ -39,8 +50,19 @@ _QUANTITY = re.compile(
 )
 
 FUNCTIONS = (
-    "sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan",
-)  # fmt: skip
+    "sin",
+    "cos",
+    "tan",
+    "exp",
+    "log",
+    "sqrt",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asin",
+    "acos",
+    "atan",
+)
 _CONSTANTS = {"pi": sp.pi}
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -59,9 +81,9 @@ class _Part(NamedTuple):
     """A part of a formula.
 
     Attributes:
-        exact: As sympy has it.
+        exact: The part as an expression of sympy.
         power: The largest product of exponents that stand on each other in it.
-        inside: How many functions of the symbol stand inside each other in it.
+        inside: Number of functions of a symbol that stand inside each other in it.
     """
 
     exact: Any
@@ -70,7 +92,7 @@ class _Part(NamedTuple):
 
     @property
     def value(self) -> float | None:
-        """Its value, if it does not depend on the symbol."""
+        """Value of a part without symbols, else None."""
         if not self.exact.is_number:
             return None
         if not self.exact.is_real:
@@ -79,18 +101,20 @@ class _Part(NamedTuple):
 
 
 def _converted(match: re.Match[str]) -> str:
-    """A number with a unit as the number in rad, m, s or rad/s."""
-    return repr(number_in(f"{match[1]} {match[2]}", _UNITS[match[2]]))
+    """Return a number with a unit as the number in rad, m, s or rad/s."""
+    number = match[1]
+    unit = match[2]
+    return repr(number_in(f"{number} {unit}", _UNITS[unit]))
 
 
 def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
-    """The expression that a text describes.
+    """Return the expression that a text describes.
 
     Args:
         text: Numbers, ``pi``, the symbols, ``+ - * / **``, brackets and the functions of one
             argument in ``FUNCTIONS``. A number may have one of the units ``deg``, ``mrad``,
             ``rad``, ``mm``, ``cm``, ``m``, ``ms``, ``s`` and ``Hz``: ``10 deg * sin(2 Hz * t)``.
-        symbols: What may be in it; there may be blanks in their names.
+        symbols: Symbols that may be in it; there may be blanks in their names.
 
     Raises:
         ArgumentError: If it has something else, is too large, or has no finite real value.
@@ -99,21 +123,24 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
         raise ArgumentError(
             f"{shown(text)} has {len(text)} characters, a formula may have {_LONGEST}"
         )
-    plain, names = text.strip(), {symbol.name: symbol for symbol in symbols}
+    names = {symbol.name: symbol for symbol in symbols}
+    plain = text.strip()
     # The longest first: a name may be a part of another one.
     for name in sorted(names, key=len, reverse=True):
         if " " in name:
             plain = re.sub(rf"\b{re.escape(name)}\b", name.replace(" ", "_"), plain)
     plain = _QUANTITY.sub(_converted, plain)
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             tree = ast.parse(plain, mode="eval").body
-    # Besides what is no Python: too many brackets, and what only warns, such as 1if.
+    # Besides text that is no Python: too many brackets, and text that only warns, such as 1if.
     except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
         raise ArgumentError(f"{shown(text)} is no formula in {', '.join(names)}") from None
+
     try:
-        return _Reading(names).part(tree, 0).exact
+        return _Builder(names).part(tree, 0).exact
     except _NoFormulaError as error:
         raise ArgumentError(f"{shown(text)} {error}") from None
     except (ArithmeticError, ValueError):
@@ -121,33 +148,35 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
 
 
 class _NoFormulaError(Exception):
-    """What is wrong with a formula, after its text."""
+    """The reason why a text is no formula, to stand after the text in a message."""
 
 
-class _Reading:
-    """The building of one formula.
+class _Builder:
+    """Builder of one formula, which counts its parts.
 
     Args:
-        symbols: What may be in it, by their names.
+        symbols: Symbols that may be in it, by their names.
     """
 
     def __init__(self, symbols: Mapping[str, sp.Symbol]) -> None:
         self._symbols = {name.replace(" ", "_"): symbol for name, symbol in symbols.items()}
-        self._names, self._parts = ", ".join(symbols), 0
+        self._names = ", ".join(symbols)
+        self._parts = 0
 
     def part(self, node: ast.AST, depth: int) -> _Part:
-        """A part of the tree, with all that it is made of."""
+        """Return a node of the tree, with all below it, as a part."""
         self._parts += 1
         if self._parts > _MOST_PARTS or depth > _DEEPEST:
             raise _NoFormulaError(
                 f"is too large: it may have {_MOST_PARTS} parts, nested {_DEEPEST} deep"
             )
-        part = self._made(node, depth + 1)
+        part = self._built(node, depth + 1)
         if abs(part.value or 0.0) > _LARGEST:
             raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
         return part
 
-    def _made(self, node: ast.AST, depth: int) -> _Part:
+    def _built(self, node: ast.AST, depth: int) -> _Part:
+        """Return a node as a part without checking its size."""
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 if abs(float(value)) > _LARGEST:
@@ -163,9 +192,13 @@ class _Reading:
             case ast.BinOp(left=left, op=ast.Pow(), right=right):
                 return _power(self.part(left, depth), self.part(right, depth))
             case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
-                first, second = self.part(left, depth), self.part(right, depth)
-                power, inside = max(first.power, second.power), max(first.inside, second.inside)
-                return _Part(_OPERATORS[type(sign)](first.exact, second.exact), power, inside)
+                first = self.part(left, depth)
+                second = self.part(right, depth)
+                return _Part(
+                    exact=_OPERATORS[type(sign)](first.exact, second.exact),
+                    power=max(first.power, second.power),
+                    inside=max(first.inside, second.inside),
+                )
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if (
                 name in FUNCTIONS and not isinstance(argument, ast.Starred)
             ):
@@ -173,7 +206,7 @@ class _Reading:
         raise self._unfit(node)
 
     def _unfit(self, node: ast.AST) -> _NoFormulaError:
-        """What does not belong into a formula."""
+        """Return the reason why a node is no part of a formula."""
         match node:
             case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:
                 return _NoFormulaError(f"gives {name} other than one argument")
@@ -186,8 +219,9 @@ class _Reading:
 
 
 def _power(base: _Part, exponent: _Part) -> _Part:
-    """A power, if no exact number of it grows beyond all bounds."""
-    power, inside = max(base.power, exponent.power), max(base.inside, exponent.inside)
+    """Return a power, and refuse one in which an exact number could grow beyond all bounds."""
+    power = max(base.power, exponent.power)
+    inside = max(base.inside, exponent.inside)
     if exponent.value is None:
         inside = _deeper(inside)
         _refuse_large(exponent)
@@ -201,29 +235,35 @@ def _power(base: _Part, exponent: _Part) -> _Part:
 
 
 def _deeper(inside: int) -> int:
-    """One more function outside of so many."""
+    """Return the number of functions inside each other with one more around them."""
     if inside >= _MOST_INSIDE:
         raise _NoFormulaError(f"has more than {_MOST_INSIDE} functions inside each other")
     return inside + 1
 
 
 def _refuse_large(exponent: _Part) -> None:
-    """Refuse numbers in an exponent that sympy might raise something to."""
+    """Refuse large numbers in an exponent: sympy might raise something to them."""
     for number in exponent.exact.atoms(sp.Rational, sp.Float):
-        size = max(abs(number.p), number.q) if number.is_Rational else abs(number)
+        size = abs(number)
+        if number.is_Rational:
+            size = max(abs(number.p), number.q)
         if size > _LARGEST_RATE**2 or abs(number) > _LARGEST_RATE:
             raise _NoFormulaError(f"has an exponent with a number beyond {_LARGEST_RATE:g}")
 
 
 def _called(name: str, argument: _Part) -> _Part:
-    """A function of one argument; of a number its value, as exact ones may have no end."""
+    """Return a function of one argument."""
     if argument.value is not None:
+        # A floating-point number: sympy's exact value may take forever.
         return _Part(sp.Float(getattr(math, name)(argument.value)))
+
     inside = _deeper(argument.inside)
+    power = argument.power
+    if name == "sqrt":
+        power = argument.power / 2
     if name == "exp":
         _refuse_large(argument)
         if argument.exact.has(sp.log):
-            # It would become a power, whose exponent nobody has looked at.
+            # It would become a power, whose exponent nobody has checked.
             raise _NoFormulaError("has a log within exp: write a power")
-    power = argument.power / 2 if name == "sqrt" else argument.power
     return _Part(getattr(sp, name)(argument.exact), max(1.0, power), inside)

@@ -1,4 +1,4 @@
-"""Numbers of a law, as a case file has them."""
+"""Numbers of a law from the values of a case file."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, shown
-from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.experiments.file.units import is_number, number_in
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
 
 
 def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
-    """A number, a matrix, an uncertainty or the name of a body.
+    """Return a number, a matrix, an uncertainty or the name of a body.
 
     Args:
-        name: What it is called.
-        value: As the file has it.
-        of_states: Whether the law is one on the linearization, with an uncertainty of its own kind.
+        name: Key of the number.
+        value: Value in the file.
+        of_states: Whether the law is designed on the linearization, with an uncertainty of states.
 
     Raises:
-        ArgumentError: If it is none.
+        ArgumentError: If the value does not fit.
     """
     if name == "uncertainty":
-        return uncertainty(value, StateUncertainty) if of_states else uncertainty(value)
+        if of_states:
+            return uncertainty(value, StateUncertainty)
+        return uncertainty(value)
     if name == "body":
         if not isinstance(value, str):
             raise ArgumentError(f"body = {shown(value)} must be a name")
@@ -39,20 +41,23 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
             return number_in(value, "rad/s")
         except ValueError as error:
             raise ArgumentError(f"{name}: {error}") from None
+
     entries = np.ravel(np.asarray(value, object)).tolist()
-    if any(isinstance(entry, bool) or not isinstance(entry, (int, float)) for entry in entries):
+    if not all(map(is_number, entries)):
         raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
     if not all(map(math.isfinite, entries)):
         raise ArgumentError(f"{name} = {shown(value)} must be finite")
-    return float(value) if np.ndim(value) == 0 else np.array(value, float)
+    if np.ndim(value) == 0:
+        return float(value)
+    return np.array(value, float)
 
 
 def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
-    """A declared uncertainty.
+    """Return a declared uncertainty.
 
     Args:
-        value: As the file has it.
-        kind: Its class: that of laws on outputs or, of laws on the linearization, on states.
+        value: Value in the file.
+        kind: Class for laws on outputs or, for laws on the linearization, on states.
 
     Raises:
         ArgumentError: If a key is missing, unknown or has a wrong value.
@@ -69,14 +74,16 @@ def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
 
 
 def weight(name: str, value: Any, size: int) -> Array:
-    """A weight as a matrix, (size, size), from a number, a diagonal or rows.
+    """Return a weight as a matrix, (size, size), from a number, a diagonal or rows.
 
     Raises:
         ArgumentError: If it does not fit.
     """
-    entries = reals(value)
-    matrix = np.diag(entries) if entries.ndim == 1 else entries
-    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
+    matrix = reals(value)
+    if matrix.ndim == 0:
+        matrix = matrix * np.eye(size)
+    elif matrix.ndim == 1:
+        matrix = np.diag(matrix)
     if matrix.shape != (size, size) or not np.all(np.isfinite(matrix)):
         raise ArgumentError(
             f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"

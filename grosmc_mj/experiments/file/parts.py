@@ -1,17 +1,17 @@
-"""What a case file may say of the loop and the machine as built: a table for each kind of part.
+"""Tables of a case file for the parts of the loop and of the machine as built, one for each kind.
 
-The keys of a table are the fields of the value of that name, with their units. ``assumed`` lists
-those of its numbers that nobody has published: whatever shows results says so.
+The keys of a table are the fields of the part's class, with their units. ``assumed`` lists
+the numbers that nobody has published: whatever shows results says so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, Field, fields
 from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import Field, create_model
+import pydantic
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
@@ -26,67 +26,90 @@ from grosmc_mj.plants import System
 
 
 def table_of(part: Edit | type[Edit]) -> str:
-    """What a part's table is called."""
+    """Return the name of a part's table."""
     return part.kind.replace(" ", "_")
 
 
+def _units(part: Any, names: Iterable[str]) -> dict[str, str]:
+    """Return the units of a part's numbers; whole numbers have none and are left out."""
+    units = {}
+    for name in names:
+        bounds = range_of(part, name)
+        if bounds and not bounds.whole:
+            units[name] = bounds.unit
+    return units
+
+
 LOOP_PARTS: Mapping[str, Any] = {
-    "computing": Computing, "sensor": Sensor, "estimator": Estimator, "actuator": Actuator,
-}  # fmt: skip
+    "computing": Computing,
+    "sensor": Sensor,
+    "estimator": Estimator,
+    "actuator": Actuator,
+}
 MACHINE_PARTS: Mapping[str, type[MachinePart]] = {table_of(part): part for part in PARTS}
-# The numbers of each kind of part with their units; {} stands for that of what it is of.
+# Units by kind of part and name; {} stands for the unit of the part's signal.
 LOOP_UNITS: dict[str, dict[str, str]] = {
-    kind: {
-        name: bounds.unit
-        for name in names_of_numbers(part)
-        if (bounds := range_of(part, name)) and not bounds.whole
-    }
-    for kind, part in LOOP_PARTS.items()
+    kind: _units(part, names_of_numbers(part)) for kind, part in LOOP_PARTS.items()
 }
-# The same of a machine: of a joint's numbers that of a hinge, " or " that of a slide.
+# Of two units of a joint's number, "N m or N", the first is for a hinge, the second for a slide.
 MACHINE_UNITS: dict[str, dict[str, str]] = {
-    kind: {item.name: bounds.unit for item in fields(part) if (bounds := range_of(part, item.name))}
-    for kind, part in MACHINE_PARTS.items()
+    kind: _units(part, (item.name for item in fields(part))) for kind, part in MACHINE_PARTS.items()
 }
-_PARTS, _UNITS = {**LOOP_PARTS, **MACHINE_PARTS}, {**LOOP_UNITS, **MACHINE_UNITS}
+_PARTS = {**LOOP_PARTS, **MACHINE_PARTS}
+_UNITS = {**LOOP_UNITS, **MACHINE_UNITS}
 
 
 def _table(kind: str, part: Any) -> type[Table]:
-    """The table of a kind of part."""
-    hints, keys = get_type_hints(part), {}
-    for item in fields(part):
-        name, default = item.name, ... if item.default is MISSING else item.default
-        if name in _UNITS[kind]:
-            keys[name] = (Any, default if default is ... else None)
-        elif isinstance(default, tuple):
-            numbers: Any = list[float] if name == "normal" else list[Metres]
-            keys[name] = (Annotated[numbers, Three], list(default))
-        else:
-            # The part itself says which laws and how many states there may be.
-            written = {"law": str, "of": str | list[str] if part is Estimator else str}
-            keys[name] = (written.get(name, hints[name]), default)
+    """Make the table of a kind of part."""
+    hints = get_type_hints(part)
+    keys: dict[str, Any] = {
+        item.name: _key(kind, part, item, hints[item.name]) for item in fields(part)
+    }
     keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
     if part is Sensor:
-        # Of an encoder: steps of its resolution in a turn.
-        keys["counts"] = (Annotated[int | None, Field(gt=0)], None)
+        # Steps of an encoder in a turn, in place of its resolution.
+        keys["counts"] = (Annotated[int | None, pydantic.Field(gt=0)], None)
     if part is Computing:
-        # Of noise, jitter and missed samples: each run of a seed has its own.
+        # Seed of noise, jitter and missed samples; each run of a seed has its own.
         keys["seed"] = (int, 0)
-        keys["run"] = (Annotated[int | None, Field(ge=0, lt=LARGEST_SEED)], None)
-    return create_model(f"{part.__name__}Table", __base__=Table, **keys)
+        keys["run"] = (Annotated[int | None, pydantic.Field(ge=0, lt=LARGEST_SEED)], None)
+    return pydantic.create_model(f"{part.__name__}Table", __base__=Table, **keys)
 
 
-TABLES: Mapping[str, type[Table]] = {kind: _table(kind, made) for kind, made in _PARTS.items()}
+def _key(kind: str, part: Any, item: Field[Any], hint: Any) -> tuple[Any, Any]:
+    """Return type and default of a key; ``...`` as default of a required one."""
+    default = item.default
+    if default is MISSING:
+        default = ...
+    if item.name in _UNITS[kind]:
+        # Read later: the unit may depend on the system.
+        return Any, (... if default is ... else None)
+    if isinstance(default, tuple):
+        numbers: Any = list[Metres]
+        if item.name == "normal":
+            numbers = list[float]
+        return Annotated[numbers, Three], list(default)
+    # The part itself checks the names of laws and the number of states.
+    if item.name == "law":
+        return str, default
+    if item.name == "of" and part is Estimator:
+        return str | list[str], default
+    if item.name == "of":
+        return str, default
+    return hint, default
+
+
+TABLES: Mapping[str, type[Table]] = {kind: _table(kind, part) for kind, part in _PARTS.items()}
 
 
 def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
-    """Unit of a number of a part.
+    """Return the unit of a number of a part.
 
     Args:
-        kind: What its table is called.
-        of: The state, input, joint or body that it is of.
-        quantity: Which number.
-        system: Whose.
+        kind: Name of the part's table.
+        of: State, input, joint or body that the part belongs to.
+        quantity: Name of the number.
+        system: The system of the file.
 
     Raises:
         ArgumentError: If the system has no such state, input or joint.
@@ -94,48 +117,76 @@ def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
     unit = _UNITS[kind][quantity]
     if unit == "input":
         return system.input.unit
+
     if " or " in unit:
         require_known("joint", of, system.joints)
-        slides = system.states[system.joints.index(of)].unit == "m"
-        return unit.split(" or ")[slides]
+        of_hinge, of_slide = unit.split(" or ")
+        if system.states[system.joints.index(of)].unit == "m":
+            return of_slide
+        return of_hinge
+
     if "{" not in unit:
         return unit
-    owner, signals = ("input", system.inputs) if kind == "actuator" else ("state", system.states)
+    owner = "state"
+    signals = system.states
+    if kind == "actuator":
+        owner = "input"
+        signals = system.inputs
     units = {signal.name: signal.unit for signal in signals}
     require_known(owner, of, units)
     return unit.format(units[of])
 
 
 def loop_of_file(file: Any, system: System) -> Loop | None:
-    """The loop of a case file, None for one without.
+    """Return the loop of a case file, or None if it has no part of one.
 
     Args:
         file: A ``CaseFile``.
-        system: Whose loop it is.
+        system: The system of the file.
 
     Raises:
-        ArgumentError: All numbers that do not fit.
+        ArgumentError: For all numbers that do not fit.
     """
     if not any(getattr(file, kind) for kind in LOOP_PARTS):
         return None
-    mistakes, computer, seed, loop = Mistakes(), Computing(), 0, None
-    parts: dict[str, list[Any]] = {"sensor": [], "estimator": [], "actuator": []}
+    mistakes = Mistakes()
+
+    computer = Computing()
+    seed = 0
     with mistakes.gathered("computing: "):
         if file.computing is not None:
             seed = file.computing.seed
             computer = Computing(**_numbers("computing", "", file.computing, system))
+
+    parts: dict[str, list[Any]] = {"sensor": [], "estimator": [], "actuator": []}
     for kind, members in parts.items():
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                first = table.of if isinstance(table.of, str) else (table.of or [""])[0]
-                numbers = _numbers(kind, first, table, system)
-                if getattr(table, "counts", None) is not None:
-                    numbers["resolution"] = _step(table, system)
-                members.append(LOOP_PARTS[kind](**_written(kind, table), **numbers))
+                members.append(_loop_part(kind, table, system))
+
+    loop = None
     with mistakes.gathered("computing: "):
-        loop = Loop(computer, *map(tuple, parts.values()), seed=seed)
+        loop = Loop(
+            computer,
+            tuple(parts["sensor"]),
+            tuple(parts["estimator"]),
+            tuple(parts["actuator"]),
+            seed=seed,
+        )
     mistakes.refuse()
     return loop
+
+
+def _loop_part(kind: str, table: Any, system: System) -> Any:
+    """Return the sensor, estimator or actuator of a table."""
+    signal = table.of
+    if not isinstance(signal, str):
+        # An estimator of several states has the units of the first.
+        signal = signal[0] if signal else ""
+    numbers = _numbers(kind, signal, table, system)
+    if getattr(table, "counts", None) is not None:
+        numbers["resolution"] = _step(table, system)
+    return LOOP_PARTS[kind](**_written(kind, table), **numbers)
 
 
 def known_loop_of_file(file: Any, system: System) -> Loop | None:
@@ -143,10 +194,10 @@ def known_loop_of_file(file: Any, system: System) -> Loop | None:
 
     Args:
         file: A ``CaseFile``.
-        system: Whose loop it is.
+        system: System of the plant.
 
     Raises:
-        ArgumentError: All numbers that do not fit.
+        ArgumentError: With all numbers that do not fit.
     """
     if file.known_loop is None:
         return None
@@ -161,48 +212,49 @@ def run_of_file(file: Any) -> int:
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
-    """The parts of a case file's machine.
+    """Return the parts of a case file's machine.
 
     Args:
         file: A ``CaseFile``.
-        system: Whose machine it is.
+        system: The system of the file.
 
     Raises:
-        GrosmcError: All numbers that do not fit.
+        GrosmcError: For all numbers that do not fit.
     """
     parts: list[MachinePart] = []
     mistakes = Mistakes()
     for kind, part in MACHINE_PARTS.items():
         for index, table in enumerate(getattr(file, kind)):
             with mistakes.gathered(f"{kind} {index + 1}: "):
-                of = in_model(getattr(table, part.owner), part.owner, system)
-                numbers = _numbers(kind, of, table, system)
-                keywords: dict[str, Any] = {**_written(kind, table), part.owner: of, **numbers}
+                owner = in_model(getattr(table, part.owner), part.owner, system)
+                keywords = _written(kind, table)
+                keywords[part.owner] = owner
+                keywords.update(_numbers(kind, owner, table, system))
                 parts.append(part(**keywords))
     mistakes.refuse()
     return tuple(parts)
 
 
 def in_model(name: str, owner: str, system: System) -> str:
-    """What the model calls an input of the system; joints and bodies are called the same.
+    """Return the name of an actuator for an input; joints and bodies keep their names.
 
     Args:
-        name: In a case file.
-        owner: What it is a name of.
-        system: Whose.
+        name: Name in a case file.
+        owner: ``input``, ``joint`` or ``body``.
+        system: The system of the file.
 
     Raises:
         ArgumentError: If the system has no such input.
     """
-    inputs = [signal.name for signal in system.inputs]
     if owner != "input":
         return name
+    inputs = [signal.name for signal in system.inputs]
     require_known("input", name, inputs)
     return system.actuators[inputs.index(name)]
 
 
 def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, float]:
-    """The numbers that a table gives, in the units of the system."""
+    """Return the numbers that a table gives, in the units of the system."""
     for name in table.assumed:  # pyright: ignore[reportAttributeAccessIssue]
         if name not in table.model_fields_set:
             raise ArgumentError(f"assumed: the table gives no {name}")
@@ -210,16 +262,21 @@ def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, floa
 
 
 def _step(table: Any, system: System) -> float:
-    """The resolution of an encoder that a sensor's table gives by its counts in a turn [rad]."""
+    """Return the resolution of an encoder by its counts in a turn [rad]."""
     if table.resolution is not None:
         raise ArgumentError("counts and resolution are the same number: give one of them")
-    if (unit := unit_of("sensor", table.of, "resolution", system)) != "rad":
+    unit = unit_of("sensor", table.of, "resolution", system)
+    if unit != "rad":
         raise ArgumentError(f"counts: {table.of} is no angle: give its resolution in {unit}")
     return 2 * math.pi / table.counts
 
 
 def _written(kind: str, table: Table) -> dict[str, Any]:
-    """What else it gives, as it is written."""
-    written = table.model_fields_set - _UNITS[kind].keys() - {"assumed", "counts"}
-    values = {name: getattr(table, name) for name in written}
-    return {key: tuple(v) if isinstance(v, list) else v for key, v in values.items()}
+    """Return the values of a table that are no numbers with units, lists as tuples."""
+    values = {}
+    for name in table.model_fields_set - _UNITS[kind].keys() - {"assumed", "counts"}:
+        value = getattr(table, name)
+        if isinstance(value, list):
+            value = tuple(value)
+        values[name] = value
+    return values

@@ -1,4 +1,4 @@
-"""Reading a case file, with all that it extends, or one line about each mistake in it.
+"""Reading a case file, with the files that it extends, or one line about each mistake in it.
 
 A file takes from another one by ``extends = "base.toml"``, and on a system of the package from the
 base file of that system, so that its laws have their numbers everywhere. Tables are merged key by
@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -25,7 +25,7 @@ Content = dict[str, Any]
 _EXTENDS = "extends"
 # Keys that need no quotes.
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-# Wrong types as pydantic and as people call them.
+# Words for types, by pydantic's names of errors.
 _TYPES = {
     "float_type": "a number",
     "int_type": "a whole number, such as 1",
@@ -36,21 +36,21 @@ _TYPES = {
     "model_type": "a table",
     "model_attributes_type": "a table",
 }
-# How pydantic begins a sentence about bounds.
+# Beginning of pydantic's sentences about bounds.
 _SHOULD = "Input should be "
 
 
 def read_case_file(path: Path) -> CaseFile:
-    """The content of a case file.
+    """Read a case file.
 
     Raises:
-        ArgumentError: If it cannot be read, is no TOML, or says what a case file may not say.
+        ArgumentError: If it cannot be read, is no TOML, or does not fit the tables.
     """
     return parse_case_file(resolved_text(path), path)
 
 
 def resolved_text(path: Path, above: tuple[Path, ...] = ()) -> str:
-    """The text of a case file with all that it takes from others, and without ``extends``.
+    """Return the text of a case file with all that it extends, and without ``extends``.
 
     Comments stay where no table is merged.
 
@@ -69,21 +69,26 @@ def resolved_text(path: Path, above: tuple[Path, ...] = ()) -> str:
     text = read_text(path)
     content = _content(text, path)
     if _EXTENDS in content:
-        name = content.pop(_EXTENDS)
-        if not isinstance(name, str) or Path(name).name != name or not name.endswith(".toml"):
-            raise ArgumentError(
-                f'{path}: extends = {shown(name)} must be a file beside it, such as "base.toml"'
-            )
-        base = path.parent / name
-        if base in (path, *above):
-            raise ArgumentError(f"{path}: extends: {base.name} extends this file in turn")
+        base = _extended_file(content.pop(_EXTENDS), path, above)
         text = _joined(text, content, resolved_text(base, (path, *above)))
         content = tomllib.loads(text)
     return _with_system_base(text, content)
 
 
+def _extended_file(name: Any, path: Path, above: tuple[Path, ...]) -> Path:
+    """Return the file that a case file extends."""
+    if not isinstance(name, str) or Path(name).name != name or not name.endswith(".toml"):
+        raise ArgumentError(
+            f'{path}: extends = {shown(name)} must be a file beside it, such as "base.toml"'
+        )
+    base = path.parent / name
+    if base in (path, *above):
+        raise ArgumentError(f"{path}: extends: {base.name} extends this file in turn")
+    return base
+
+
 def read_text(path: Path) -> str:
-    """The text of a case file.
+    """Return the text of a case file.
 
     Raises:
         ArgumentError: If it cannot be read.
@@ -91,26 +96,33 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text in UTF-8"
-        raise ArgumentError(f"{path}: cannot be read: {why}") from error
+        reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
+        raise ArgumentError(f"{path}: cannot be read: {reason}") from error
 
 
 def parse_case_file(text: str, path: Path) -> CaseFile:
-    """The content of a text that is, or was, a case file's with all that it extends.
+    """Parse the text of a case file.
+
+    Args:
+        text: Text of the file with all that it extends.
+        path: The file that the text is, or was, in.
 
     Raises:
-        ArgumentError: If it is no TOML, or says what a case file may not say.
+        ArgumentError: If it is no TOML, or does not fit the tables.
     """
-    content = _content(_with_system_base(text, _content(text, path)), path)
+    text = _with_system_base(text, _content(text, path))
+    content = _content(text, path)
     try:
         file = CaseFile.model_validate(content)
     except ValidationError as error:
         raise ArgumentError(f"{path}: {together(_in_words(error))}") from None
-    return file if file.name else file.model_copy(update={"name": path.stem})
+    if file.name:
+        return file
+    return file.model_copy(update={"name": path.stem})
 
 
 def _content(text: str, path: Path) -> Content:
-    """The values of a text of TOML."""
+    """Return the values of a text of TOML."""
     try:
         content = tomllib.loads(text)
         _refuse_odd(content)
@@ -122,122 +134,160 @@ def _content(text: str, path: Path) -> Content:
     return content
 
 
-def _refuse_odd(content: Any) -> None:
+def _refuse_odd(value: Any) -> None:
     """Refuse control characters, and integers of more than 64 bits, which TOML does not have."""
-    if isinstance(content, str) and not content.isprintable():
-        raise ValueError(f"{shown(content)} has characters that cannot be printed")
-    if isinstance(content, int) and not -(2**63) <= content < 2**63:
-        raise ValueError(f"{shown(content)} has more than 64 bits")
-    if isinstance(content, dict):
-        content = [*content, *content.values()]
-    for value in content if isinstance(content, list) else ():
-        _refuse_odd(value)
+    if isinstance(value, str) and not value.isprintable():
+        raise ValueError(f"{shown(value)} has characters that cannot be printed")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"{shown(value)} has more than 64 bits")
+
+    members: list[Any] = []
+    if isinstance(value, list):
+        members = value
+    elif isinstance(value, dict):
+        members = [*value, *value.values()]
+    for member in members:
+        _refuse_odd(member)
 
 
 def _with_system_base(text: str, content: Content) -> str:
-    """The text with what it does not say from the base file of its system, if there is one."""
+    """Return the text joined with the base file of its system, if there is one."""
     plant = content.get("plant")
-    system = plant.get("system") if isinstance(plant, dict) else None
-    base = base_file(system) if isinstance(system, str) else None
-    return text if base is None else _joined(text, content, read_text(base))
+    if not isinstance(plant, dict) or not isinstance(plant.get("system"), str):
+        return text
+    base = base_file(plant["system"])
+    if base is None:
+        return text
+    return _joined(text, content, read_text(base))
 
 
-def _merged(base: Content, own: Content) -> Content:
-    """Tables key by key; what is no table as the file itself has it."""
-    both = {**base, **own}
-    for key in base.keys() & own.keys():
-        if isinstance(base[key], dict) and isinstance(own[key], dict):
-            both[key] = _merged(base[key], own[key])
-    return both
+def _merged(base: Content, content: Content) -> Content:
+    """Merge tables key by key; any other value of the base is replaced."""
+    merged = {**base, **content}
+    for key in base.keys() & content.keys():
+        if isinstance(base[key], dict) and isinstance(content[key], dict):
+            merged[key] = _merged(base[key], content[key])
+    return merged
 
 
 def _joined(text: str, content: Content, base: str) -> str:
-    """One text of a file and its base, with their comments if no table is in both."""
-    # A name is nobody else's: results are kept under it.
-    shared = {key: value for key, value in tomllib.loads(base).items() if key != "name"}
-    both = _merged(shared, content)
-    if both == tomllib.loads(text):
+    """Return one text of a file and its base, with their comments if no table is in both."""
+    base_content = tomllib.loads(base)
+    # A name is never taken over: results are kept under it.
+    base_content.pop("name", None)
+    merged = _merged(base_content, content)
+    if merged == tomllib.loads(text):
         return text
-    (head, *own), (_, *others) = _sections(text), _sections(base)
-    kept = "\n".join(line for line in head[1].splitlines() if not line.startswith(_EXTENDS))
-    more = [section for name, section in others if name not in dict(own)]
-    parts = (part.strip() for part in (kept, *more, *(section for _, section in own)))
-    joined = "\n\n".join(filter(None, parts)) + "\n"
+
+    joined = _joined_sections(text, base)
     try:
-        same = tomllib.loads(joined) == both
+        if tomllib.loads(joined) == merged:
+            return joined
+    # A table that is in both texts is no valid TOML.
     except ValueError:
-        same = False
-    return joined if same else toml_text(both)
+        pass
+    return toml_text(merged)
+
+
+def _joined_sections(text: str, base: str) -> str:
+    """Return the text with the tables of the base that it does not have."""
+    (_, top), *sections = _sections(text)
+    headers = [header for header, _ in sections]
+    top_lines = [line for line in top.splitlines() if not line.startswith(_EXTENDS)]
+
+    parts = ["\n".join(top_lines)]
+    parts += [section for header, section in _sections(base)[1:] if header not in headers]
+    parts += [section for _, section in sections]
+    parts = [part.strip() for part in parts]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def _sections(text: str) -> list[tuple[str, str]]:
-    """A text's tables by their headers, each with the comments above it; first what has none."""
+    """Split a text into headers and tables with the comments above; the first has no header."""
     sections: list[tuple[str, list[str]]] = [("", [])]
     for line in text.splitlines():
         if line.startswith("["):
-            last, above = sections[-1][1], []
-            while last and last[-1].startswith("#"):
-                above.insert(0, last.pop())
-            sections.append((line.split("#")[0].strip(), above))
+            previous = sections[-1][1]
+            comments: list[str] = []
+            while previous and previous[-1].startswith("#"):
+                comments.insert(0, previous.pop())
+            header = line.split("#")[0].strip()
+            sections.append((header, comments))
         sections[-1][1].append(line)
-    return [(name, "\n".join(lines)) for name, lines in sections]
+    return [(header, "\n".join(lines)) for header, lines in sections]
 
 
 def toml_text(content: Content) -> str:
-    """Return plain values as TOML: first the values, then the tables in their order."""
-    tables = {key: [value] for key, value in content.items() if isinstance(value, dict)}
-    arrays = {
-        key: value
-        for key, value in content.items()
-        if isinstance(value, list) and value and all(isinstance(row, dict) for row in value)
-    }
-    plain = {k: v for k, v in content.items() if k not in tables and k not in arrays}
+    """Return values as TOML: plain values, then tables and arrays of tables in their order."""
+    plain: Content = {}
+    tables: list[tuple[str, Content]] = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            tables.append((f"[{_key(key)}]", value))
+        elif _is_array_of_tables(value):
+            tables += [(f"[[{_key(key)}]]", row) for row in value]
+        else:
+            plain[key] = value
+
     texts = ["\n".join(_lines(plain))]
-    for key in content:
-        header = f"[{_key(key)}]" if key in tables else f"[[{_key(key)}]]"
-        rows = tables.get(key) or arrays.get(key) or ()
-        texts += ["\n".join([header, *_lines(row)]) for row in rows]
+    texts += ["\n".join([header, *_lines(table)]) for header, table in tables]
     return "\n\n".join(filter(None, texts)) + "\n"
 
 
-def _lines(table: Content) -> Iterator[str]:
-    return (f"{_key(key)} = {_value(value)}" for key, value in table.items())
+def _is_array_of_tables(value: Any) -> bool:
+    """Whether a value is a list with tables only."""
+    return isinstance(value, list) and bool(value) and all(isinstance(row, dict) for row in value)
+
+
+def _lines(table: Content) -> list[str]:
+    """Return one line of TOML for each key of a table."""
+    return [f"{_key(key)} = {_value(value)}" for key, value in table.items()]
 
 
 def _key(name: str) -> str:
-    """A key of TOML, in quotes where it needs them."""
-    return name if _BARE.fullmatch(name) else _value(name)
+    """Return a key of TOML, in quotes where it needs them."""
+    if _BARE.fullmatch(name):
+        return name
+    return _value(name)
 
 
 def _value(value: Any) -> str:
-    """One value of TOML."""
+    """Return one value of TOML."""
     if isinstance(value, (str, bool)):
         return json.dumps(value, ensure_ascii=False)
+    if value == {}:
+        return "{}"
     if isinstance(value, dict):
-        return f"{{ {', '.join(_lines(value))} }}" if value else "{}"
-    return f"[{', '.join(map(_value, value))}]" if isinstance(value, list) else str(value)
+        return f"{{ {', '.join(_lines(value))} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return str(value)
 
 
 def _in_words(error: ValidationError) -> list[str]:
-    """Every mistake, in one line each."""
+    """Return every mistake, in one line each."""
     mistakes = error.errors(include_url=False)
-    # A misspelt key is also a missing one: the first says more.
-    misspelt = [item["loc"][:-1] for item in mistakes if item["type"] == "extra_forbidden"]
-    return [
-        _line(item)
-        for item in mistakes
-        if item["type"] != "missing" or item["loc"][:-1] not in misspelt
+    tables_with_unknown_key = [
+        mistake["loc"][:-1] for mistake in mistakes if mistake["type"] == "extra_forbidden"
     ]
+    lines = []
+    for mistake in mistakes:
+        # A misspelt key is also a missing one: the message about its spelling says more.
+        if mistake["type"] == "missing" and mistake["loc"][:-1] in tables_with_unknown_key:
+            continue
+        lines.append(_line(mistake))
+    return lines
 
 
 def _line(mistake: Any) -> str:
-    """Where a mistake is, the value and the values allowed."""
-    kind, value, message = mistake["type"], mistake["input"], mistake["msg"]
+    """Return the place of a mistake, its value and the values allowed."""
+    kind = mistake["type"]
+    value = mistake["input"]
+    message = mistake["msg"]
     path, keys = _place(mistake["loc"])
     *tables, key = path or [""]
     where = f"{' '.join(tables)}: " if tables else ""
-    # A number with a point is not shown as a whole one.
-    written = repr(value) if kind == "int_type" and isinstance(value, float) else shown(value)
+
     match kind:
         case "extra_forbidden":
             return where + unknown_name("key", key, keys)
@@ -250,14 +300,19 @@ def _line(mistake: Any) -> str:
             return f"[{key}] is one of possibly several: write [[{key}]]"
         case "too_short" | "too_long":
             return f"{where}{key}: {message.removeprefix('List should have').strip()}"
-    if kind in _TYPES or message.startswith(_SHOULD):
-        allowed = _TYPES.get(kind) or message.removeprefix(_SHOULD)
-        return f"{where}{key} = {written} must be {allowed}"
-    return f"{where}{key}: {message.removeprefix('Value error, ')}"
+
+    if kind not in _TYPES and not message.startswith(_SHOULD):
+        return f"{where}{key}: {message.removeprefix('Value error, ')}"
+    written = shown(value)
+    if kind == "int_type" and isinstance(value, float):
+        # 2.0 would be shown as 2.
+        written = repr(value)
+    allowed = _TYPES.get(kind) or message.removeprefix(_SHOULD)
+    return f"{where}{key} = {written} must be {allowed}"
 
 
 def _place(loc: Sequence[Any]) -> tuple[list[str], list[str]]:
-    """Tables and key on the way to a mistake, and the keys valid where it is."""
+    """Return tables and key on the way to a mistake, and the keys valid where it is."""
     words: list[str] = []
     model: type[BaseModel] = CaseFile
     for part in loc:
@@ -272,7 +327,11 @@ def _place(loc: Sequence[Any]) -> tuple[list[str], list[str]]:
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The table that a field is, or that its list has."""
+    """Return the table that a field is, or that its list has."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((table for part in get_args(annotation) if (table := _model_in(part))), None)
+    for argument in get_args(annotation):
+        table = _model_in(argument)
+        if table is not None:
+            return table
+    return None

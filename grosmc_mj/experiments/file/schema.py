@@ -34,17 +34,18 @@ from grosmc_mj.experiments.file.units import (
     Seconds,
     Table,
     Three,
+    is_number,
 )
 
 
 def file_name(name: str) -> str:
-    """A name that folders and files may have: results are kept under it.
+    """Return a name that folders and files may have: results are kept under it.
 
     Raises:
-        ValueError: If it is another.
+        ValueError: If files cannot have this name.
     """
-    plain = name.isprintable() and "/" not in name and name not in {".", ".."}
-    if not plain or len(name) > 100:
+    valid = name.isprintable() and "/" not in name and name not in {".", ".."}
+    if not valid or len(name) > 100:
         raise ValueError(
             f"{shown(name)} must be a name for files: no slash, no dots alone, printable, 100 "
             "characters at most"
@@ -53,7 +54,7 @@ def file_name(name: str) -> str:
 
 
 class PlantTable(Table):
-    """``[plant]``: what is controlled; one of ``system``, ``model`` and ``plant``.
+    """``[plant]``: the controlled plant; one of ``system``, ``model`` and ``plant``.
 
     Attributes:
         system: A system of the package.
@@ -62,11 +63,11 @@ class PlantTable(Table):
         plant: ``module:name`` of an analytic plant, a plant in MuJoCo or a robot, or of a
             function without arguments that makes one.
         joints: Joints of a robot; all by default.
-        actuators: Its actuators, one for each joint; all by default.
+        actuators: Actuators of a robot, one for each joint; all by default.
         at: States of the operating point, by name with their units: the other states and the
             inputs that let the plant rest there are solved for. Runs start there, outputs are held
             there, and laws on the linearization are designed there.
-        compare: Plants to run on; all that there are by default.
+        compare: Plants to run on; all by default.
     """
 
     system: str | None = None
@@ -90,7 +91,7 @@ class PlantTable(Table):
 
 
 class DesignTable(Table):
-    """``[design]``: what laws are designed for, if it is not the plant itself.
+    """``[design]``: the plant that laws are designed for, if it is another one.
 
     Attributes:
         plant: ``module:name`` of an analytic plant with the same states and inputs, or of a
@@ -101,15 +102,15 @@ class DesignTable(Table):
 
 
 class RunTable(Table):
-    """``[run]``: from where, for how long, how sampled.
+    """``[run]``: start, duration and sampling.
 
     Attributes:
         start: States at t = 0 by name, with their units; the others are zero.
-        duration: [s].
+        duration: Duration of a run [s].
         control_period: Time between two samples of the laws [s]; 1 ms, or the timestep if that is
             longer.
-        timestep: Physics timestep [s]; 1 ms, or that of a model of one's own.
-        integrator: MuJoCo's integrator; RK4, or that of a model of one's own.
+        timestep: Physics timestep [s]; 1 ms, or that of a user's own model.
+        integrator: MuJoCo's integrator; RK4, or that of a user's own model.
         engine: ``native`` compiles the laws; ``python`` runs any callable.
     """
 
@@ -121,7 +122,7 @@ class RunTable(Table):
     engine: Literal["native", "python"] = "native"
 
 
-# What an edit may change, by what it is an edit of.
+# Keys of an edit, by the kind of thing that it changes.
 _CHANGES = {
     "body": ("mass_scale", "length_scale", "mass", "inertia", "added_mass", "at"),
     "joint": ("damping", "friction", "armature", "tilt"),
@@ -131,11 +132,11 @@ _CHANGES = {
 
 
 def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
-    """The one thing that a table is of.
+    """Return the only owner that a table names, such as ``body`` or ``joint``.
 
     Args:
-        table: Of the file.
-        keys: Of each thing.
+        table: Table of the file.
+        keys: Keys that belong to each owner.
 
     Raises:
         ValueError: If it names none or several, or has a key of another one.
@@ -143,34 +144,40 @@ def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
     owners = [name for name in keys if getattr(table, name) is not None]
     if len(owners) != 1:
         raise ValueError(f"name one of {', '.join(keys)}, not {owners or 'none'}")
-    valid, every = keys[owners[0]], {key for others in keys.values() for key in others}
-    if idle := sorted(table.model_fields_set & every - set(valid)):
-        owner = f"{'an' if owners[0][0] in 'ae' else 'a'} {owners[0]}"
-        raise ValueError(f"{owner} has no {', '.join(idle)}; valid: {', '.join(valid)}")
-    return owners[0]
+    owner = owners[0]
+
+    valid = keys[owner]
+    foreign = set[str]().union(*keys.values()).difference(valid)
+    misplaced = sorted(table.model_fields_set & foreign)
+    if misplaced:
+        article = "an" if owner[0] in "ae" else "a"
+        raise ValueError(
+            f"{article} {owner} has no {', '.join(misplaced)}; valid: {', '.join(valid)}"
+        )
+    return owner
 
 
 class EditTable(Table):
-    """``[[edit]]``: what the true plant has and the laws do not know; one thing each.
+    """``[[edit]]``: a change of the true plant that the laws do not know; one owner each.
 
     Attributes:
-        known: Whether the laws know it: then it is an edit of the plant that they believe in.
+        known: Whether the laws know it: then the nominal plant is edited, too.
         body: A body of the model.
-        mass_scale: Factor on its mass and inertia.
-        length_scale: Factor on all its lengths.
-        mass: Its mass [kg], instead of a factor; its inertia scales with it.
-        inertia: Its principal moments about its centre of mass [kg m^2], (3,).
-        added_mass: A point mass on it [kg].
-        at: Where on the body, in its own frame [m], (3,).
+        mass_scale: Factor on the body's mass and inertia.
+        length_scale: Factor on all lengths of the body.
+        mass: Mass of the body [kg], instead of a factor; its inertia scales with it.
+        inertia: Principal moments of the body about its centre of mass [kg m^2], (3,).
+        added_mass: A point mass on the body [kg].
+        at: Place of the added mass in the body's frame [m], (3,).
         joint: A joint of the model.
-        damping: Of the joint [N m s/rad or N s/m].
+        damping: Damping of the joint [N m s/rad or N s/m].
         friction: Dry friction of the joint [N m or N].
-        armature: Of the joint [kg m^2 or kg].
-        tilt: Angle by which its axis turns towards the z-axis of its body [rad].
+        armature: Armature of the joint [kg m^2 or kg].
+        tilt: Angle by which the joint's axis turns towards the z-axis of its body [rad].
         input: An input of the model.
-        gear: Torque or force at its joint for one unit of it.
-        parameter: A parameter of an analytic plant of one's own.
-        scale: Factor on it.
+        gear: Torque or force at the joint for one unit of the input.
+        parameter: A parameter of a user's own analytic plant.
+        scale: Factor on the parameter.
     """
 
     known: bool = False
@@ -192,8 +199,9 @@ class EditTable(Table):
     scale: float | None = None
 
     @model_validator(mode="after")
-    def _of_one_thing(self) -> EditTable:
-        changes = self.model_fields_set - {_owner_of(self, _CHANGES), "known"}
+    def _changes_one_owner(self) -> EditTable:
+        owner = _owner_of(self, _CHANGES)
+        changes = self.model_fields_set - {owner, "known"}
         if not changes - {"at"}:
             raise ValueError("the edit changes nothing")
         if "added_mass" in changes and changes - {"added_mass", "at"}:
@@ -208,23 +216,23 @@ class EditTable(Table):
 class DisturbanceTable(Table):
     """``[[disturbance]]``: a wrench on a body, in world axes at its centre of mass.
 
-    Equations of one's own have no bodies: there it is added to an input or to a state's rate.
+    A user's own equations have no bodies: there it is added to an input or to a state's rate.
 
     Attributes:
         body: A body of the plant.
-        force: [N], (3,).
-        torque: [N m], (3,).
-        input: An input of equations of one's own.
-        state: A state of theirs, to whose rate it is added.
+        force: Force [N], (3,).
+        torque: Torque [N m], (3,).
+        input: An input of a user's own equations.
+        state: A state of a user's own equations, to whose rate it is added.
         amplitude: In the unit of the input, or of the state per second.
         profile: Its course in time: ``constant``, ``pulse`` (from ``start`` to ``stop``), ``sine``
             (sin(frequency t + phase) from ``onset`` on), or ``module:name`` of a function of t.
-        start: Of a pulse [s].
-        stop: Of a pulse [s].
-        frequency: Of a sine [rad/s]; 1 Hz is a turn a second.
-        phase: Of a sine [rad].
-        onset: Of a sine [s].
-        label: What figures call it.
+        start: Start of a pulse [s].
+        stop: End of a pulse [s].
+        frequency: Frequency of a sine [rad/s]; 1 Hz is a turn a second.
+        phase: Phase of a sine [rad].
+        onset: Onset of a sine [s].
+        label: Name in figures.
     """
 
     body: str | None = None
@@ -242,23 +250,23 @@ class DisturbanceTable(Table):
     label: str = ""
 
     @model_validator(mode="after")
-    def _on_one_thing(self) -> DisturbanceTable:
-        own = ("amplitude",)
-        _owner_of(self, {"body": ("force", "torque"), "input": own, "state": own})
+    def _on_one_owner(self) -> DisturbanceTable:
+        keys = {"body": ("force", "torque"), "input": ("amplitude",), "state": ("amplitude",)}
+        _owner_of(self, keys)
         return self
 
     @property
     def of(self) -> str:
-        """The body, the input, or the state's rate."""
+        """Name of the body or the input, or the rate of a state."""
         return self.body or self.input or f"rate of {self.state}"
 
 
 class RequirementTable(Table):
-    """``[[requirement]]``: what runs must keep. Limits have the unit of what they limit.
+    """``[[requirement]]``: limits that runs must keep, each in the unit of its quantity.
 
     Attributes:
         of: Controllers that must keep it; all by default.
-        on: Plants on which; physics by default, or all where there is none.
+        on: Plants on which they must keep it; physics by default, or all where there is none.
         settles_within: The error stays in the band from then on [s], up to the onset of a later
             disturbance.
         band: Width of that band; by default 2 % of the error at the start, which must not be zero.
@@ -267,16 +275,16 @@ class RequirementTable(Table):
             start: 0.05 are 5 %.
         stays_within: Largest error from ``after`` on.
         rms_below: Root mean square of the error from ``after`` on.
-        after: [s].
+        after: Instant from which on ``stays_within`` and ``rms_below`` hold [s].
         final_error_below: Largest error in the last tenth of the run.
         deviation_below: Largest distance from the law's own nominal optimum.
         input_below: Largest input.
-        sliding_below: Largest |s|; of the laws that have a surface by default.
-        cart_travel_below: How far the cart goes from its start [m].
+        sliding_below: Largest |s|; by default for the laws that have a surface.
+        cart_travel_below: Largest distance of the cart from its start [m].
         no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
-            definition; of the laws that have one by default.
-        cost_ratio_below: J with the whole input over J*. Of a law that chatters it grows with the
-            run's length: the limit belongs to this file's duration.
+            definition; by default for the laws that have a surface.
+        cost_ratio_below: J with the whole input over J*. Under a law that chatters it grows with
+            the run's length: the limit belongs to this file's duration.
     """
 
     of: list[str] | None = Field(None, min_length=1)
@@ -307,13 +315,13 @@ class RequirementTable(Table):
 
 
 class ClaimTable(RequirementTable):
-    """``[[claim]]``: what a statement of the chapter asks of runs, with the statement's own limit.
+    """``[[claim]]``: a statement of the chapter as limits for runs.
 
     No verdict on a run depends on it: ``study ladder`` tells on which rung it falls.
 
     Attributes:
-        id: Of the statement, as ``grosmc-mj claims`` lists them.
-        under: Condition that it is said of: the nominal plant, the system's ``case1`` or
+        id: Identifier of the statement, as ``grosmc-mj claims`` lists them.
+        under: Condition of the statement: the nominal plant, the system's ``case1`` or
             ``case2``, or the file's own edits and disturbances, ``under load``.
     """
 
@@ -322,11 +330,14 @@ class ClaimTable(RequirementTable):
 
 
 def _weight(value: Any) -> Any:
-    """A number, a diagonal or the rows of a matrix, of numbers."""
+    """Refuse anything but a number, a diagonal or the rows of a matrix."""
     rows = value if isinstance(value, list) else [value]
-    entries = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
-    if any(isinstance(entry, bool) or not isinstance(entry, (int, float)) for entry in entries):
-        raise ValueError(f"{shown(value)} must be a number, a list of numbers or a list of rows")
+    for row in rows:
+        entries = row if isinstance(row, list) else [row]
+        if not all(map(is_number, entries)):
+            raise ValueError(
+                f"{shown(value)} must be a number, a list of numbers or a list of rows"
+            )
     return value
 
 
@@ -335,12 +346,12 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class OutputsTable(Table):
-    """``outputs`` of ``[task]``: what of the plant is regulated.
+    """``outputs`` of ``[task]``: the regulated outputs.
 
     Attributes:
         of: ``plant`` for the plant's own outputs, a name such as ``tip`` where the package has
             further ones, or ``module:name`` of a function that returns expressions in the states.
-        formulas: Instead of it, formulas in the states by their names: ``["rotor speed"]``.
+        formulas: Instead of ``of``, formulas in the states by their names: ``["rotor speed"]``.
         guess: A state near which the outputs determine the states, by name; it matters where
             several states have the same outputs.
         unit: Unit of outputs that are no states.
@@ -353,23 +364,23 @@ class OutputsTable(Table):
 
     @property
     def own(self) -> bool:
-        """Whether they are the plant's own."""
+        """Whether the outputs are the plant's own."""
         return self.of == "plant" and self.formulas is None
 
 
 class TaskTable(Table):
-    """``[task]``: what the laws are designed for; the package's systems have theirs.
+    """``[task]``: outputs, reference and weights that the laws are designed for.
 
     Attributes:
-        name: What results call the laws of this task together; the system's name by default.
-        outputs: What is regulated.
+        name: Name of the laws of this task together in results; the system's name by default.
+        outputs: The regulated outputs.
         reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
             ``module:name`` of a reference with its parameters.
         sign: 1 for the error y - y_r, -1 for y_r - y.
         Q: Weight of the error state, a matrix or its diagonal.
         R: Weight of the input, a number, a matrix or its diagonal.
-        region: Where the premises are looked at: bounds of |z1|, |z2| ..., each in its unit; what
-            the gains are declared for, or what the run spans, by default.
+        region: Region in which the premises are checked: bounds of |z1|, |z2| ..., each in its
+            unit; by default the region that the gains are declared for, or that the run spans.
         slope: L of the super-twisting law, in the unit of s per second squared.
     """
 
@@ -386,17 +397,16 @@ class TaskTable(Table):
 class LawTable(Table):
     """``[laws.NAME]``: a law with numbers, which a ``[[controller]]`` may name.
 
-    Its numbers stand beside these keys.
+    The law's numbers stand beside these keys.
 
     Attributes:
         law: A law by its name, or ``module:name`` of a law, of a function that makes a controller
             of the nominal plant, or of a controller.
         switching: Switching law of a sliding mode law.
         surface: ``printed`` or ``discrete``.
-        memory: What a law of the user's own remembers, by names, as a run begins: numbers and
-            lists of them.
-        predict: Whether the law knows the dead time of its loop, and is told the state at the
-            instant when its output arrives.
+        memory: Memory of a user's own law as a run begins: numbers and lists of them, by name.
+        predict: Whether the law knows the dead time of its loop, and is given the predicted state
+            at the instant when its output arrives.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True)
@@ -414,36 +424,36 @@ class LawTable(Table):
 
 
 class ControllerTable(LawTable):
-    """``[[controller]]``: a law that is run, with what it has other than its ``[laws.NAME]``.
+    """``[[controller]]``: a law that is run; its keys replace those of its ``[laws.NAME]``.
 
     Attributes:
-        name: What it is called; its law by default.
+        name: Name of the controller; its law by default.
     """
 
     name: str | None = None
 
     @property
     def called(self) -> str:
-        """Its name."""
+        """Name of the controller."""
         return self.name or self.law.split(":")[-1]
 
 
-# What may be uncertain, by what it belongs to, with the unit of its values; states and the parts of
-# a loop have their own, and those of a joint are written without one, as in [[edit]].
+# Quantities that may be uncertain with the unit of their values, by owner; states and the parts of
+# a loop have their own units, and a joint's numbers are written without one, as in [[edit]].
 QUANTITIES: dict[str, dict[str, str]] = {
     "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
     "joint": {"damping": "", "friction": "", "armature": ""},
     "disturbance": {"amplitude": "", "frequency": "rad/s", "phase": "rad", "onset": "s"},
     "start": {"value": ""},
     "parameter": {"scale": ""},
-    **{owner: dict.fromkeys(numbers, "") for owner, numbers in LOOP_UNITS.items()},
-    **{owner: dict.fromkeys(numbers, "") for owner, numbers in MACHINE_UNITS.items()},
 }
+for _owner, _numbers in {**LOOP_UNITS, **MACHINE_UNITS}.items():
+    QUANTITIES[_owner] = dict.fromkeys(_numbers, "")
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 
 
 class DistributionTable(Table):
-    """A distribution and its numbers, each with the unit of the quantity.
+    """A distribution with its numbers, each with the unit of the quantity.
 
     Attributes:
         distribution: ``uniform`` and ``loguniform`` from ``least`` to ``most``; ``triangular`` with
@@ -453,10 +463,10 @@ class DistributionTable(Table):
         least: Smallest value.
         most: Largest value.
         mode: Most likely value.
-        mean: Before it is cut off.
+        mean: Mean, before it is cut off.
         deviation: Standard deviation, before it is cut off.
-        median: Before it is cut off.
-        spread: A pure number.
+        median: Median, before it is cut off.
+        spread: Standard deviation of the logarithm, a pure number.
     """
 
     distribution: str
@@ -470,7 +480,7 @@ class DistributionTable(Table):
 
 
 def _spread(value: Any) -> list[Any] | DistributionTable:
-    """A range as it is, a table as a distribution."""
+    """Return a range unchanged, and a table as a distribution."""
     if isinstance(value, list) and len(value) == 2:
         return value
     if not isinstance(value, dict):
@@ -480,8 +490,9 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
         )
     for key in value:
         require_known("key", key, DistributionTable.model_fields, error=ValueError)
-    if value.get("distribution") not in _KINDS:
-        raise ValueError(unknown_name("distribution", value.get("distribution"), _KINDS))
+    kind = value.get("distribution")
+    if kind not in _KINDS:
+        raise ValueError(unknown_name("distribution", kind, _KINDS))
     return DistributionTable(**value)
 
 
@@ -489,28 +500,28 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
 Spread = Annotated[Any, BeforeValidator(_spread)]
 
 
-_OwnersTable = create_model(
-    "_OwnersTable",
-    __base__=Table,
-    **{name: (Spread, None) for names in QUANTITIES.values() for name in names},  # pyright: ignore[reportArgumentType, reportCallIssue]
-    **dict.fromkeys(QUANTITIES, (str | None, None)),  # pyright: ignore[reportArgumentType]
-)
+# An optional key for each owner and each of its quantities.
+_owner_fields: dict[str, Any] = {}
+for _quantities in QUANTITIES.values():
+    _owner_fields.update(dict.fromkeys(_quantities, (Spread, None)))
+_owner_fields.update(dict.fromkeys(QUANTITIES, (str | None, None)))
+_OwnersTable = create_model("_OwnersTable", __base__=Table, **_owner_fields)
 
 
 class UncertainTable(_OwnersTable):
-    """``[[uncertain]]``: a number of plant, disturbance, start, loop or machine not known.
+    """``[[uncertain]]``: an unknown number of plant, disturbance, start, loop or machine.
 
-    Its numbers are those of ``QUANTITIES``, for what it is of. Each is a range ``[least, most]``,
+    Its keys are those of its owner in ``QUANTITIES``. The value is a range ``[least, most]``,
     uniform in between, or a table with a ``distribution``. Times of a loop are rounded to whole
     timesteps.
 
     Attributes:
         body: A body of the model.
-        at: Of an added mass: where on the body, in its own frame [m], (3,).
+        at: Place of an added mass in the body's frame [m], (3,).
         joint: A joint of the model.
         disturbance: A disturbance of the file, by its label.
         start: A state, by its name.
-        parameter: A parameter of an analytic plant of one's own.
+        parameter: A parameter of a user's own analytic plant.
         computing: ``true`` for the computer, whose delay, jitter or missed samples are uncertain.
         sensor: The state of a [[sensor]] of the file.
         estimator: The state of an [[estimator]].
@@ -522,9 +533,9 @@ class UncertainTable(_OwnersTable):
         swinging_load: The body of a [[swinging_load]].
         sliding_load: The body of a [[sliding_load]].
         wall: The body of a [[wall]].
-        name: What it is called; what it is of and the quantity by default.
-        nominal: The value that is no uncertainty, from which the radius is measured: by default
-            what the file has without this table, and no disturbance.
+        name: Name of the number; its owner and the quantity by default.
+        nominal: The value without uncertainty, from which the radius is measured: by default
+            the file's value without this table, and no disturbance.
     """
 
     computing: Literal[True] | None = None
@@ -533,8 +544,9 @@ class UncertainTable(_OwnersTable):
     nominal: Any = None
 
     @model_validator(mode="after")
-    def _one_number_of_one_thing(self) -> UncertainTable:
-        valid = QUANTITIES[_owner_of(self, QUANTITIES)]
+    def _one_number_of_one_owner(self) -> UncertainTable:
+        owner = _owner_of(self, QUANTITIES)
+        valid = QUANTITIES[owner]
         numbers = sorted(set(valid) & self.model_fields_set)
         if len(numbers) != 1:
             raise ValueError(
@@ -547,32 +559,36 @@ class UncertainTable(_OwnersTable):
 
     @property
     def owner(self) -> str:
-        """What it belongs to, a key of ``QUANTITIES``."""
+        """Kind of thing that the number belongs to, a key of ``QUANTITIES``."""
         return next(name for name in QUANTITIES if getattr(self, name) is not None)
 
     @property
     def of(self) -> str:
         """Name of the body, joint, disturbance, state, input or parameter."""
-        return "computing" if self.owner == "computing" else getattr(self, self.owner)
+        if self.owner == "computing":
+            return "computing"
+        return getattr(self, self.owner)
 
     @property
     def quantity(self) -> str:
-        """Which of its numbers is uncertain."""
+        """Name of the uncertain quantity."""
         return next(name for name in QUANTITIES[self.owner] if getattr(self, name) is not None)
 
     @property
     def called(self) -> str:
-        """Its name."""
+        """Name of the uncertain number."""
         if self.name:
             return self.name
-        return self.of if self.owner == "start" else f"{self.of} {self.quantity.replace('_', ' ')}"
+        if self.owner == "start":
+            return self.of
+        return f"{self.of} {self.quantity.replace('_', ' ')}"
 
 
 class CorrelationTable(Table):
     """``[[correlation]]``: two uncertain numbers that are not independent.
 
     Attributes:
-        between: Their names.
+        between: Names of the two numbers.
         coefficient: Correlation of the Gaussian copula, from -1 to 1.
     """
 
@@ -581,7 +597,7 @@ class CorrelationTable(Table):
 
 
 class _Beginning(Table):
-    """What a file begins with."""
+    """Keys of a file that belong to no part of a loop or a machine."""
 
     name: Annotated[str, AfterValidator(file_name)] = ""
     title: str = ""
@@ -594,17 +610,18 @@ class _Beginning(Table):
 
 
 def _fields_of_parts(kinds: Iterable[str]) -> dict[str, Any]:
-    """The fields of a table that has parts of these kinds: one computer, several of the others."""
+    """Return the fields of a table with parts of these kinds: one computer, lists of the others."""
     fields: dict[str, Any] = {}
     for kind in kinds:
-        table = TABLES[kind]
-        fields[kind] = (table | None, None) if kind == "computing" else (list[table], [])
+        if kind == "computing":
+            fields[kind] = (TABLES[kind] | None, None)
+        else:
+            fields[kind] = (list[TABLES[kind]], [])
     return fields
 
 
-_WithParts = create_model(
-    "_WithParts", __base__=_Beginning, **_fields_of_parts((*LOOP_PARTS, *MACHINE_PARTS))
-)
+_PART_FIELDS = _fields_of_parts((*LOOP_PARTS, *MACHINE_PARTS))
+_WithParts = create_model("_WithParts", __base__=_Beginning, **_PART_FIELDS)
 _LoopParts = create_model("_LoopParts", __base__=Table, **_fields_of_parts(LOOP_PARTS))
 
 
@@ -616,11 +633,11 @@ class ColumnTable(Table):
     """``[log.columns]``: value = sign scale (column - offset), in its unit.
 
     Attributes:
-        column: Its header.
-        unit: Of its numbers; that of the signal, or the one in its header, by default.
+        column: Header of the column.
+        unit: Unit of its numbers; by default the signal's, or the one in the header.
         sign: -1 for an axis that points the other way.
-        scale: Such as radians in a count.
-        offset: In the column's own numbers.
+        scale: Factor, such as radians in a count.
+        offset: Offset in the column's own numbers.
     """
 
     column: str
@@ -631,12 +648,12 @@ class ColumnTable(Table):
 
 
 class LogTable(Table):
-    """``[log]``: how the columns of a log of the machine are to be read.
+    """``[log]``: time and columns of a log of the machine.
 
     Attributes:
         time: Header of the time's column; ``time`` or ``t`` by default.
         sampling: Time between two samples, of a log without such a column.
-        columns: By the name of an input or a state.
+        columns: Columns by the name of an input or a state.
     """
 
     time: str = ""
@@ -649,34 +666,34 @@ class CaseFile(_WithParts):
 
     Attributes:
         name: Name of the case; the file's own by default.
-        title: For people.
-        source: Where it comes from.
-        plant: What is controlled.
-        design: What the laws believe in instead.
-        run: How it is run.
-        edit: What the true plant has that the laws do not know.
-        disturbance: What acts on it.
+        title: Title for people.
+        source: Source of the case, such as a page of the chapter.
+        plant: The controlled plant.
+        design: The plant that the laws are designed for, if it is another one.
+        run: Start, duration and sampling.
+        edit: Changes of the true plant that the laws do not know.
+        disturbance: Wrenches and signals that act on the plant.
         computing: The computer between sensors and actuators; ideal without it.
-        sensor: What the states are measured by; exactly without one.
-        estimator: What gives the states that are not measured.
-        actuator: What makes the inputs; exactly without one.
+        sensor: Sensors of states; a state without one is measured exactly.
+        estimator: Estimators of the states that are not measured.
+        actuator: Actuators of inputs; an input without one is exact.
         known_loop: Computer, sensors and actuators that laws with ``predict`` take for theirs; the
             true ones by default.
-        transmission: What gives way between a motor and its joint.
-        lugre: Friction of joints by bristles.
-        stop: Ends of joints' ways.
+        transmission: Compliance and backlash between a motor and its joint.
+        lugre: Bristle friction of joints.
+        stop: Stops at the ends of joints.
         motor: DC motors that stand for the inputs.
-        swinging_load: What hangs on bodies.
-        sliding_load: What slides on bodies.
-        wall: What bodies can touch.
-        task: What the laws are designed for.
+        swinging_load: Loads that hang on bodies.
+        sliding_load: Loads that slide on bodies.
+        wall: Walls that bodies can touch.
+        task: Outputs, reference and weights that the laws are designed for.
         laws: Laws with their numbers, by name.
-        controller: Those that are run.
-        requirement: What they must keep.
-        claim: What statements of the chapter say of them.
-        uncertain: Numbers that a campaign varies; a single run has the others' values.
-        correlation: Which of them vary together.
-        log: How the columns of a log of the machine are read.
+        controller: Laws that are run.
+        requirement: Limits that they must keep.
+        claim: Statements of the chapter about them.
+        uncertain: Numbers that a campaign varies; a single run has the nominal values.
+        correlation: Pairs of them that vary together.
+        log: Time and columns of a log of the machine.
     """
 
     known_loop: KnownLoopTable | None = None
@@ -690,15 +707,23 @@ class CaseFile(_WithParts):
     log: LogTable | None = None
 
     def law(self, name: str) -> ControllerTable:
-        """A controller of the file by its name, or else a law by its name.
+        """Return a controller of the file by its name, or else a law by its name.
 
-        What it does not say itself is that of the ``[laws.NAME]`` that it names.
+        Keys that the controller does not have come from the ``[laws.NAME]`` that it names.
         """
-        table = next(
-            (controller for controller in self.controller if controller.called == name), None
-        )
-        table = table or ControllerTable(law=name)
-        if (base := self.laws.get(table.law)) is None:
+        table = ControllerTable(law=name)
+        for controller in self.controller:
+            if controller.called == name:
+                table = controller
+                break
+
+        base = self.laws.get(table.law)
+        if base is None:
             return table
-        own = {**table.model_dump(exclude_unset=True), "law": base.law, "name": table.called}
-        return ControllerTable.model_validate({**base.model_dump(exclude_unset=True), **own})
+        keys = {
+            **base.model_dump(exclude_unset=True),
+            **table.model_dump(exclude_unset=True),
+            "law": base.law,
+            "name": table.called,
+        }
+        return ControllerTable.model_validate(keys)

@@ -1,4 +1,4 @@
-"""The package's own files: its cases, what they share, and what a user begins with."""
+"""The package's own files: cases, the base files that they share, and starters for users."""
 
 from __future__ import annotations
 
@@ -10,45 +10,51 @@ from typing import Any
 
 from grosmc_mj.errors import ArgumentError, unknown_name
 
-# A folder for each system.
 _PACKAGE = Path(__file__).resolve().parents[2]
+# It has a folder for each system.
 CASES = _PACKAGE / "cases"
-_BASE, _OWN = "base.toml", "own_plant"
+# Name of the file that the cases of a system share.
+_BASE = "base.toml"
+# Name of the starter with a plant in Python.
+_OWN = "own_plant"
 
 
 def shipped_files() -> Mapping[str, Path]:
-    """The case files of the package by their names, ``system/case``; bases are none."""
+    """Return the case files of the package by name, ``system/case``, without base files."""
     return _files_in(CASES)
 
 
+# Claims ask for cases by name a thousand times.
 @cache
 def _files_in(folder: Path) -> Mapping[str, Path]:
-    """Found once: claims ask for cases by name a thousand times."""
-    return {
-        "/".join(path.relative_to(folder).with_suffix("").parts): path
-        for path in sorted(folder.glob("*/*.toml"))
-        if path.name != _BASE
-    }
+    """Return the case files of a folder by name."""
+    files = {}
+    for path in sorted(folder.glob("*/*.toml")):
+        if path.name != _BASE:
+            files[f"{path.parent.name}/{path.stem}"] = path
+    return files
 
 
 def campaign_files() -> dict[str, Path]:
-    """The campaigns of the package by the names of their systems."""
-    return {path.stem: path for path in sorted((_PACKAGE / "campaigns").glob("*.toml"))}
+    """Return the campaigns of the package by the names of their systems."""
+    files = sorted((_PACKAGE / "campaigns").glob("*.toml"))
+    return {path.stem: path for path in files}
 
 
 def case_order(name: str) -> tuple[bool, bool, str]:
-    """The nominal case first; bench and machine last."""
-    built = ("/bench", "/machine")
-    return not name.endswith("/nominal"), name.endswith(built), name
+    """Return a key for sorting: the nominal case first; bench and machine last."""
+    is_nominal = name.endswith("/nominal")
+    is_built = name.endswith(("/bench", "/machine"))
+    return not is_nominal, is_built, name
 
 
 def content(path: Path) -> dict[str, Any]:
-    """What a file of the package says, without what it extends."""
+    """Return the values of a file of the package, without those of the files that it extends."""
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def find_file(name: str) -> Path:
-    """A case file by its path or, for the package's own, by ``system/case``.
+    """Return a case file by its path or, for the package's own, by ``system/case``.
 
     Raises:
         ArgumentError: If there is none.
@@ -63,25 +69,28 @@ def find_file(name: str) -> Path:
         raise ArgumentError(f"{name} is a folder, must be a case file")
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
-    systems = dict.fromkeys(case.split("/")[0] for case in shipped)
-    unknown = unknown_name("case", name, [*systems, *shipped])
+    systems = [case.split("/")[0] for case in shipped]
+    unknown = unknown_name("case", name, list(dict.fromkeys([*systems, *shipped])))
     raise ArgumentError(f"{unknown}, or a path that ends in .toml")
 
 
 def base_file(system: str) -> Path | None:
-    """What the cases of a system of the package share: its laws with their numbers."""
-    return next((path for path in CASES.glob(f"*/{_BASE}") if path.parent.name == system), None)
+    """Return the file that the cases of a system share, with the numbers of its laws."""
+    for path in CASES.glob(f"*/{_BASE}"):
+        if path.parent.name == system:
+            return path
+    return None
 
 
 def starter() -> str:
-    """A case file with every key explained."""
+    """Return a case file with every key explained."""
     return (CASES / "starter.toml").read_text(encoding="utf-8")
 
 
 def own_plant(name: str) -> dict[str, str]:
-    """A case file with a plant and laws in Python, and that Python, by their file names."""
-    sources = [Path(f"{_OWN}{suffix}") for suffix in (".toml", ".py")]
-    return {
-        f"{name}{source.suffix}": (CASES / source).read_text(encoding="utf-8").replace(_OWN, name)
-        for source in sources
-    }
+    """Return a case file with a plant and laws in Python, and that Python, by file name."""
+    texts = {}
+    for suffix in (".toml", ".py"):
+        text = (CASES / f"{_OWN}{suffix}").read_text(encoding="utf-8")
+        texts[f"{name}{suffix}"] = text.replace(_OWN, name)
+    return texts

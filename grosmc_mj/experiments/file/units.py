@@ -16,11 +16,11 @@ from grosmc_mj.errors import ArgumentError, Mistakes, shown
 if TYPE_CHECKING:
     import pint
 
-# What to write instead, by the unit that was asked for.
+# An example for messages, by the unit that is wanted.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Units with powers of one digit: nothing that takes long to compute.
 _UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
-# Factors of what files mostly have, which need not wait for pint: (written, wanted).
+# Factors of common units, which need not wait for pint to load: (written, wanted).
 _KNOWN = {
     ("us", "s"): 1e-6,
     ("ms", "s"): 1e-3,
@@ -44,13 +44,14 @@ _KNOWN = {
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 
 
+# Reads a file of units.
 @cache
 def _registry() -> pint.UnitRegistry:
-    """The units that pint knows, with one hertz a turn a second.
+    """Return pint's units, with one hertz as a turn a second.
 
     Angles have no dimension for pint, which would make 1 Hz one radian a second.
     """
-    # Here, for it loads slowly, and not every file is read for its numbers.
+    # Imported where it is needed: it loads slowly, and few files need it.
     import pint
 
     logging.getLogger("pint.util").setLevel(logging.ERROR)
@@ -59,52 +60,74 @@ def _registry() -> pint.UnitRegistry:
     return registry
 
 
+def is_number(value: Any) -> bool:
+    """Whether a value of a file is a number; a truth value is none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def number_in(value: Any, unit: str) -> float:
-    """A value such as ``"10 deg"`` as a number in a unit.
+    """Return a value such as ``"10 deg"`` as a number in a unit.
 
     Args:
         value: A string of a number and its unit or, where the unit is 1, a number.
         unit: The unit wanted, such as ``rad/s``; ``1`` or nothing for a pure number.
 
     Raises:
-        ArgumentError: If there is no unit, an unknown one, or one of something else.
+        ArgumentError: If the unit is missing, unknown or does not fit.
     """
-    example = _EXAMPLES.get(unit, f"1 {unit}")
     if unit in {"", "1", "%"}:
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
+        if not is_number(value):
             raise ArgumentError(f"{shown(value)} must be a number without a unit")
         return _finite(float(value), value)
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
+
+    example = _EXAMPLES.get(unit, f"1 {unit}")
+    if is_number(value):
         raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')
     if not isinstance(value, str):
         raise ArgumentError(f'{shown(value)} must be a number with a unit, such as "{example}"')
-    match, text = _NUMBER.fullmatch(value.strip()), shown(value, str)
+
+    text = shown(value, str)
+    match = _NUMBER.fullmatch(value.strip())
     if match is None:
         raise ArgumentError(f'"{text}" is no number with a unit, such as "{example}"')
-    number, written = float(match[1]), match[2]
-    if written and not _UNIT.fullmatch(written):
-        raise ArgumentError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
+    number = float(match[1])
+    written = match[2]
     if not written:
         raise ArgumentError(f'"{text}" has no unit: write "{text} {unit}"')
-    factor = 1.0 if written == unit else _KNOWN.get((written, unit))
+    if not _UNIT.fullmatch(written):
+        raise ArgumentError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
+
+    if written == unit:
+        return _finite(number, value)
+    factor = _KNOWN.get((written, unit))
     if factor is not None:
         return _finite(number * factor, value)
+    try:
+        return _finite(_converted(number, written, unit), value)
+    except _UnitError as error:
+        raise ArgumentError(f'"{text}"{error}: write it as in "{example}"') from None
+
+
+class _UnitError(Exception):
+    """The end of a message about a unit that pint cannot convert."""
+
+
+def _converted(number: float, written: str, unit: str) -> float:
+    """Convert a number by pint from the written unit to another one."""
     from pint import DimensionalityError
 
     try:
         quantity = _registry().Quantity(number, _registry().parse_units(written))
-        converted = float(quantity.to(unit).magnitude)
-    # pint has no common class for what it cannot read.
-    except Exception as error:
-        unfit = f'"{text}" cannot be converted to {unit}'
-        unknown = f'"{text}": {shown(written)} is no unit'
-        why = unfit if isinstance(error, DimensionalityError) else unknown
-        raise ArgumentError(f'{why}: write it as in "{example}"') from None
-    return _finite(converted, value)
+        return float(quantity.to(unit).magnitude)
+    except DimensionalityError:
+        raise _UnitError(f" cannot be converted to {unit}") from None
+    # pint has no common class of errors for text that it cannot read.
+    except Exception:
+        raise _UnitError(f": {shown(written)} is no unit") from None
 
 
 def _finite(number: float, value: Any) -> float:
-    """The number, if it is one."""
+    """Return a number, and refuse one that is not finite."""
     if not math.isfinite(number):
         raise ArgumentError(f"{shown(value)} must be finite")
     return number
@@ -130,19 +153,21 @@ class Table(BaseModel):
 def numbers_of(
     table: Table, names: Iterable[str], unit_of: Callable[[str], str]
 ) -> dict[str, float]:
-    """The numbers that a table gives.
+    """Return the numbers that a table gives.
 
     Args:
-        table: With a value, or None, for each name.
-        names: Of the numbers.
-        unit_of: The unit of a number, by its name.
+        table: Table with a value, or None, for each name.
+        names: Names of the numbers.
+        unit_of: Function that returns the unit of a number by its name.
 
     Raises:
-        ArgumentError: All that do not fit.
+        ArgumentError: For all numbers that do not fit.
     """
-    numbers, mistakes = {}, Mistakes()
+    numbers = {}
+    mistakes = Mistakes()
     for name in names:
-        if (value := getattr(table, name)) is None:
+        value = getattr(table, name)
+        if value is None:
             continue
         with mistakes.gathered():
             unit = unit_of(name)

@@ -1,4 +1,4 @@
-"""Python that a case file names, and whose fault it is when it fails."""
+"""Python that a case file names: its sources, its import, and the place of its errors."""
 
 from __future__ import annotations
 
@@ -27,52 +27,57 @@ def is_named(text: str) -> bool:
 
 
 def named_in(file: CaseFile) -> list[str]:
-    """Each ``module:name`` of a case file, which running it under any of its laws would import."""
-    reference = file.task.reference or []
-    texts = [
-        file.plant.plant or "",
-        file.design.plant if file.design else "",
-        *(table.profile for table in file.disturbance),
-        *(reference if len(reference) == 1 else ()),
-        file.task.outputs.of,
-        *(table.law for table in (*file.controller, *file.laws.values())),
-    ]
+    """Return each ``module:name`` that running a case file under any of its laws would import."""
+    texts = []
+    if file.plant.plant:
+        texts.append(file.plant.plant)
+    if file.design:
+        texts.append(file.design.plant)
+    texts += [table.profile for table in file.disturbance]
+    # Several references are formulas.
+    if file.task.reference and len(file.task.reference) == 1:
+        texts += file.task.reference
+    texts.append(file.task.outputs.of)
+    texts += [table.law for table in (*file.controller, *file.laws.values())]
     return list(dict.fromkeys(filter(is_named, texts)))
 
 
 def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
-    """SHA-256 of the folder's own files that importing what is named would run, by file.
+    """Return SHA-256 of the folder's own files that importing some names would run, by file.
 
-    These are the modules, the packages that they are in, and what all of them import from the
+    These are the modules, the packages that they are in, and all that these import from the
     folder. Imports are read, not carried out: one that is computed while the module runs is
-    not seen.
+    not found.
 
     Args:
         named: Texts of the form ``module:name``; modules of installed packages have no file here.
-        folder: Where Python would look first.
+        folder: The folder in which Python would look first.
     """
     folder = folder.resolve()
-    unseen = [text.split(":")[0] for text in named if _NAMED.fullmatch(text)]
-    seen, hashes = set(), {}
-    while unseen:
-        module = unseen.pop()
-        if module in seen:
+    pending = [text.split(":")[0] for text in named if _NAMED.fullmatch(text)]
+    visited = set()
+    hashes = {}
+    while pending:
+        module = pending.pop()
+        if module in visited:
             continue
-        seen.add(module)
+        visited.add(module)
         for name, file in _files(module, folder):
             content = file.read_bytes()
             hashes[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
-            unseen += _imports(content, name, package=file.name == "__init__.py")
+            pending += _imports(content, name, package=file.name == "__init__.py")
     return dict(sorted(hashes.items()))
 
 
 def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
-    """The modules, with their files, that importing a module of the folder begins with."""
-    places, parts = [str(folder)], module.split(".")
+    """Return the packages of a module of the folder and the module itself, with their files."""
+    places = [str(folder)]
+    parts = module.split(".")
     for depth in range(1, len(parts) + 1):
         name = ".".join(parts[:depth])
         # As Python itself would find it, in its order: a package, a library, a file.
-        if (spec := machinery.PathFinder.find_spec(name, places)) is None:
+        spec = machinery.PathFinder.find_spec(name, places)
+        if spec is None:
             return
         if spec.loader is not None and spec.origin is not None:
             yield name, Path(spec.origin)
@@ -80,45 +85,60 @@ def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _imports(content: bytes, module: str, *, package: bool) -> list[str]:
-    """Names that the text of a module imports, and that may be modules."""
+    """Return the names that the text of a module imports, and that may be modules."""
     try:
         tree = ast.parse(content)
     except (SyntaxError, ValueError, RecursionError):
-        # A library, or what Python will refuse as well.
+        # A library, or a file that Python will refuse as well.
         return []
     modules = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            # One dot is the package that a module is in.
-            up = module.split(".")[: -node.level + package or None] if node.level else []
-            base = ".".join([*up, *filter(None, [node.module])])
-            modules += [base, *(f"{base}.{alias.name}".lstrip(".") for alias in node.names)]
-    return [name for name in modules if name]
+            base = _base_of_import(node, module, package=package)
+            modules.append(base)
+            modules += [f"{base}.{alias.name}".lstrip(".") for alias in node.names]
+    return list(filter(None, modules))
+
+
+def _base_of_import(node: ast.ImportFrom, module: str, *, package: bool) -> str:
+    """Return the absolute name of the module that names are imported from."""
+    parts = []
+    if node.level:
+        # One dot is the package that a module is in.
+        levels_up = node.level - package
+        parts = module.split(".")
+        parts = parts[: max(len(parts) - levels_up, 0)]
+    if node.module:
+        parts.append(node.module)
+    return ".".join(parts)
 
 
 def load_named(text: str, folder: Path) -> Any:
-    """What ``module:name`` names: from a file in the folder, or from an installed package.
+    """Import ``module:name`` from a file in the folder, or from an installed package.
 
     Raises:
-        ArgumentError: If it is not there, or the module cannot be imported.
+        ArgumentError: If it is missing, or the module cannot be imported.
     """
     if not _NAMED.fullmatch(text):
         raise ArgumentError(f"{text!r} must be module:name, such as my_module:my_law")
     name, attribute = text.split(":")
     if name.split(".")[0] in sys.stdlib_module_names:
         raise ArgumentError(f"{text!r}: {name} is a module of Python itself: take another name")
+
     with blamed(folder), _importable(name, folder):
         try:
             module = importlib.import_module(name)
         except ModuleNotFoundError as error:
+            # The module is there, and imports another one that is missing.
             if error.name is None or not f"{name}.".startswith(f"{error.name}."):
                 raise
             raise ArgumentError(
                 f"{text!r}: there is no {name.replace('.', '/')}.py in {folder or Path()} and no "
                 f"package {error.name!r} is installed"
             ) from None
+
     if not hasattr(module, attribute):
         public = [item for item in vars(module) if not item.startswith("_")]
         raise ArgumentError(unknown_name(f"name in {name}", attribute, public))
@@ -128,26 +148,27 @@ def load_named(text: str, folder: Path) -> Any:
 @contextmanager
 def _importable(name: str, folder: Path) -> Iterator[None]:
     """Have the folder's modules found first, and forget another folder's of the same name."""
-    place = str(folder.resolve())
-    known = sys.modules.get(name)
-    own = folder.resolve().joinpath(*name.split(".")).with_suffix(".py")
-    if known is not None and own.is_file():
-        there = Path(known.__file__ or "").resolve()
-        if "site-packages" in there.parts:
-            raise ArgumentError(f"{own.name} has the name of an installed package: take another")
-        if there != own:
+    folder = folder.resolve()
+    file = folder.joinpath(*name.split(".")).with_suffix(".py")
+    imported = sys.modules.get(name)
+    if imported is not None and file.is_file():
+        imported_file = Path(imported.__file__ or "").resolve()
+        if "site-packages" in imported_file.parts:
+            raise ArgumentError(f"{file.name} has the name of an installed package: take another")
+        if imported_file != file:
             del sys.modules[name]
+
     importlib.invalidate_caches()
-    sys.path.insert(0, place)
+    sys.path.insert(0, str(folder))
     try:
         yield
     finally:
-        sys.path.remove(place)
+        sys.path.remove(str(folder))
 
 
 @contextmanager
 def blamed(folder: Path) -> Iterator[None]:
-    """Turn what fails inside the folder's own Python into one line with its file and line.
+    """Turn an error inside the folder's own Python into one line with its file and line.
 
     Raises:
         ArgumentError: In place of any error that came from, or through, a file of the folder.
@@ -158,18 +179,22 @@ def blamed(folder: Path) -> Iterator[None]:
         place = _place(error, folder.resolve())
         if place is None:
             raise
-        plain = isinstance(error, (ArgumentError, ValueError)) and str(error)
-        raise ArgumentError(f"{place}: {error if plain else _named(error)}") from error
+        message = str(error)
+        if not isinstance(error, (ArgumentError, ValueError)) or not message:
+            message = _class_and_message(error)
+        raise ArgumentError(f"{place}: {message}") from error
 
 
-def _named(error: BaseException) -> str:
-    """What went wrong: the error's class and message."""
+def _class_and_message(error: BaseException) -> str:
+    """Return the error's class and message."""
     message = str(getattr(error, "msg", error))
-    return f"{type(error).__name__}: {message}" if message else type(error).__name__
+    if not message:
+        return type(error).__name__
+    return f"{type(error).__name__}: {message}"
 
 
 def _place(error: BaseException, folder: Path) -> str | None:
-    """The last place in the folder's files that an error came through: ``file.py:12``."""
+    """Return the last place in the folder's files that an error came through: ``file.py:12``."""
     places: list[tuple[str, int | None]] = [
         (frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)
     ]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 from case_texts import load
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from grosmc_mj.experiments.curves import draw_experiment, figure_size, write_curves
+from grosmc_mj.experiments.curves import curves_document, draw_experiment, figure_size, write_curves
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
@@ -26,6 +29,7 @@ duration = "{}"
 [[controller]]
 law = "lqr"
 """
+CART = CASE.format("cart_pendulum", "pole angle", "-10 deg", "1 s")
 JUDGED = """
 [[controller]]
 law = "grosmc"
@@ -34,20 +38,25 @@ deviation_below = "{}"
 cart_travel_below = "40 cm"
 """
 # The link is pushed through the angle at which its cable has no length.
-PUSH = """
+PUSHED = """
+[plant]
+system = "arm"
+compare = ["physics"]
+[run]
+start = { "joint angle" = "0 rad" }
+duration = "1 s"
+[[controller]]
+law = "lqr"
 [[disturbance]]
 body = "link"
 torque = ["0 N m", "50 N m", "0 N m"]
 profile = "constant"
 """
-NOISY = '[[sensor]]\nof = "{}"\nnoise = "{}"\n'
-ESTIMATED = '[[estimator]]\nof = "{}"\n'
 
 
-def figure_of(experiment: Experiment) -> Figure:
-    results = list(experiment.runs())
-    figure = Figure(figsize=figure_size(results))
-    draw_experiment(figure, results)
+def figure_of(runs: list[RunResult]) -> Figure:
+    figure = Figure(figsize=figure_size(runs))
+    draw_experiment(figure, runs)
     return figure
 
 
@@ -55,95 +64,198 @@ def labels(figure: Figure) -> list[str]:
     return [axes.get_ylabel() for axes in figure.axes if axes.get_visible()]
 
 
-def test_panels_have_their_own_units_and_limits_that_are_not_kept_are_framed(tmp_path) -> None:
+# A cart, its limits
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Figure:
+    """Runs of a cart that deviate by less than their limit."""
+    folder = tmp_path_factory.mktemp("kept")
+    return figure_of(list(load(folder, CART + JUDGED.format("1 rad")).runs()))
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Figure:
+    """Runs of a cart that deviate and travel further than their limits."""
+    folder = tmp_path_factory.mktemp("broken")
+    return figure_of(list(load(folder, CART + JUDGED.format("1e-9 rad")).runs()))
+
+
+def test_panels_have_their_own_units(kept: Figure) -> None:
     """The output's unit is not that of s."""
-    case = CASE.format("cart_pendulum", "pole angle", "-10 deg", "1 s")
-    kept = figure_of(load(tmp_path, case + JUDGED.format("1 rad")))
     assert labels(kept) == [
-        "pole angle [rad]", "distance from y* [rad]", "travel of the cart [m]", "s [rad/s]",
+        "pole angle [rad]",
+        "distance from y* [rad]",
+        "travel of the cart [m]",
+        "s [rad/s]",
         "force [N]",
-    ]  # fmt: skip
+    ]
+
+
+def test_a_limit_of_a_signed_quantity_is_one_to_both_sides(kept: Figure) -> None:
+    lines = [line for line in kept.axes[1].lines if line.get_label() == "limit"]
+    levels = [float(np.ravel(line.get_ydata())[0]) for line in lines]
+    assert sorted(levels) == [-1.0, 1.0]
+
+
+def test_a_limit_that_is_kept_has_no_words(kept: Figure) -> None:
     assert not kept.axes[1].get_title(loc="right")
-    levels = [line for line in kept.axes[1].lines if line.get_label() == "limit"]
-    assert sorted(float(np.ravel(line.get_ydata())[0]) for line in levels) == [-1.0, 1.0]
-    assert len(kept.axes[4].collections) == 1  # the range of a force that jumps: of GROSMC alone
-    figure = figure_of(load(tmp_path, case + JUDGED.format("1e-9 rad")))
-    framed = [to_hex(axes.spines["top"].get_edgecolor()) == FAILED.lower() for axes in figure.axes]
-    assert framed[:5] == [False, True, True, False, False]
-    words = figure.axes[1].get_title(loc="right").splitlines()
-    assert words == [f"not kept by {law}: deviation below 1e-9 rad" for law in ("lqr", "grosmc")]
 
 
-def test_each_output_has_a_panel_and_its_reference() -> None:
-    experiment = Experiment.load("two_link_arm/case1").varied(duration=0.2)
-    figure = figure_of(experiment)
-    assert labels(figure)[:3] == ["output y1 [m]", "output y2 [m]", "|y − y*| [m]"]
-    reference = [line for line in figure.axes[1].lines if line.get_label() == "reference"]
-    run = experiment.run(law="grosmc")
-    np.testing.assert_array_equal(reference[0].get_ydata(), run.comparison.reference[:, 1])
+def test_an_input_that_jumps_is_drawn_as_its_range(kept: Figure) -> None:
+    """Only the force of GROSMC jumps."""
+    assert len(kept.axes[4].collections) == 1
+
+
+def test_panels_with_broken_limits_are_framed(broken: Figure) -> None:
+    edges = [axes.spines["top"].get_edgecolor() for axes in broken.axes[:5]]
+    framed = [to_hex(edge) == FAILED.lower() for edge in edges]
+    assert framed == [False, True, True, False, False]
+
+
+def test_a_broken_limit_is_named_with_its_laws(broken: Figure) -> None:
+    assert broken.axes[1].get_title(loc="right").splitlines() == [
+        "not kept by lqr: deviation below 1e-9 rad",
+        "not kept by grosmc: deviation below 1e-9 rad",
+    ]
+
+
+# Several outputs
+
+
+@pytest.fixture(scope="module")
+def circle_runs() -> list[RunResult]:
+    return list(Experiment.load("two_link_arm/case1").varied(duration=0.2).runs())
+
+
+def test_each_output_has_a_panel(circle_runs: list[RunResult]) -> None:
+    panels = labels(figure_of(circle_runs))
+    assert panels[:3] == ["output y1 [m]", "output y2 [m]", "|y − y*| [m]"]
+
+
+def test_an_output_is_drawn_with_its_reference(circle_runs: list[RunResult]) -> None:
+    figure = figure_of(circle_runs)
+    (line,) = [line for line in figure.axes[1].lines if line.get_label() == "reference"]
+    np.testing.assert_array_equal(line.get_ydata(), circle_runs[-1].comparison.reference[:, 1])
+
+
+# States as a law sees them
+
+
+LATE = '[computing]\ndelay = "1 ms"\n'
+ESTIMATED_SPEED = '[[estimator]]\nof = "rotor speed"\n'
+NOISY_ANGLE = '[[sensor]]\nof = "rotor angle"\nnoise = "1 mrad"\n'
+NOISY_RATES = """
+[[sensor]]
+of = "shoulder rate"
+noise = "0.1 rad/s"
+[[sensor]]
+of = "elbow rate"
+noise = "1 rad/s"
+"""
+ESTIMATED_RATE = '[[estimator]]\nof = "shoulder rate"\n'
+SERVO = CASE.format("servo", "rotor angle", "1 rad", "0.1 s") + LATE
+BENT_ARM = CASE.format("two_link_arm", "elbow angle", "1 rad", "0.1 s") + LATE
+# The law is not defined there: the run ends at once.
+STRAIGHT_ARM = CASE.format("two_link_arm", "shoulder angle", "1 rad", "0.1 s") + LATE
+
+
+def rates(figure: Figure) -> dict[str, Axes]:
+    """Panels of rates, by the name of the state."""
+    panels = {axes.get_ylabel(): axes for axes in figure.axes}
+    return {
+        label.removesuffix(" [rad/s]"): axes
+        for label, axes in panels.items()
+        if label.endswith(" [rad/s]")
+    }
 
 
 @pytest.mark.parametrize(
-    ("system", "bent", "parts", "rates"),
+    ("text", "names"),
     [
-        ("servo", "rotor angle", ESTIMATED.format("rotor speed"), ["rotor speed [rad/s]"]),
-        ("servo", "rotor angle", NOISY.format("rotor angle", "1 mrad"), []),
-        ("two_link_arm", "elbow angle",
-         NOISY.format("shoulder rate", "0.1 rad/s") + NOISY.format("elbow rate", "1 rad/s"),
-         ["elbow rate [rad/s]"]),
-        # A run that ends at once, of the straight arm, where the law is not defined.
-        ("two_link_arm", "shoulder angle", ESTIMATED.format("shoulder rate"),
-         ["shoulder rate [rad/s]"]),
+        (SERVO + ESTIMATED_SPEED, ["rotor speed"]),
+        (SERVO + NOISY_ANGLE, []),
+        (BENT_ARM + NOISY_RATES, ["elbow rate"]),
+        (STRAIGHT_ARM + ESTIMATED_RATE, ["shoulder rate"]),
     ],
-)  # fmt: skip
-def test_a_rate_that_is_not_known_exactly_is_drawn_as_it_is_and_as_it_is_seen(
-    system, bent, parts, rates, tmp_path
-) -> None:
-    delay = '[computing]\ndelay = "1 ms"\n'
-    case = CASE.format(system, bent, "1 rad", "0.1 s") + delay + parts
-    experiment = load(tmp_path, case)
-    figure, (run,) = figure_of(experiment), experiment.runs()
-    shown = [axes for axes in figure.axes if axes.get_ylabel().endswith(" [rad/s]")]
-    assert [axes.get_ylabel() for axes in shown] == rates
-    names = [state.name for state in run.trajectory.system.states]
-    assert run.trajectory.seen is not None
-    for axes in shown if bent != "shoulder angle" else ():
-        i = names.index(axes.get_ylabel().partition(" [")[0])
-        true, seen = axes.lines
-        assert (true.get_label(), seen.get_label()) == ("true", "seen by LQR")
-        assert to_hex(true.get_color()) != to_hex(seen.get_color())
-        # A signal that jumps at every sample is its range and its mean.
-        if not axes.collections:
-            np.testing.assert_array_equal(true.get_ydata(), run.trajectory.state[:-1, i])
-            np.testing.assert_array_equal(seen.get_ydata(), run.trajectory.seen[:, i])
+)
+def test_the_rate_that_is_seen_worst_has_a_panel(tmp_path, text, names) -> None:
+    figure = figure_of(list(load(tmp_path, text).runs()))
+    assert list(rates(figure)) == names
 
 
-def test_states_of_a_machine_that_no_law_sees_have_panels() -> None:
-    """The twist first, with its backlash, then the current; each in a unit that reads well."""
-    experiment = Experiment.load("cart_pendulum/machine").varied(duration=0.2)
-    figure = figure_of(experiment)
-    shown = [axes for axes in figure.axes if "not seen" in axes.get_ylabel()]
-    assert [axes.get_ylabel() for axes in shown] == [
-        "slider twist,\nnot seen [mm]", "force winding,\nnot seen [A]",
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [(SERVO + ESTIMATED_SPEED, "rotor speed"), (BENT_ARM + NOISY_RATES, "elbow rate")],
+)
+def test_a_rate_is_drawn_as_it_is_and_as_it_is_seen(tmp_path, text, name) -> None:
+    runs = list(load(tmp_path, text).runs())
+    axes = rates(figure_of(runs))[name]
+    true, seen = axes.lines
+    assert true.get_label() == "true"
+    assert seen.get_label() == "seen by LQR"
+    assert to_hex(true.get_color()) != to_hex(seen.get_color())
+
+
+def test_curves_of_a_rate_that_does_not_jump_are_its_values(tmp_path) -> None:
+    runs = list(load(tmp_path, SERVO + ESTIMATED_SPEED).runs())
+    axes = rates(figure_of(runs))["rotor speed"]
+    assert not axes.collections
+    true, seen = axes.lines
+    trajectory = runs[0].trajectory
+    assert trajectory.seen is not None
+    np.testing.assert_array_equal(true.get_ydata(), trajectory.state[:-1, 1])
+    np.testing.assert_array_equal(seen.get_ydata(), trajectory.seen[:, 1])
+
+
+# Hidden states of a machine
+
+
+@pytest.fixture(scope="module")
+def machine() -> Figure:
+    runs = list(Experiment.load("cart_pendulum/machine").varied(duration=0.2).runs())
+    return figure_of(runs)
+
+
+def test_states_of_a_machine_that_no_law_sees_have_panels(machine: Figure) -> None:
+    """The twist first, then the current; each in a unit that reads well."""
+    hidden = [label for label in labels(machine) if "not seen" in label]
+    assert hidden == [
+        "slider twist,\nnot seen [mm]",
+        "force winding,\nnot seen [A]",
         "slider friction bristle,\nnot seen [µm]",
-    ]  # fmt: skip
-    (play,) = shown[0].patches
-    assert (play.get_label(), not shown[1].patches) == ("backlash", True)
-    (_, low), (_, high) = shown[0].transData.transform([(0, 0), (0, 0.1)])
+    ]
+
+
+def test_a_twist_is_drawn_with_its_backlash(machine: Figure) -> None:
+    twist, winding, _ = [axes for axes in machine.axes if "not seen" in axes.get_ylabel()]
+    (play,) = twist.patches
+    assert play.get_label() == "backlash"
+    (_, low), (_, high) = twist.transData.transform([(0, 0), (0, 0.1)])
     np.testing.assert_allclose(play.get_window_extent().height, high - low, rtol=1e-6)
+    assert not winding.patches
 
 
-def test_a_signal_that_jumps_is_its_range_and_its_mean() -> None:
+# Signals that jump, runs that end
+
+
+def test_a_signal_that_jumps_is_its_range_with_its_mean() -> None:
     time = np.linspace(0.0, 1.0, 1001)
     jumps = envelope(time, np.where(np.arange(1001) % 2, 3.0, -1.0), 100)
-    assert (len(jumps.time), set(jumps.least), set(jumps.largest)) == (100, {-1.0}, {3.0})
+    assert len(jumps.time) == 100
+    assert set(jumps.least) == {-1.0}
+    assert set(jumps.largest) == {3.0}
     np.testing.assert_allclose(jumps.mean[2:-2], 1.0, atol=1e-6)
+
+
+def test_an_envelope_of_one_value_is_the_value() -> None:
     short = envelope(np.zeros(1), np.ones(1))
-    assert (short.least.tolist(), short.mean.tolist()) == ([1.0], [1.0])
+    assert short.least.tolist() == [1.0]
+    assert short.mean.tolist() == [1.0]
 
 
 def test_a_run_that_ended_early_is_marked(tmp_path) -> None:
-    runs = list(load(tmp_path, CASE.format("arm", "joint angle", "0 rad", "1 s") + PUSH).runs())
+    runs = list(load(tmp_path, PUSHED).runs())
     ended = [run for run in runs if run.status is not Status.COMPLETED]
     assert ended
     figure = Figure()
@@ -151,25 +263,63 @@ def test_a_run_that_ended_early_is_marked(tmp_path) -> None:
     assert [text.get_text() for text in figure.axes[0].texts] == ["ended"] * len(ended)
 
 
-def test_curves_are_near_the_run_beside_its_requirements_and_disturbances(tmp_path) -> None:
+# The document
+
+
+@pytest.fixture(scope="module")
+def servo_runs() -> list[RunResult]:
     experiment = Experiment.load("servo/case1").varied(duration=11.0)
-    runs = [experiment.run("physics", law) for law in ("lqr", "grosmc")]
-    path = write_curves(runs, "servo_case1", tmp_path)
+    return [experiment.run("physics", law) for law in ("lqr", "grosmc")]
+
+
+@pytest.fixture(scope="module")
+def document(servo_runs: list[RunResult]) -> dict[str, Any]:
+    return curves_document(servo_runs)
+
+
+def test_curves_are_written_beside_the_results(servo_runs, tmp_path) -> None:
+    path = write_curves(servo_runs, "servo_case1", tmp_path)
     assert path == tmp_path / "curves" / "servo_case1.json"
-    document = json.loads(path.read_text(encoding="utf-8"))
-    for run, curve in zip(runs, document["panels"][0]["curves"], strict=True):
-        time, true = run.trajectory.time, run.trajectory.state[:, 0]
-        drawn = np.interp(time, curve["t"], curve["y"])
-        # A line between points that are rounded to seven digits.
-        assert np.abs(drawn - true).max() <= 5e-4 * np.ptp(true) + 1e-6
-        assert len(curve["t"]) < len(time) / 20
-        assert set(curve["t"]) <= {float(f"{t:.7g}") for t in time.tolist()}
-    # A curve that switches at every sample has its range, and is drawn below the rest.
-    (current,) = (panel for panel in document["panels"] if panel["label"] == "current [A]")
+    assert json.loads(path.read_text(encoding="utf-8"))["system"] == "servo"
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_curve_is_near_its_run(servo_runs, document, index) -> None:
+    trajectory = servo_runs[index].trajectory
+    curve = document["panels"][0]["curves"][index]
+    true = trajectory.state[:, 0]
+    drawn = np.interp(trajectory.time, curve["t"], curve["y"])
+    # A line between points that are rounded to seven digits.
+    assert np.abs(drawn - true).max() <= 5e-4 * np.ptp(true) + 1e-6
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_curve_has_few_points_of_its_run(servo_runs, document, index) -> None:
+    time = servo_runs[index].trajectory.time
+    curve = document["panels"][0]["curves"][index]
+    assert len(curve["t"]) < len(time) / 20
+    assert set(curve["t"]) <= {float(f"{t:.7g}") for t in time.tolist()}
+
+
+def test_a_curve_that_jumps_has_its_range(servo_runs, document) -> None:
+    """It is drawn first, below the smooth one."""
+    (current,) = [panel for panel in document["panels"] if panel["label"] == "current [A]"]
     rough, smooth = current["curves"]
-    assert (rough["law"], smooth["law"]) == ("grosmc", "lqr")
-    (least, largest), true = rough["range"], runs[1].trajectory.input
-    assert (min(least), max(largest)) == pytest.approx((true.min(), true.max()), rel=1e-6)
-    assert [(one["start"], one["stop"]) for one in document["disturbances"]] == [(10.0, 11.0)]
-    levels = {level for limit in document["panels"][1]["limits"] for level in limit["y"]}
+    assert rough["law"] == "grosmc"
+    assert smooth["law"] == "lqr"
+    least, largest = rough["range"]
+    true = servo_runs[1].trajectory.input
+    assert min(least) == pytest.approx(true.min(), rel=1e-6)
+    assert max(largest) == pytest.approx(true.max(), rel=1e-6)
+
+
+def test_a_document_has_the_disturbances_within_the_run(document) -> None:
+    (disturbance,) = document["disturbances"]
+    assert disturbance["start"] == 10.0
+    assert disturbance["stop"] == 11.0
+
+
+def test_a_document_has_the_levels_of_limits(document) -> None:
+    deviation = document["panels"][1]
+    levels = {level for limit in deviation["limits"] for level in limit["y"]}
     assert levels == {0.002, -0.002}
