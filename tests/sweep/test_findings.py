@@ -21,7 +21,7 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import ALL, DESIGN, NO_PROOF, Findings, findings, results_document
 from grosmc_mj.sweep.map import PassMap, map_axes, write_pass_map
 from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Look, Radius, chart
+from grosmc_mj.sweep.radius import Radius, ScaleTrial, chart
 from grosmc_mj.sweep.runs import COMPLETED
 from grosmc_mj.sweep.statistics import Sensitivity, margin_summary, paired, pass_rate, sensitivities
 from grosmc_mj.sweep.store import Folder
@@ -227,7 +227,7 @@ def test_a_map_is_over_the_two_numbers_that_drive_margins_most(shown: Findings) 
 def test_a_radius_is_drawn_beside_the_promise() -> None:
     """Scales 1, 2 ..., of which those fail whose margin is negative; |s| leaves beyond 2."""
     looks = [
-        Look(scale, margin, int(margin < 0), np.zeros(1), leaving=int(scale > 2))
+        ScaleTrial(scale, margin, int(margin < 0), np.zeros(1), leaving=int(scale > 2))
         for scale, margin in enumerate((0.5, 0.1, -0.2, -INF), start=1)
     ]
     shown = chart(Radius("grosmc", 16, tuple(looks), Promise(1.5, "a note", 0.1), largest=8.0))

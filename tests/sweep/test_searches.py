@@ -14,7 +14,7 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
-from grosmc_mj.sweep.radius import Look, Radius, _away, radius
+from grosmc_mj.sweep.radius import Radius, ScaleTrial, _growth, radius
 from grosmc_mj.sweep.screening import evaluate
 from grosmc_mj.sweep.worst import Worst, shrunk, worst, worst_document
 
@@ -121,7 +121,7 @@ def test_of_plants_that_never_settle_the_largest_error_left_is_the_worst(tmp_pat
     assert np.abs(search.values[0]) > 0.999
     assert search.relative == search.samples == -1, "as a time it is no worse than a sample"
     assert search.winner != "samples"
-    for look in radius(campaign(text, runs=4), "lqr").looks:
+    for look in radius(campaign(text, runs=4), "lqr").trials:
         assert abs(look.values[0]) == pytest.approx(look.scale, rel=1e-12), "its end is a corner"
 
 
@@ -149,7 +149,7 @@ def test_a_radius_is_of_the_corners_and_the_first_runs() -> None:
     # Correlated numbers have no corners.
     declared = loads(1.0, BOTH + small.CORRELATED)
     search = radius(declared, "lqr")
-    (look,) = (look for look in search.looks if look.scale == 1.0)
+    (look,) = (look for look in search.trials if look.scale == 1.0)
     own = evaluate(declared, "lqr", declared.values(range(8)))["relative"]
     # Scaling by 1 rounds values.
     assert look.least == pytest.approx(own.min(), rel=1e-12)
@@ -181,14 +181,14 @@ def test_s_leaves_its_bound_beyond_the_promise_and_between_two_scales() -> None:
 
 def test_failures_of_requirements_and_of_the_surface_are_kept_apart() -> None:
     looks = tuple(
-        Look(scale, 0.0, failures, np.zeros(1), 0.5, leaving, np.zeros(1))
+        ScaleTrial(scale, 0.0, failures, np.zeros(1), 0.5, leaving, np.zeros(1))
         for scale, failures, leaving in ((0.0, 0, 0), (0.5, 1, 0), (1.0, 1, 2))
     )
     both = Radius("grosmc", 8, looks, Promise(0.4, "", 0.1), 8.0)
     assert (both.found, both.stayed, both.outside, both.left) == (0.0, 0.5, looks[1], looks[2])
     # A law whose surface is not zero at the start may keep that; a run may end early.
     runs: Any = {"max_sliding": np.array([1.5, np.nan]), "sliding_start": np.array([1.0, 1.0])}
-    assert _away(runs, 0.25).tolist() == [2.0, np.inf]
+    assert _growth(runs, 0.25).tolist() == [2.0, np.inf]
 
 
 def test_premises_say_why_they_promise_nothing() -> None:
