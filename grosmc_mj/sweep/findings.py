@@ -246,6 +246,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         numbers = {name: columns[law][name] for name in campaign.family.names}
         drivers[law] = sensitivities(numbers, columns[law]["relative"], **options)
 
+    units = {ALL: "of the limit"}
+    units |= {limit.words: limit.unit for limit in campaign.requirements}
+
     return Findings(
         sampled=sampled,
         rates={key: pass_rate(count, runs, **options) for key, count in kept.items()},
@@ -255,7 +258,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         differences=differences,
         sensitivities=drivers,
         worst={law: _worst_runs(rows) for law, rows in columns.items()},
-        units={ALL: "of the limit", **{limit.words: limit.unit for limit in campaign.requirements}},
+        units=units,
         judges=_judges(campaign, columns),
     )
 
@@ -579,7 +582,7 @@ def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
 
 
 def _answer(campaign: Campaign, findings: Findings) -> Answer:
-    """How many runs keep everything, by law."""
+    """Number of runs that keep everything, by law."""
     # Where nothing is required, the rates are those of the runs that complete.
     requirement = ALL if campaign.judged else COMPLETES
     rates = {law: rate for (of, law), rate in findings.rates.items() if of == requirement}

@@ -176,7 +176,8 @@ class PromisedFamily:
         if low == most:
             return most, f"they hold up to {most:.3g}, as far as was looked"
 
-        region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
+        bounds = [f"|z{i}| <= {size:.3g}" for i, size in enumerate(self.bound, start=1)]
+        region = ", ".join(bounds)
         note = f"over {region}"
         if not self.starts_inside(high):
             note += "; beyond it starts leave that region"

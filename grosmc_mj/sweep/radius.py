@@ -155,7 +155,7 @@ class _ScaleTrials:
         return self.by_scale[scale]
 
     def _room_left(self, runs: Outcomes) -> list[Array]:
-        """What |s| may grow by still, over what it may, (n,); nothing without a promise."""
+        """Room of |s| below its bound, over the bound, (n,); nothing without a promise."""
         if self._band is None:
             return []
         return [1 - _growth(runs, self._band)]
@@ -233,17 +233,17 @@ def _points(campaign: Campaign) -> Array:
 
 def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
     """Scales that each controller reaches, beside the scales that are promised."""
-    headers = ("no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat")
+    scales = ("no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat")
+    largest = max(search.largest for search in searches)
     notes = " ".join(_promise_note(search) for search in searches)
     return table(
         "How far the uncertainty may grow: 1 is as declared",
-        [*names("law"), *numbers(*headers), *text("the failing plant just outside")],
+        [*names("law"), *numbers(*scales), *text("the failing plant just outside")],
         [_table_row(campaign, search) for search in searches],
-        legend=f"{searches[0].plants} plants at each scale, up to "
-        f"{max(search.largest for search in searches):.3g}. Promised: scale up to which the "
-        "premises hold for every extreme plant, so that |s| does not grow but for what one sample "
-        "does. Compare it with where |s| leaves that bound: of the requirements, which may be "
-        f"looser or stricter, premises say nothing. {notes} {NO_PROOF}",
+        legend=f"{searches[0].plants} plants at each scale, up to {largest:.3g}. Promised: scale "
+        "up to which the premises hold for every extreme plant, so that |s| does not grow but for "
+        "what one sample does. Compare it with where |s| leaves that bound: of the requirements, "
+        f"which may be looser or stricter, premises say nothing. {notes} {NO_PROOF}",
     )
 
 
@@ -296,16 +296,6 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
     """The search of one controller as plain values."""
     outside = search.outside
     left = search.left
-    looks = [
-        {
-            "scale": trial.scale,
-            "least": trial.least,
-            "failures": trial.failures,
-            "surface": trial.surface,
-            "leaving": trial.leaving,
-        }
-        for trial in search.trials
-    ]
     return {
         "found": search.found,
         "largest_looked_at": search.largest,
@@ -318,7 +308,18 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
         "surface_kept": search.stayed,
         "surface_left_scale": left and left.scale,
         "surface_left": left and campaign.named(left.leaver),
-        "looks": looks,
+        "looks": [_trial_content(trial) for trial in search.trials],
+    }
+
+
+def _trial_content(trial: ScaleTrial) -> dict[str, Any]:
+    """A trial as plain values, but for its plants."""
+    return {
+        "scale": trial.scale,
+        "least": trial.least,
+        "failures": trial.failures,
+        "surface": trial.surface,
+        "leaving": trial.leaving,
     }
 
 

@@ -28,7 +28,7 @@ from grosmc_mj.loop import in_loop, relooped
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.sweep.parameters import Parameter, Varied, varied
 
 # Begin of the names of margins' columns.
@@ -277,22 +277,9 @@ def _run_group(
 ) -> dict[str, NDArray[Any]]:
     """The columns of ``Outcomes`` of runs of one law and duration."""
     law = runs[0].law
-    settings = experiment.settings
     duration = runs[0].case.duration
     x0 = np.array([run.case.x0 for run in runs], float)
-    batch = simulate(
-        [run.plant for run in runs],
-        [run.law for run in runs],
-        x0,
-        duration=duration,
-        control_period=settings.control_period,
-        timestep=settings.timestep,
-        disturbances=[list(run.case.disturbances) for run in runs],
-        meters=meters_for(experiment, runs, limits),
-        engine=settings.engine_for(law),
-        record=False,
-        threads=threads,
-    )
+    batch = _simulated(experiment, runs, x0, limits, threads)
 
     status = np.array([end.name.lower() for end in batch.status], object)
     completed = status == COMPLETED
@@ -300,27 +287,48 @@ def _run_group(
     last = batch.state[:, -1]
 
     onsets = np.array([run.case.onset for run in runs])
-    recording = Recording.sampled(settings.timestep, duration, onsets, windows(limits))
+    timestep = experiment.settings.timestep
+    recording = Recording.sampled(timestep, duration, onsets, windows(limits))
     costs = costs_wanted(limits)
     metrics = said_by(law, batch.meters, recording, x0, last, completed, costs=costs)
 
-    columns = {name: np.where(completed, values, np.nan) for name, values in metrics.items()}
     start = initial_error(law, experiment.case.x0)
     limits_of_law = [limit for limit in limits if law.name in limit.of]
     margins = margins_of(limits_of_law, metrics, completed)
-    nothing = np.full(len(runs), np.nan)
-    for limit in limits:
-        columns[MARGIN + limit.key] = margins.get(limit.key, nothing)
-
-    # A margin is at most all of its limit.
-    shares = [np.ones(len(runs)), *(margins[limit.key] / limit.value for limit in limits_of_law)]
+    shares = [margins[limit.key] / limit.value for limit in limits_of_law]
+    # A margin is at most all of its limit, also of a law of which nothing is required.
+    shares.append(np.ones(len(runs)))
     order = _order(limits_of_law, shares, metrics, recording, start)
+
+    columns = {name: np.where(completed, values, np.nan) for name, values in metrics.items()}
+    for limit in limits:
+        columns[MARGIN + limit.key] = margins.get(limit.key, np.full(len(runs), np.nan))
     columns["relative"] = np.where(completed, np.min(shares, axis=0), -np.inf)
     columns["order"] = np.where(completed, order, -_CUT / (1 + ended))
     columns["status"] = status
     columns["ended"] = ended
     columns["last"] = last
     return columns
+
+
+def _simulated(
+    experiment: Experiment, runs: Sequence[Run], x0: Array, limits: Sequence[Limit], threads: int
+) -> Trajectory:
+    """Runs of one law and duration as one batch, of which only the last state is kept."""
+    settings = experiment.settings
+    return simulate(
+        [run.plant for run in runs],
+        [run.law for run in runs],
+        x0,
+        duration=runs[0].case.duration,
+        control_period=settings.control_period,
+        timestep=settings.timestep,
+        disturbances=[list(run.case.disturbances) for run in runs],
+        meters=meters_for(experiment, runs, limits),
+        engine=settings.engine_for(runs[0].law),
+        record=False,
+        threads=threads,
+    )
 
 
 def _order(

@@ -200,7 +200,7 @@ def screening_of(campaign: Campaign) -> Screening:
 
 
 def _campaign_mismatch(campaign: Campaign) -> str:
-    """What no equations of any of its plants can have; empty if they may have everything."""
+    """Reason why no equations can describe its plants; empty if they may."""
     plant = campaign.plant
     nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
     if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
@@ -211,7 +211,7 @@ def _campaign_mismatch(campaign: Campaign) -> str:
 
 
 def _sample_mismatch(batch: Batch) -> str:
-    """What the equations of some sampled plant lack; empty if nothing is missing."""
+    """Reason why the equations do not describe a sampled plant; empty if they do."""
     plants = batch.physics
     if batch.equations:
         # All of them have equations; accelerations are compared on the first ones alone.

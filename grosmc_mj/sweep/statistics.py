@@ -233,7 +233,8 @@ def paired(
 
     # Where neither run completed the difference stays 0.
     changes = np.zeros(runs)
-    np.subtract(second, first, out=changes, where=(first > -np.inf) | (second > -np.inf))
+    either_completed = (first > -np.inf) | (second > -np.inf)
+    np.subtract(second, first, out=changes, where=either_completed)
 
     difference = PairedDifference(
         runs=runs,
