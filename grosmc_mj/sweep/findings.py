@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -594,18 +594,16 @@ def _answer(campaign: Campaign, findings: Findings) -> Answer:
         if interval:
             sentence += f" [{interval} %]"
         sentences.append(sentence)
+
+    verdict = KEPT
+    if findings.sampled.runs != findings.sampled.planned:
+        verdict = OPEN
+    # One failure decides, however many runs are missing.
+    if any(rate.kept < rate.runs for rate in rates.values()):
+        verdict = NOT_KEPT
     return Answer(
         question=f"Campaign {campaign.specification.name}",
-        verdict=_verdict(rates.values(), findings.sampled),
+        verdict=verdict,
         words="; ".join(sentences),
         more=judged_words(findings.judges),
     )
-
-
-def _verdict(rates: Iterable[PassRate], sampled: Basis) -> str:
-    """The verdict of a campaign: all of its runs must keep everything."""
-    if any(rate.kept < rate.runs for rate in rates):
-        return NOT_KEPT
-    if sampled.runs != sampled.planned:
-        return OPEN
-    return KEPT
