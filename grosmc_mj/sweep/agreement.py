@@ -125,7 +125,8 @@ def acceleration_difference(
         disturbance = system.equations.disturbance(x, w, p)
 
         terms = np.array([drift, input_matrix @ u, disturbance])[:, n:]
-        difference = np.abs(terms.sum(axis=0) - physics.derivative(x, u, w)[n:]).max()
+        acceleration = physics.derivative(x, u, w)[n:]
+        difference = np.abs(terms.sum(axis=0) - acceleration).max()
         worst = max(worst, float(difference / np.abs(terms).max()))
     return worst
 

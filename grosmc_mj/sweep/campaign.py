@@ -377,7 +377,8 @@ class Campaign:
         """Return the uncertain numbers with their values in a plant (d,) and nominal, as run."""
         pairs: list[tuple[Quantity, float, float]] = []
         for quantity, value in zip(self.family.quantities, values, strict=True):
-            as_run, nominal = self.as_run(quantity, np.array([value, quantity.nominal])).tolist()
+            drawn = np.array([value, quantity.nominal])
+            as_run, nominal = self.as_run(quantity, drawn).tolist()
             pairs.append((quantity, as_run, nominal))
         return pairs
 
@@ -445,7 +446,8 @@ def _extremes(family: Family, owners: Collection[str]) -> Iterator[Array]:
 def _ends(quantity: Quantity) -> tuple[float, float]:
     """The smallest and the largest value that can be drawn."""
     low, high = quantity.distribution.support
-    least, most = quantity.distribution.quantiles(inside(np.array([0.0, 1.0]))).tolist()
+    shares = inside(np.array([0.0, 1.0]))
+    least, most = quantity.distribution.quantiles(shares).tolist()
     if not math.isfinite(low):
         low = least
     if not math.isfinite(high):

@@ -234,7 +234,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     options = {"confidence": confidence, "independent": sampled.independent}
 
     margins = _margins(campaign, columns)
-    completed = {law: int((rows["status"] == COMPLETED).sum()) for law, rows in columns.items()}
+    completed: dict[str, int] = {}
+    for law, rows in columns.items():
+        completed[law] = int((rows["status"] == COMPLETED).sum())
     kept = _runs_kept(completed, margins)
     differences: dict[tuple[str, str, str], PairedDifference] = {}
     for (requirement, law), values in margins.items():
@@ -246,6 +248,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         numbers = {name: columns[law][name] for name in campaign.family.names}
         drivers[law] = sensitivities(numbers, columns[law]["relative"], **options)
 
+    judges: dict[str, Judges] = {}
+    if specification.screen != "none":
+        judges = {law: Judges.of(rows) for law, rows in columns.items()}
     units = {ALL: "of the limit"}
     units |= {limit.words: limit.unit for limit in campaign.requirements}
 
@@ -259,7 +264,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         sensitivities=drivers,
         worst={law: _worst_runs(rows) for law, rows in columns.items()},
         units=units,
-        judges=_judges(campaign, columns),
+        judges=judges,
     )
 
 
@@ -305,13 +310,6 @@ def _worst_runs(rows: Mapping[str, Array]) -> list[int]:
     """Numbers of the worst runs of one controller, the worst first."""
     worst_first = rows["order"].argsort(kind="stable")
     return rows["id"][worst_first[:WORST]].tolist()
-
-
-def _judges(campaign: Campaign, columns: Mapping[str, Mapping[str, Array]]) -> dict[str, Judges]:
-    """Judges of the runs by law; nothing where none was to be screened."""
-    if campaign.specification.screen == "none":
-        return {}
-    return {law: Judges.of(rows) for law, rows in columns.items()}
 
 
 def run_campaign(
@@ -585,22 +583,22 @@ def _answer(campaign: Campaign, findings: Findings) -> Answer:
     """Number of runs that keep everything, by law."""
     # Where nothing is required, the rates are those of the runs that complete.
     requirement = ALL if campaign.judged else COMPLETES
-    rates = {law: rate for (of, law), rate in findings.rates.items() if of == requirement}
+    laws = [law for name, law in findings.rates if name == requirement]
 
+    verdict = KEPT
+    if findings.sampled.runs != findings.sampled.planned:
+        verdict = OPEN
     sentences: list[str] = []
-    for law, rate in rates.items():
+    for law in laws:
+        rate = findings.rates[requirement, law]
+        if rate.kept < rate.runs:
+            # One failure decides, however many runs are missing.
+            verdict = NOT_KEPT
         sentence = f"{law}: {rate.kept} of {rate.runs}"
         interval = rate_interval(rate, "to")
         if interval:
             sentence += f" [{interval} %]"
         sentences.append(sentence)
-
-    verdict = KEPT
-    if findings.sampled.runs != findings.sampled.planned:
-        verdict = OPEN
-    # One failure decides, however many runs are missing.
-    if any(rate.kept < rate.runs for rate in rates.values()):
-        verdict = NOT_KEPT
     return Answer(
         question=f"Campaign {campaign.specification.name}",
         verdict=verdict,

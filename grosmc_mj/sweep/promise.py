@@ -164,7 +164,8 @@ class PromisedFamily:
         corners = self.corners(scale, of_starts=True)
         x0 = np.array([self.campaign.plant_sample(values).case.x0 for values in corners])
         z = self.law.coordinates.along(np.zeros(len(x0)), x0, self.law.parameters)
-        return bool(np.all(np.abs(z) <= np.array(self.bound) * (1 + _ROUNDING)))
+        bound = np.array(self.bound) * (1 + _ROUNDING)
+        return bool(np.all(np.abs(z) <= bound))
 
     def reach(self) -> tuple[float, str]:
         """The largest scale of the uncertainty at which the premises hold, and what limits it."""

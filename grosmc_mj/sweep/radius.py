@@ -274,11 +274,17 @@ def _promise_note(search: Radius) -> str:
 
 def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str, Any]:
     """Return radius.json: the scales that each controller reaches."""
-    reached = {f"{search.controller}: no failure up to": search.found for search in searches}
+    values: list[Value] = []
+    sentences: list[str] = []
+    for search in searches:
+        name = f"{search.controller}: no failure up to"
+        values.append(Value(name=name, value=search.found, better=1))
+        sentences.append(f"{name} {search.found:.3g}")
+
     answer = Answer(
         question=f"How far the uncertainty of {campaign.specification.name} may grow",
         verdict=MEASURED,
-        words="; ".join(f"{name} {scale:.3g}" for name, scale in reached.items()),
+        words="; ".join(sentences),
     )
     charts = [chart(search) for search in searches]
     return result_of(
@@ -286,7 +292,7 @@ def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str,
         "radius",
         answers=[answer],
         sheets=[Sheet(table=radius_table(campaign, searches), charts=charts)],
-        values=[Value(name=name, value=scale, better=1) for name, scale in reached.items()],
+        values=values,
         says=NO_PROOF,
         controllers={search.controller: _content(campaign, search) for search in searches},
     )

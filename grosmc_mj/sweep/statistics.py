@@ -353,7 +353,8 @@ def _driver(name: str, values: Array, margin_ranks: Array, confidence: float) ->
         return Sensitivity(name, note="the parameter does not vary")
 
     value_ranks = stats.rankdata(values)
-    correlation = float(np.clip(np.corrcoef(value_ranks, margin_ranks)[0, 1], -1, 1))
+    r = np.corrcoef(value_ranks, margin_ranks)[0, 1]
+    correlation = float(np.clip(r, -1, 1))
     low, high = _correlation_interval(correlation, runs, confidence)
     share, p_value = _explained_share(value_ranks, margin_ranks)
     return Sensitivity(name, correlation, low, high, share, p_value)
@@ -363,7 +364,8 @@ def _explained_share(value_ranks: Array, margin_ranks: Array) -> tuple[float, fl
     """Share of the variance of the margins' ranks between the bins of a parameter, and its p."""
     runs = len(margin_ranks)
     # Equal values have equal ranks, so that they share a bin; some bins may stay empty.
-    bins = ((value_ranks - 0.5) * min(math.isqrt(runs), _MOST_BINS) / runs).astype(int)
+    count = min(math.isqrt(runs), _MOST_BINS)
+    bins = ((value_ranks - 0.5) * count / runs).astype(int)
     groups = [margin_ranks[bins == index] for index in np.unique(bins)]
 
     # Its statistic is (n - 1) times the part of the variance that lies between the bins.

@@ -97,16 +97,18 @@ def worst(
             tried.
         advance: Called with the number of runs done.
     """
-    samples = _points_of_runs(campaign, ids[:_SAMPLES])
-    first_generation = _first_generation(campaign, samples)
-    search = _evolve(campaign, controller, first_generation, evaluations, advance)
+    sampler = campaign.specification.sampler
+    samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
+    search = _WorstOfAll(campaign, controller, advance)
+    search.evolve(_first_generation(campaign, samples), evaluations)
 
     random = _WorstOfAll(campaign, controller, advance)
     for start in range(0, search.runs, _POPULATION):
         random.run(campaign.points("random", start, _POPULATION, more=1))
 
-    worst_sample = _worst_of(campaign, controller, campaign.family.values(samples))
-    candidates = np.stack([worst_sample, search.values, random.values])
+    sampled = campaign.family.values(samples)
+    worst_sample = int(evaluate(campaign, controller, sampled)["order"].argmin())
+    candidates = np.stack([sampled[worst_sample], search.values, random.values])
     outcome = evaluate(campaign, controller, candidates)
     margins = outcome["relative"].tolist()
     winner = int(outcome["order"].argmin())
@@ -121,12 +123,6 @@ def worst(
         evaluations=search.runs,
     )
     return _with_shrunk(campaign, found) if found.fails else found
-
-
-def _points_of_runs(campaign: Campaign, ids: Sequence[int]) -> Array:
-    """Points of the unit cube of some runs, (n, d)."""
-    sampler = campaign.specification.sampler
-    return np.concatenate([campaign.points(sampler, run, 1) for run in ids])
 
 
 def _first_generation(campaign: Campaign, samples: Array) -> Array:
@@ -170,38 +166,26 @@ class _WorstOfAll:
         self._advance(len(points))
         return order
 
-    def run_columns(self, columns: Array) -> Array:
-        """Run the plants at points that are columns, (d, n), as SciPy gives them."""
-        return self.run(columns.T.reshape(-1, len(columns)))
+    def evolve(self, first_generation: Any, evaluations: int) -> None:
+        """Run the plants of a differential evolution, a generation as one batch.
 
-
-def _evolve(
-    campaign: Campaign,
-    controller: str,
-    first_generation: Any,
-    evaluations: int,
-    advance: Callable[[int], object],
-) -> _WorstOfAll:
-    """The worst plant of a differential evolution."""
-    search = _WorstOfAll(campaign, controller, advance)
-    differential_evolution(
-        search.run_columns,
-        [(0.0, 1.0)] * len(campaign.family.quantities),
-        init=first_generation,
-        maxiter=evaluations // _POPULATION - 1,
-        tol=0.0,
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-        rng=np.random.default_rng(campaign.specification.seed),
-    )
-    return search
-
-
-def _worst_of(campaign: Campaign, controller: str, values: Array) -> Array:
-    """The worst of some plants (n, d), (d,)."""
-    order = evaluate(campaign, controller, values)["order"]
-    return values[int(order.argmin())]
+        Args:
+            first_generation: Points of the unit cube, (n, d).
+            evaluations: Runs that it may take.
+        """
+        dimensions = len(self._campaign.family.quantities)
+        differential_evolution(
+            # SciPy's points are columns, (d, n).
+            lambda columns: self.run(columns.T.reshape(-1, dimensions)),
+            [(0.0, 1.0)] * dimensions,
+            init=first_generation,
+            maxiter=evaluations // _POPULATION - 1,
+            tol=0.0,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            rng=np.random.default_rng(self._campaign.specification.seed),
+        )
 
 
 def _with_shrunk(campaign: Campaign, found: Worst) -> Worst:
