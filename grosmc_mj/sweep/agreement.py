@@ -1,22 +1,33 @@
-"""How well equations and MuJoCo agree; where they do, equations can stand for MuJoCo."""
+"""Comparison of equations with MuJoCo; where they agree, equations can stand for MuJoCo."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant, Plant
+from grosmc_mj.plants import AnalyticPlant, Plant, System
 from grosmc_mj.results.tables import Table, numbers, table, words
 
-_RATE_BOUND, _INPUT_BOUND, _WRENCH_BOUND = 5.0, 5.0, 2.0
+# Random states, inputs and wrenches are drawn up to these, in SI units.
+_RATE_BOUND = 5.0
+_INPUT_BOUND = 5.0
+_WRENCH_BOUND = 2.0
 # Largest difference of accelerations, over the largest term, that counts as agreement: rounding
 # of terms that cancel, with room for other machines.
 AGREEMENT_BOUND = 1e-10
+# How near to a limit a margin by the equations is not believed, in parts of the limit: it is
+# confirmed in MuJoCo within this many times the largest difference found...
+FACTOR = 10.0
+# ...and within what rounding may come to on another machine.
+LEAST_BAND = 1e-9
+# Random states, inputs and wrenches in which accelerations are compared.
+_MISMATCH_STATES = 32
 
 
 class Agreement(NamedTuple):
@@ -45,26 +56,34 @@ def agreements(
 
     Args:
         nominal: The plant, with equations.
-        seed: Of the random states, inputs, wrenches and edits.
+        seed: Seed of the random states, inputs, wrenches and edits.
         states: Random states of each comparison.
         edits: Number of random edits (mass x0.25 to x4, length x0.5 to x4).
     """
     seeds = np.random.SeedSequence(seed).spawn(edits + 1)
-    generator = np.random.default_rng(seeds[0])
     body = nominal.system.uncertain_body or nominal.system.bodies[-1]
-    changes: list[tuple[BodyEdit, ...]] = [()]
-    for _ in range(edits):
-        mass, length = 2 ** generator.uniform(-2, 2), 2 ** generator.uniform(-1, 2)
-        changes.append((BodyEdit(body, mass, length),))
-    rows = []
+    changes = [(), *_random_edits(body, np.random.default_rng(seeds[0]), edits)]
+
+    rows: list[Agreement] = []
     for change, sample in zip(changes, seeds, strict=True):
         physics = nominal.edited(*change)
         name = "; ".join(map(str, physics.edits)) or "nominal"
         for variant in nominal.system.variants:
+            # Every variant meets the same states.
             random = np.random.default_rng(sample)
             difference = acceleration_difference(physics, physics.analytic(variant), random, states)
             rows.append(Agreement(nominal.system.name, variant, name, difference, states))
     return rows
+
+
+def _random_edits(
+    body: str, random: np.random.Generator, count: int
+) -> Iterator[tuple[BodyEdit, ...]]:
+    """Edits of a body: its mass times 0.25 to 4, its length times 0.5 to 4."""
+    for _ in range(count):
+        mass = 2 ** random.uniform(-2, 2)
+        length = 2 ** random.uniform(-1, 2)
+        yield (BodyEdit(body, mass, length),)
 
 
 def disagreements(rows: Sequence[Agreement]) -> list[str]:
@@ -88,43 +107,51 @@ def acceleration_difference(
         physics: Gives qacc.
         plant: Gives x'.
         random: Draws states, inputs and wrenches.
-        states: How many.
+        states: Number of states.
     """
-    model, system, n = physics.model, plant.system, plant.system.degrees_of_freedom
+    system = plant.system
     p = plant.parameters
-    limited = model.actuator_ctrllimited.astype(bool)[:, None]
-    # Beyond its range MuJoCo would apply another input than the equations are given.
-    low, high = np.where(limited, model.actuator_ctrlrange, (-_INPUT_BOUND, _INPUT_BOUND)).T
-    bound, worst = system.position_bound, 0.0
+    n = system.degrees_of_freedom
+    low, high = _input_range(physics)
+
+    worst = 0.0
     for _ in range(states):
-        x = np.concatenate([random.uniform(-bound, bound, n), random.uniform(-1, 1, n)])
-        x[n:] *= _RATE_BOUND
+        x = _random_state(system, random)
         u = random.uniform(low, high)
         w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(system.bodies))
-        terms = np.array(
-            [
-                system.equations.drift(x, p),
-                np.reshape(system.equations.input_matrix(x, p), (2 * n, -1)) @ u,
-                system.equations.disturbance(x, w, p),
-            ]
-        )[:, n:]
-        difference = np.abs(terms.sum(axis=0) - physics.derivative(x, u, w)[n:]).max()
+
+        drift = system.equations.drift(x, p)
+        input_matrix = np.reshape(system.equations.input_matrix(x, p), (2 * n, -1))
+        disturbance = system.equations.disturbance(x, w, p)
+
+        terms = np.array([drift, input_matrix @ u, disturbance])[:, n:]
+        acceleration = physics.derivative(x, u, w)[n:]
+        difference = np.abs(terms.sum(axis=0) - acceleration).max()
         worst = max(worst, float(difference / np.abs(terms).max()))
     return worst
 
 
-# How near to a limit a margin by the equations is not believed, in parts of the limit: it is
-# confirmed in MuJoCo within this many times the largest difference found...
-FACTOR = 10.0
-# ...and within what rounding may come to on another machine.
-LEAST_BAND = 1e-9
+def _input_range(physics: MujocoPlant) -> tuple[Array, Array]:
+    """Smallest and largest input that is tried, (m,) each.
 
-# Random states, inputs and wrenches in which accelerations are compared.
-_MISMATCH_STATES = 32
+    Beyond its range MuJoCo would apply another input than the equations are given.
+    """
+    limited = physics.model.actuator_ctrllimited.astype(bool)[:, None]
+    ranges = np.where(limited, physics.model.actuator_ctrlrange, (-_INPUT_BOUND, _INPUT_BOUND))
+    return ranges[:, 0], ranges[:, 1]
+
+
+def _random_state(system: System, random: np.random.Generator) -> Array:
+    """Coordinates within the system's bound, then their rates, (2 n,)."""
+    n = system.degrees_of_freedom
+    bound = system.position_bound
+    positions = random.uniform(-bound, bound, n)
+    rates = random.uniform(-1, 1, n)
+    return np.concatenate([positions, _RATE_BOUND * rates])
 
 
 def model_mismatch(plant: Plant) -> str:
-    """Why the equations of a plant in MuJoCo do not say what MuJoCo does; empty if they do.
+    """Reason why the equations of a plant in MuJoCo differ from MuJoCo; empty if they agree.
 
     Its machine, limits of its inputs and numbers without a term are named; anything else shows in
     accelerations at random states.
@@ -141,9 +168,9 @@ def model_mismatch(plant: Plant) -> str:
         equations = plant.analytic()
     except ModelError as error:
         return str(error)
-    difference = acceleration_difference(
-        plant, equations, np.random.default_rng(0), _MISMATCH_STATES
-    )
+
+    random = np.random.default_rng(0)
+    difference = acceleration_difference(plant, equations, random, _MISMATCH_STATES)
     if difference <= AGREEMENT_BOUND:
         return ""
     return (
@@ -153,12 +180,10 @@ def model_mismatch(plant: Plant) -> str:
 
 
 def agreement_table(rows: Sequence[Agreement]) -> Table:
-    """Analytic plants against MuJoCo."""
-    return table(
-        "",
-        [
-            *words("system", "equations", "model"),
-            *numbers("acceleration difference\nover largest term"),
-        ],
-        [(row.system, row.variant, row.edit, f"{row.acceleration:.1e}") for row in rows],
-    )
+    """Largest difference of each variant of the equations from MuJoCo."""
+    columns = [
+        *words("system", "equations", "model"),
+        *numbers("acceleration difference\nover largest term"),
+    ]
+    cells = [(row.system, row.variant, row.edit, f"{row.acceleration:.1e}") for row in rows]
+    return table("", columns, cells)

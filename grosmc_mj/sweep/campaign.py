@@ -42,26 +42,27 @@ from grosmc_mj.sweep.search import largest_passing
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
 SHARD = 512
 _MOST_PARTS = 10**7
-# Of one run [s]: eleven days.
+# Time of one run or of a control period [s]: eleven days at most.
 _Time = Annotated[float, Range(0, 1e6, unit="s", above=True)] | None
 
 
 @checked()
 class Specification:
-    """A family of plants and how much of it is run.
+    """Family of plants and how much of it is run.
 
     Attributes:
-        name: Of the campaign.
+        name: Name of the campaign.
         text: The case file, with all that it extends.
-        folder: Where it lies, and what it names.
-        runs: Plants; each meets every controller.
-        seed: Of the sampler.
+        folder: Folder of the case file and of what it names.
+        runs: Number of plants; each meets every controller.
+        seed: Seed of the sampler.
         sampler: ``random``, which alone gives intervals, or ``corners``.
-        controllers: Names of those to run; empty for all of the file.
-        control_period: Instead of the file's [s].
-        duration: Instead of the file's [s].
-        integrator: Instead of the file's: ``implicitfast`` is several times as fast as ``RK4``.
-        shard: Plants of one part.
+        controllers: Names of the laws to run; empty for all controllers of the file.
+        control_period: Control period instead of the file's [s].
+        duration: Duration of each run instead of the file's [s].
+        integrator: Integrator instead of the file's: ``implicitfast`` is several times as fast as
+            ``RK4``.
+        shard: Number of plants of one part.
         screen: ``auto``, ``equations`` or ``none``: whether runs are made on the equations, and in
             MuJoCo only those that need it.
     """
@@ -92,24 +93,26 @@ class Specification:
 
     @property
     def path(self) -> Path:
-        """Where the file lay."""
+        """Path of the case file."""
         return Path(self.folder) / f"{self.name}.toml"
 
     @property
     def file(self) -> CaseFile:
         """The case file with the specification's own numbers."""
         file = parse_case_file(self.text, self.path)
-        options = ("control_period", "duration", "integrator")
-        own = {name: value for name in options if (value := getattr(self, name)) is not None}
-        # Campaigns run in MuJoCo, where there is a model: no laws are designed for other plants.
-        modelled = file.plant.system is not None or file.plant.model is not None
-        compared = {"compare": ["physics"]} if modelled else {}
-        return file.model_copy(
-            update={
-                "run": file.run.model_copy(update=own),
-                "plant": file.plant.model_copy(update=compared),
-            }
-        )
+        options = {
+            "control_period": self.control_period,
+            "duration": self.duration,
+            "integrator": self.integrator,
+        }
+        numbers = {name: value for name, value in options.items() if value is not None}
+        run = file.run.model_copy(update=numbers)
+
+        plant = file.plant
+        if plant.system is not None or plant.model is not None:
+            # There is a model, and campaigns run in MuJoCo: no laws are designed for other plants.
+            plant = plant.model_copy(update={"compare": ["physics"]})
+        return file.model_copy(update={"run": run, "plant": plant})
 
     @property
     def shards(self) -> int:
@@ -117,67 +120,73 @@ class Specification:
         return -(-self.runs // self.shard)
 
     def ids(self, index: int) -> range:
-        """Numbers of the runs in one part."""
-        return range(index * self.shard, min((index + 1) * self.shard, self.runs))
+        """Return the numbers of the runs in one part."""
+        first = index * self.shard
+        return range(first, min(first + self.shard, self.runs))
 
     def document(self) -> dict[str, Any]:
-        """As plain values."""
+        """Return its plain values."""
         return {**asdict(self), "controllers": list(self.controllers)}
 
     @classmethod
     def of_document(cls, content: dict[str, Any]) -> Specification:
-        """From plain values.
+        """Read a specification from plain values.
 
         Raises:
             ArgumentError: If they are not those of a specification.
         """
-        return cls(**{**content, "controllers": tuple(content.get("controllers", ()))})
+        controllers = tuple(content.get("controllers", ()))
+        return cls(**{**content, "controllers": controllers})
 
 
 def specification_of(target: str, **options: Any) -> Specification:
-    """The specification of a campaign on a system of the package or a file.
+    """Return the specification of a campaign on a system of the package or a file.
 
     Args:
         target: Name of a system, of a case of the package, or path of a case file.
-        options: What else ``Specification`` has; None for its default.
+        options: Other attributes of ``Specification``; None for the default.
 
     Raises:
-        ArgumentError: If there is no such thing, or a number does not fit.
+        ArgumentError: If there is no such file, or a number does not fit.
     """
     path = _path_of(target)
     text = resolved_text(path)
+    name = parse_case_file(text, path).name
+    folder = str(path.parent.resolve())
     options = {name: value for name, value in options.items() if value is not None}
-    folder, name = str(path.parent.resolve()), parse_case_file(text, path).name
     return Specification(name=name, text=text, folder=folder, **options)
 
 
 def _path_of(target: str) -> Path:
-    known = {**shipped_files(), **campaign_files()}
-    if target in known:
-        return known[target]
+    """The case file of a system, of a case or of a path."""
+    files = {**shipped_files(), **campaign_files()}
+    if target in files:
+        return files[target]
     if Path(target).exists() or Path(target).suffix == ".toml":
         return find_file(target)
     valid = [*campaign_files(), "or a path that ends in .toml"]
     raise ArgumentError(unknown_name("system", target, valid))
 
 
-# How far a family is scaled at most, by searches and promises, and to which share that is known.
-LARGEST_SCALE, _FINE = 8.0, 1e-3
-# Uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
+# How far a family is scaled at most, by searches and promises...
+LARGEST_SCALE = 8.0
+# ...and to which part of itself a smaller bound is known.
+_FINE = 1e-3
+# Owners of uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
 _OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A specification with its laws designed and its family read.
+    """Specification with its laws designed and its family read.
 
     Attributes:
-        specification: As plain values.
+        specification: Its plain values.
         experiment: The case file, with its laws designed.
         family: The uncertain numbers.
         laws: The controllers, by name.
-        requirements: What they must keep, as far as runs tell.
-        not_judged: Which requirements they do not tell about, and why.
+        requirements: Requirements that runs can decide.
+        not_judged: A line on each other requirement, and why runs cannot decide it.
     """
 
     specification: Specification
@@ -189,14 +198,14 @@ class Campaign:
 
     @classmethod
     def load(cls, target: str, **options: Any) -> Campaign:
-        """The campaign of a system of the package, one of its cases, or a case file.
+        """Load the campaign of a system of the package, one of its cases, or a case file.
 
         Args:
             target: ``arm``, ``arm/case1`` or the path of a case file.
-            options: What else a ``Specification`` has, such as ``runs=1024`` or ``seed=1``.
+            options: Other attributes of ``Specification``, such as ``runs=1024`` or ``seed=1``.
 
         Raises:
-            ArgumentError: If there is no such thing, or the file or a number is wrong.
+            ArgumentError: If there is no such file, or the file or a number is wrong.
         """
         return cls.of(specification_of(target, **options))
 
@@ -217,64 +226,71 @@ class Campaign:
 
     @classmethod
     def _designed(cls, specification: Specification, experiment: Experiment) -> Campaign:
-        mistakes, case = Mistakes(), experiment.case
+        """The campaign of an experiment, with its laws designed and its family read."""
+        case = experiment.case
+        mistakes = Mistakes()
         with mistakes.gathered():
             experiment = experiment.with_laws(specification.controllers)
-        plant: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
+        kind: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
         with mistakes.gathered():
             experiment.checked()
         with mistakes.gathered():
-            family = family_of(experiment.file, case, experiment.plant(plant))
-            corners = family.corner_count
-            if specification.sampler == "corners" and specification.runs > corners:
-                raise ArgumentError(
-                    f"corners: {specification.runs} runs, but there are {corners} corners: each "
-                    "number needs two ends, and none may be correlated"
-                )
+            family = family_of(experiment.file, case, experiment.plant(kind))
+            _refuse_missing_corners(specification, family)
         mistakes.refuse()
-        laws = {name: experiment.laws[plant, name] for name in experiment.controllers}
+
+        laws = {name: experiment.laws[kind, name] for name in experiment.controllers}
         onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
         limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
         return cls(specification, experiment, family, laws, required(limits, laws), tuple(notes))
 
     def _refuse_impossible(self) -> None:
         """Refuse what cannot be run or measured on the nominal plant, or at the ranges' ends."""
-        nominal, settings = self.plant_sample(self.family.nominal), self.experiment.settings
+        nominal = self.plant_sample(self.family.nominal)
         nominal.plant(self.plant)
         for limit in self.requirements:
             if limit.of_initial_error:
                 require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
         for owners in (_OF_MACHINES, LOOP_PARTS):
             for values in _extremes(self.family, owners):
-                try:
-                    self._build(values, owners)
-                except GrosmcError as error:
-                    pairs = zip(self.family.quantities, values.tolist(), strict=True)
-                    words = [of.words(value) for of, value in pairs if of.owner in owners]
-                    raise ArgumentError(
-                        f"uncertain: {' and '.join(words)} can occur, where there is no such "
-                        f"machine or loop: {str(error).split(NEXT)[-1]}; narrow the ranges or, "
-                        "where delays must be equal, let that of computing = true vary instead"
-                    ) from error
+                self._refuse_extreme(values, owners)
         for law in self.laws.values():
-            meters_of(law, settings.timestep, NO_WINDOWS, 0.0)
-            problem, _ = prepare(
-                self.plant,
-                law,
-                self.experiment.case.x0,
-                duration=self.duration,
-                control_period=settings.control_period,
-                timestep=settings.timestep,
-                disturbances=self.experiment.case.disturbances,
-                record=False,
-            )
-            last = (problem.steps - 1) * problem.timestep
-            for after in windows(self.requirements).after:
-                if after * (1 - 1e-12) > last:
-                    raise ArgumentError(
-                        f"an error after {after:g} s: the last timestep of a run begins at "
-                        f"{last:g} s"
-                    )
+            self._refuse_unmeasured(law)
+
+    def _refuse_extreme(self, values: Array, owners: Collection[str]) -> None:
+        """Refuse values (d,) with which there is no machine or no loop."""
+        try:
+            self._build(values, owners)
+        except GrosmcError as error:
+            pairs = zip(self.family.quantities, values.tolist(), strict=True)
+            words = [number.words(value) for number, value in pairs if number.owner in owners]
+            raise ArgumentError(
+                f"uncertain: {' and '.join(words)} can occur, where there is no such "
+                f"machine or loop: {str(error).split(NEXT)[-1]}; narrow the ranges or, "
+                "where delays must be equal, let that of computing = true vary instead"
+            ) from error
+
+    def _refuse_unmeasured(self, law: Controller) -> None:
+        """Refuse a law that cannot be run or measured, and an error after the end of its run."""
+        settings = self.experiment.settings
+        meters_of(law, settings.timestep, NO_WINDOWS, 0.0)
+        problem, _ = prepare(
+            self.plant,
+            law,
+            self.experiment.case.x0,
+            duration=self.duration,
+            control_period=settings.control_period,
+            timestep=settings.timestep,
+            disturbances=self.experiment.case.disturbances,
+            record=False,
+        )
+        last = (problem.steps - 1) * problem.timestep
+        for after in windows(self.requirements).after:
+            # Rounding must not refuse an error that is measured from the last timestep on.
+            if after * (1 - 1e-12) > last:
+                raise ArgumentError(
+                    f"an error after {after:g} s: the last timestep of a run begins at {last:g} s"
+                )
 
     def _build(self, values: Array, owners: Collection[str]) -> None:
         """Compile a machine and put every law into its loop: shows whether there is such a run."""
@@ -289,37 +305,41 @@ class Campaign:
     @property
     def judged(self) -> list[str]:
         """The laws that something is required of."""
-        return [law for law in self.laws if any(law in limit.of for limit in self.requirements)]
+        names = {name for limit in self.requirements for name in limit.of}
+        return [law for law in self.laws if law in names]
 
+    # Every run asks for it.
     @cached_property
     def plant(self) -> Plant:
         """The plant with the file's edits."""
         plants = self.experiment.plants
         return plants.get("physics") or plants["corrected"]
 
+    # Every law's radius asks for it, and it compiles many models.
     @cached_property
     def largest_scale(self) -> float:
-        """How far searches and promises scale the uncertainty: to what can be, and no farther."""
+        """The largest scale of the uncertainty at which every plant can be built."""
         most = min(LARGEST_SCALE, self.family.largest_scale * (1 - 1e-9))
+        largest, _ = largest_passing(self._can_be, min(1.0, most), most, most, _FINE)
+        return largest
 
-        def can_be(scale: float) -> bool:
-            try:
-                for values in _extremes(self.family, _OF_MACHINES):
-                    self._build(self.family.scaled(values, scale), _OF_MACHINES)
-            except GrosmcError:
-                return False
-            return True
-
-        return largest_passing(can_be, min(1.0, most), most, most, _FINE)[0]
+    def _can_be(self, scale: float) -> bool:
+        """Whether there are machines at the ends of the ranges, scaled."""
+        try:
+            for values in _extremes(self.family, _OF_MACHINES):
+                self._build(self.family.scaled(values, scale), _OF_MACHINES)
+        except GrosmcError:
+            return False
+        return True
 
     @property
     def duration(self) -> float:
-        """Of each run [s]."""
+        """Duration of each run [s]."""
         return self.experiment.case.duration
 
     @property
     def idle(self) -> list[str]:
-        """Of each disturbance that begins after the end of every run: its label or body."""
+        """Label or body of each disturbance that begins after the end of every run."""
         return [
             disturbance.label or disturbance.body
             for disturbance in self.experiment.case.disturbances
@@ -327,69 +347,109 @@ class Campaign:
         ]
 
     def points(self, sampler: str, first: int, count: int, more: int = 0) -> Array:
-        """Points of the unit cube (count, d), of the campaign's seed and so many more."""
+        """Return points of the unit cube, (count, d).
+
+        Args:
+            sampler: ``random`` or ``corners``.
+            first: Number of the first point.
+            count: Number of points.
+            more: Added to the campaign's seed, for points that are none of its runs.
+        """
         dimensions = len(self.family.quantities)
         if sampler == "corners":
             return corner_points(dimensions, first, count)
         return random_points(dimensions, self.specification.seed + more, first, count)
 
     def values(self, ids: range) -> Array:
-        """The uncertain numbers of runs, (n, d)."""
+        """Return the uncertain numbers of runs, (n, d)."""
         points = self.points(self.specification.sampler, ids.start, len(ids))
         return self.family.values(points)
 
     def as_run(self, quantity: Quantity, values: Array) -> Array:
-        """What drawn values of an uncertain number (n,) are run as, (n,)."""
-        settings = self.experiment.settings
-        periods = (settings.timestep, settings.control_period)
-        return np.array([quantity.as_run(value, *periods) for value in values.tolist()])
+        """Return the values that runs have of drawn values of an uncertain number, both (n,)."""
+        timestep = self.experiment.settings.timestep
+        control_period = self.experiment.settings.control_period
+        return np.array(
+            [quantity.as_run(value, timestep, control_period) for value in values.tolist()]
+        )
 
     def pairs_as_run(self, values: Array) -> list[tuple[Quantity, float, float]]:
-        """The uncertain numbers with their values in a plant (d,) and nominal ones, as run."""
-        nominal, quantities = self.family.nominal, self.family.quantities
-        pairs = zip(quantities, values, nominal, strict=True)
-        return [(of, *self.as_run(of, np.array(pair)).tolist()) for of, *pair in pairs]
+        """Return the uncertain numbers with their values in a plant (d,) and nominal, as run."""
+        pairs: list[tuple[Quantity, float, float]] = []
+        for quantity, value in zip(self.family.quantities, values, strict=True):
+            drawn = np.array([value, quantity.nominal])
+            as_run, nominal = self.as_run(quantity, drawn).tolist()
+            pairs.append((quantity, as_run, nominal))
+        return pairs
 
     def words(self, values: Array) -> str:
-        """The uncertain numbers of a plant (d,) that are not nominal, as they are run."""
+        """Return the uncertain numbers of a plant (d,) that are not nominal, as they are run."""
         pairs = self.pairs_as_run(values)
-        parts = [of.words(value) for of, value, nominal in pairs if value != nominal]
-        return ", ".join(parts) or "the nominal one"
+        changed = [quantity.words(value) for quantity, value, nominal in pairs if value != nominal]
+        return ", ".join(changed) or "the nominal one"
 
     def named(self, values: Array | None) -> dict[str, float] | None:
-        """The uncertain numbers of a plant (d,) by name."""
-        names = self.family.names
-        return None if values is None else dict(zip(names, values.tolist(), strict=True))
+        """Return the uncertain numbers of a plant (d,) by name; None for no plant."""
+        if values is None:
+            return None
+        return dict(zip(self.family.names, values.tolist(), strict=True))
 
     def plant_sample(self, values: Sequence[float] | Array) -> Varied:
-        """The case, with its plant, that these values make."""
+        """Return the case, with its plant, that these values make."""
         row = np.asarray(values, float).tolist()
         return varied(self.experiment, zip(self.family.quantities, row, strict=True))
 
 
+def _refuse_missing_corners(specification: Specification, family: Family) -> None:
+    """Refuse more runs than the ranges have corners, if these are run."""
+    corners = family.corner_count
+    if specification.sampler == "corners" and specification.runs > corners:
+        raise ArgumentError(
+            f"corners: {specification.runs} runs, but there are {corners} corners: each "
+            "number needs two ends, and none may be correlated"
+        )
+
+
 def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:
-    """When a disturbance begins at the earliest and at the latest [s]."""
+    """Earliest and latest begin of a disturbance [s]."""
     for number in family.quantities:
-        if (number.of, number.quantity) == (disturbance.label, "onset"):
+        if number.of == disturbance.label and number.quantity == "onset":
             return number.distribution.support
-    return disturbance.window[0], disturbance.window[0]
+    begin = disturbance.window[0]
+    return begin, begin
 
 
 def _extremes(family: Family, owners: Collection[str]) -> Iterator[Array]:
-    """Values (d,) with all numbers of these at their ends: alike, and each unlike the others."""
-    ends = {i: _ends(of) for i, of in enumerate(family.quantities) if of.owner in owners}
+    """Values (d,) with all numbers of some owners at their ends.
+
+    First all are at the same end, then each of them is at the other one.
+    """
+    ends = {
+        index: _ends(number)
+        for index, number in enumerate(family.quantities)
+        if number.owner in owners
+    }
     if not ends:
         return
-    for unlike in (None, *ends) if len(ends) > 1 else (None,):
+
+    alone: list[int | None] = [None]
+    if len(ends) > 1:
+        alone.extend(ends)
+    for opposite in alone:
         for side in (0, 1):
             values = family.nominal
-            for i, pair in ends.items():
-                values[i] = pair[1 - side if i == unlike else side]
+            for index, pair in ends.items():
+                values[index] = pair[1 - side] if index == opposite else pair[side]
             yield values
 
 
 def _ends(quantity: Quantity) -> tuple[float, float]:
     """The smallest and the largest value that can be drawn."""
     low, high = quantity.distribution.support
-    least, most = quantity.distribution.quantiles(inside(np.array([0.0, 1.0]))).tolist()
-    return (low if math.isfinite(low) else least), (high if math.isfinite(high) else most)
+    shares = inside(np.array([0.0, 1.0]))
+    least, most = quantity.distribution.quantiles(shares).tolist()
+    if not math.isfinite(low):
+        low = least
+    if not math.isfinite(high):
+        high = most
+    return low, high

@@ -7,8 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -33,27 +32,48 @@ from grosmc_mj.sweep.parameters import Parameter
 from grosmc_mj.sweep.runs import MARGIN
 
 _ENDS = ("least", "most")
-# By name: the numbers that each needs, those that it may have, and scipy's distribution of them.
-_KINDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...], Callable[..., Any]]] = {
-    "uniform": (_ENDS, (), lambda least, most: stats.uniform(least, most - least)),
-    "loguniform": (_ENDS, (), lambda least, most: stats.loguniform(least, most)),
-    "triangular": (
-        (*_ENDS, "mode"),
-        (),
-        lambda least, most, mode: stats.triang(
-            (mode - least) / (most - least), least, most - least
-        ),
-    ),
-    "normal": (
-        ("mean", "deviation"),
-        _ENDS,
-        lambda mean, deviation, **_: stats.norm(mean, deviation),
-    ),
-    "lognormal": (
-        ("median", "spread"),
-        _ENDS,
-        lambda median, spread, **_: stats.lognorm(spread, scale=median),
-    ),
+
+
+class _Kind(NamedTuple):
+    """Kind of distribution.
+
+    Attributes:
+        needed: Names of the numbers that it needs.
+        allowed: Names of the numbers that it may have besides: where it is cut off.
+        frozen: scipy's distribution with these numbers.
+    """
+
+    needed: tuple[str, ...]
+    allowed: tuple[str, ...]
+    frozen: Callable[..., Any]
+
+
+def _uniform(least: float, most: float) -> Any:
+    return stats.uniform(least, most - least)
+
+
+def _loguniform(least: float, most: float) -> Any:
+    return stats.loguniform(least, most)
+
+
+def _triangular(least: float, most: float, mode: float) -> Any:
+    return stats.triang((mode - least) / (most - least), least, most - least)
+
+
+def _normal(mean: float, deviation: float, **_ends: float) -> Any:
+    return stats.norm(mean, deviation)
+
+
+def _lognormal(median: float, spread: float, **_ends: float) -> Any:
+    return stats.lognorm(spread, scale=median)
+
+
+_KINDS: Mapping[str, _Kind] = {
+    "uniform": _Kind(_ENDS, (), _uniform),
+    "loguniform": _Kind(_ENDS, (), _loguniform),
+    "triangular": _Kind((*_ENDS, "mode"), (), _triangular),
+    "normal": _Kind(("mean", "deviation"), _ENDS, _normal),
+    "lognormal": _Kind(("median", "spread"), _ENDS, _lognormal),
 }
 
 
@@ -64,7 +84,7 @@ class Distribution:
     Attributes:
         frozen: scipy's frozen distribution, not cut off.
         support: Smallest and largest value; infinite where it has none.
-        words: For people.
+        words: Kind and numbers, for people.
     """
 
     frozen: Any
@@ -72,18 +92,18 @@ class Distribution:
     words: str
 
     def quantiles(self, u: Array) -> Array:
-        """The values of which a share u (n,) lies below; (n,)."""
+        """Values below which a share u (n,) of the distribution lies, (n,)."""
         low, high = self.frozen.cdf(self.support)
         values = self.frozen.ppf(low + (high - low) * u)
         return np.clip(values, *self.support)
 
 
 def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distribution:
-    """The distribution that a file's range or table describes.
+    """Return the distribution that a file's range or table describes.
 
     Args:
         spread: ``[least, most]``, or a table of numbers.
-        unit: Of the quantity.
+        unit: Unit of the quantity.
 
     Raises:
         ArgumentError: If a number is missing, or the numbers make no distribution.
@@ -91,23 +111,21 @@ def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distributi
     if not isinstance(spread, DistributionTable):
         least, most = spread
         spread = DistributionTable(distribution="uniform", least=least, most=most)
-    kind = spread.distribution
-    needed, allowed, frozen_of = _KINDS[kind]
-    names = [name for name in DistributionTable.model_fields if name != "distribution"]
-    numbers = numbers_of(spread, names, lambda name: "" if name == "spread" else unit)
-    if not set(needed) <= numbers.keys() <= {*needed, *allowed}:
-        more = f" and may have {' and '.join(allowed)}" if allowed else ""
-        raise ArgumentError(
-            f"{kind} needs {' and '.join(needed)}{more}, not {', '.join(numbers) or 'nothing'}"
-        )
-    words = f"{kind}: {', '.join(f'{name} {value:.4g}' for name, value in numbers.items())}"
-    least, most = numbers.get("least", -np.inf), numbers.get("most", np.inf)
+
+    kind = _KINDS[spread.distribution]
+    numbers = _numbers(spread, kind, unit)
+    listed = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
+    words = f"{spread.distribution}: {listed}"
+
+    least = numbers.get("least", -np.inf)
+    most = numbers.get("most", np.inf)
     if least < most:
-        frozen = frozen_of(**numbers)
+        frozen = kind.frozen(**numbers)
         # The ends of the table: far out, a quantile function does not find them again.
-        support = max(least, float(frozen.support()[0])), min(most, float(frozen.support()[1]))
-        low, high = frozen.cdf(support)
-        if low < high:
+        low, high = frozen.support()
+        support = max(least, float(low)), min(most, float(high))
+        share_below, share_up_to = frozen.cdf(support)
+        if share_below < share_up_to:
             return Distribution(frozen, support, words)
     raise ArgumentError(
         f"{words} is no distribution: least must be below most with some values between them, mode "
@@ -115,16 +133,35 @@ def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distributi
     )
 
 
+def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, float]:
+    """The numbers of a table, by name.
+
+    Raises:
+        ArgumentError: If one is missing, or one that the kind does not have is there.
+    """
+    names = [name for name in DistributionTable.model_fields if name != "distribution"]
+    numbers = numbers_of(table, names, lambda name: "" if name == "spread" else unit)
+
+    needed = set(kind.needed)
+    if not needed <= numbers.keys() <= needed.union(kind.allowed):
+        wanted = " and ".join(kind.needed)
+        if kind.allowed:
+            wanted += f" and may have {' and '.join(kind.allowed)}"
+        present = ", ".join(numbers) or "nothing"
+        raise ArgumentError(f"{table.distribution} needs {wanted}, not {present}")
+    return numbers
+
+
 # Points stay off the faces of the cube, where quantiles may be infinite.
 _EDGE = 2.0**-53
 
 
 def random_points(dimensions: int, seed: int, first: int, count: int) -> Array:
-    """Independent points of the unit cube, each by the seed and its own number alone.
+    """Draw independent points of the unit cube, each by the seed and its own number alone.
 
     Args:
-        dimensions: Of the cube, d.
-        seed: Of all points.
+        dimensions: Dimensions of the cube, d.
+        seed: Seed of all points.
         first: Number of the first point.
         count: Number of points.
 
@@ -139,10 +176,10 @@ def random_points(dimensions: int, seed: int, first: int, count: int) -> Array:
 
 
 def corner_points(dimensions: int, first: int, count: int) -> Array:
-    """Corners of the unit cube, (count, d): bit j of a corner's number is its coordinate j.
+    """Return corners of the unit cube, (count, d): bit j of a corner's number is coordinate j.
 
     Args:
-        dimensions: Of the cube, d.
+        dimensions: Dimensions of the cube, d.
         first: Number of the first corner.
         count: Number of corners.
     """
@@ -152,7 +189,7 @@ def corner_points(dimensions: int, first: int, count: int) -> Array:
 
 
 def inside(points: Array) -> Array:
-    """Points of the cube, moved off its faces."""
+    """Return points of the cube, moved off its faces."""
     return np.clip(points, _EDGE, 1 - _EDGE)
 
 
@@ -167,9 +204,9 @@ class Quantity(Parameter):
     """One uncertain number.
 
     Attributes:
-        name: What it is called.
-        unit: Of its values; empty for a factor.
-        distribution: Of its values.
+        name: Its name.
+        unit: Unit of its values; empty for a factor.
+        distribution: Distribution of its values.
         nominal: Value without uncertainty.
     """
 
@@ -181,11 +218,12 @@ class Quantity(Parameter):
     @property
     def shown_unit(self) -> tuple[str, float]:
         """The unit that people read, and the factor to it; frequencies stay in rad/s."""
-        frequency = self.quantity in ("frequency", "bandwidth")
-        return (self.unit, 1.0) if frequency else shown_unit(self.unit)
+        if self.quantity in ("frequency", "bandwidth"):
+            return self.unit, 1.0
+        return shown_unit(self.unit)
 
     def words(self, value: float) -> str:
-        """A value with its name, in the unit that people read."""
+        """Return a value with its name, in the unit that people read."""
         unit, factor = self.shown_unit
         return f"{self.name} {value * factor:.4g} {unit}".rstrip()
 
@@ -196,26 +234,30 @@ class Quantity(Parameter):
     def ends(self, scale: float) -> tuple[float, float]:
         """Smallest and largest value at a scale of the uncertainty; infinite where it has none."""
         low, high = self.distribution.support
-        nominal = self.nominal
-        return nominal + scale * (low - nominal), nominal + scale * (high - nominal)
+        smallest = self.nominal + scale * (low - self.nominal)
+        largest = self.nominal + scale * (high - self.nominal)
+        return smallest, largest
 
     @property
     def largest_scale(self) -> float:
         """The factor on distances from the nominal value up to which all values are physical."""
-        (least, most), nominal, bounds = self.distribution.support, self.nominal, self.bounds
-        down = (nominal - bounds.low) / (nominal - least) if least < nominal else math.inf
-        # A share of samples stays below all of them.
-        up = (bounds.high - nominal) / (most - nominal) * (1 - 1e-9) if most > nominal else math.inf
+        low, high = self.distribution.support
+        down = up = math.inf
+        if low < self.nominal:
+            down = (self.nominal - self.bounds.low) / (self.nominal - low)
+        if high > self.nominal:
+            # A share of samples stays below all of them.
+            up = (self.bounds.high - self.nominal) / (high - self.nominal) * (1 - 1e-9)
         return min(down, up)
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The uncertain numbers, and how they vary together.
+    """Uncertain numbers and their correlation.
 
     Attributes:
-        quantities: In the order of the file.
-        correlation: Of the Gaussian copula, (d, d).
+        quantities: The numbers, in the order of the file.
+        correlation: Correlation matrix of the Gaussian copula, (d, d).
     """
 
     quantities: tuple[Quantity, ...]
@@ -233,13 +275,14 @@ class Family:
 
     @property
     def largest_scale(self) -> float:
-        """The smallest of the quantities' own."""
+        """The smallest of the numbers' largest scales."""
         return min(number.largest_scale for number in self.quantities)
 
     @property
     def bounded(self) -> bool:
         """Whether every number has a smallest and a largest value."""
-        return bool(np.all(np.isfinite([of.distribution.support for of in self.quantities])))
+        supports = [number.distribution.support for number in self.quantities]
+        return bool(np.all(np.isfinite(supports)))
 
     @property
     def independent(self) -> bool:
@@ -248,42 +291,44 @@ class Family:
 
     @property
     def corner_count(self) -> int:
-        """How many corners the ranges have; none without ends, or of correlated numbers."""
-        return 2 ** len(self.quantities) if self.bounded and self.independent else 0
+        """Number of corners of the ranges; 0 without ends, or of correlated numbers."""
+        if not (self.bounded and self.independent):
+            return 0
+        return 2 ** len(self.quantities)
 
     def corners(self, most: int) -> Array:
-        """The corners of the ranges as points of the unit cube, (2^d, d).
+        """Return the corners of the ranges as points of the unit cube, (2^d, d).
 
-        None, (0, d), where they have none or more than ``most``.
+        There are none, (0, d), if the ranges have none or more than ``most``.
         """
         d = len(self.quantities)
         if not 0 < self.corner_count <= most:
             return np.zeros((0, d))
         return np.array(list(itertools.product((0.0, 1.0), repeat=d)))
 
-    @cached_property
-    def _mixing(self) -> Array:
-        return np.linalg.cholesky(self.correlation)
-
     def values(self, points: Array) -> Array:
-        """The values at points of the unit cube, (n, d); returns (n, d)."""
+        """Return the values at points of the unit cube, both (n, d)."""
         if not self.independent:
-            points = stats.norm.cdf(stats.norm.ppf(points) @ self._mixing.T)
-        columns = [of.distribution.quantiles(points[:, i]) for i, of in enumerate(self.quantities)]
+            mixing = np.linalg.cholesky(self.correlation)
+            points = stats.norm.cdf(stats.norm.ppf(points) @ mixing.T)
+
+        columns = [
+            number.distribution.quantiles(points[:, i]) for i, number in enumerate(self.quantities)
+        ]
         return np.stack(columns, axis=1)
 
     def scaled(self, values: Array, scale: float) -> Array:
-        """Values (..., d) moved to ``scale`` times their distance from the nominal ones."""
+        """Return values (..., d) moved to ``scale`` times their distance from the nominal ones."""
         return self.nominal + scale * (values - self.nominal)
 
 
 def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
-    """The uncertainty that a case file declares.
+    """Read the uncertainty that a case file declares.
 
     Args:
         file: The file.
         case: Its start, edits and disturbances.
-        plant: The plant that it is about, with the file's edits.
+        plant: Its plant, with the file's edits.
 
     Raises:
         ArgumentError: If there is none, a name is unknown, a range impossible or not physical, or
@@ -291,62 +336,89 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
     """
     if not file.uncertain:
         raise ArgumentError("nothing is uncertain: give it an [[uncertain]]")
+
     quantities: list[Quantity] = []
     mistakes = Mistakes()
     for index, table in enumerate(file.uncertain):
         with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
             quantities.append(_quantity(table, case, plant))
     mistakes.refuse()
-    numbers = [
-        f"{q.owner} " * (q.of_loop or q.owner in MACHINE_PARTS) + f"{q.of} {q.quantity}"
-        for q in quantities
-    ]
+
     names = [number.name for number in quantities]
-    for how, of_them in (("uncertain", numbers), ("called", names)):
-        if twice := [name for name, count in Counter(of_them).items() if count > 1]:
-            raise ArgumentError(f"uncertain: two are {how} {twice[0]!r}")
+    _refuse_twice("uncertain", [_words(number) for number in quantities])
+    _refuse_twice("called", names)
     for name in names:
         if name in _RESERVED or name.startswith(MARGIN):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
 
 
+def _words(number: Quantity) -> str:
+    """The number as messages name it; the owner where the name alone does not tell it."""
+    words = f"{number.of} {number.quantity}"
+    if number.of_loop or number.owner in MACHINE_PARTS:
+        return f"{number.owner} {words}"
+    return words
+
+
+def _refuse_twice(how: str, texts: Sequence[str]) -> None:
+    """Refuse a text that is there twice."""
+    for text, count in Counter(texts).items():
+        if count > 1:
+            raise ArgumentError(f"uncertain: two are {how} {text!r}")
+
+
 def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
-    """One uncertain number, with its unit and its nominal value."""
-    owner, of, quantity, (x, y, z) = table.owner, table.of, table.quantity, table.at
+    """Read one uncertain number, with its unit and its nominal value."""
+    owner = table.owner
+    of = table.of
+    quantity = table.quantity
     unit = Parameter(owner, of, quantity).unit_on(plant.system)
     if owner in MACHINE_PARTS:
         of = in_model(of, MACHINE_PARTS[owner].owner, plant.system)
-    spread = distribution(getattr(table, quantity), unit)
+
+    x, y, z = table.at
     number = Quantity(
-        owner, of, quantity, (x, y, z), name=table.called, unit=unit, distribution=spread
+        owner,
+        of,
+        quantity,
+        (x, y, z),
+        name=table.called,
+        unit=unit,
+        distribution=distribution(getattr(table, quantity), unit),
     )
-    own = numbers_of(table, ["nominal"], lambda _: unit)
-    nominal = own["nominal"] if "nominal" in own else number.value(case, plant)
-    number = replace(number, nominal=nominal)
-    if not math.isfinite(number.nominal):
+    nominal = numbers_of(table, ["nominal"], lambda _: unit).get("nominal")
+    if nominal is None:
+        nominal = number.value(case, plant)
+    if not math.isfinite(nominal):
         raise ArgumentError(f"{quantity} is not limited: write nominal into this [[uncertain]]")
-    for value in (*number.distribution.support, number.nominal):
+
+    for value in (*number.distribution.support, nominal):
         if not number.physical(value):
             end = "least" if value <= number.bounds.low else "most"
             raise ArgumentError(
                 f"{quantity.replace('_', ' ')} = {value:g} can occur, but must be "
                 f"{number.bounds.wanted}: cut the distribution off with {end}"
             )
-    return number
+    return replace(number, nominal=nominal)
 
 
 def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Array:
-    """The correlations as a matrix."""
+    """Correlation matrix, (d, d), of numbers in the order of their names."""
     matrix = np.eye(len(names))
     for table in tables:
         for name in table.between:
             require_known("number", name, names, where="correlation: ")
-        i, j = (names.index(name) for name in table.between)
+        first, second = table.between
+        i = names.index(first)
+        j = names.index(second)
         if matrix[i, j]:
-            between = " and ".join(table.between)
-            raise ArgumentError(f"correlation of {between}: give it once, of two different numbers")
+            raise ArgumentError(
+                f"correlation of {first} and {second}: give it once, of two different numbers"
+            )
         matrix[i, j] = matrix[j, i] = table.coefficient
+
+    # Rounding of a matrix that is barely positive definite.
     if np.linalg.eigvalsh(matrix).min() < 1e-12:
         raise ArgumentError(
             "correlation: no numbers can be correlated like that: the matrix is not positive "

@@ -17,6 +17,7 @@ from grosmc_mj.results.palette import label_of
 from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.family import SCREENING
 from grosmc_mj.sweep.runs import COMPLETED, MARGIN
 from grosmc_mj.sweep.screening import EQUATIONS
 from grosmc_mj.sweep.statistics import (
@@ -38,18 +39,24 @@ RESULTS = "results.json"
 # The ranges are somebody's declaration, their distributions a choice.
 DESIGN = "Shares are of the declared design, not probabilities."
 # Names of what every run is rated by, beside the file's requirements.
-ALL, COMPLETES = "all requirements", "completes"
-# How many of the worst runs, and of those that MuJoCo overturned, are named; with which confidence
-# the share of wrong verdicts is bounded; a pass rate that one may want to state.
-WORST, CONFIDENCE, _AIM = 16, 0.95, 0.99
+ALL = "all requirements"
+COMPLETES = "completes"
+# How many of the worst runs, and of those that MuJoCo overturned, are named.
+WORST = 16
+# Confidence with which the share of wrong verdicts is bounded.
+CONFIDENCE = 0.95
+# A pass rate that one may want to state.
+_AIM = 0.99
+# Columns of every run that statements need.
+_COLUMNS = ("id", "relative", "order", "status")
 
 
 class Basis(NamedTuple):
-    """The runs that a statement about a campaign rests on.
+    """Runs that a statement about a campaign rests on.
 
     Attributes:
-      runs: Runs that are done, of each law.
-      planned: Runs that the campaign shall have.
+      runs: Number of runs of each law that are done.
+      planned: Number of runs of a complete campaign.
       sampler: random or corners.
       seed: The campaign's seed.
     """
@@ -61,9 +68,11 @@ class Basis(NamedTuple):
 
     @property
     def words(self) -> str:
-        """For a title: ``512 of 4096 runs, random, seed 0``."""
-        of = "" if self.runs == self.planned else f" of {self.planned}"
-        return f"{self.runs}{of} runs, {self.sampler}, seed {self.seed}"
+        """Text for a title: ``512 of 4096 runs, random, seed 0``."""
+        runs = f"{self.runs}"
+        if self.runs != self.planned:
+            runs += f" of {self.planned}"
+        return f"{runs} runs, {self.sampler}, seed {self.seed}"
 
     @property
     def independent(self) -> bool:
@@ -72,7 +81,7 @@ class Basis(NamedTuple):
 
     @property
     def intervals(self) -> str:
-        """How intervals are computed, or why there are none, as a clause."""
+        """Clause on how intervals are computed, or why there are none."""
         if self.independent:
             return "intervals and p: of independent runs"
         return f"no interval: --sampler {self.sampler} draws no independent runs; random does"
@@ -80,21 +89,22 @@ class Basis(NamedTuple):
     @property
     def footnote(self) -> str:
         """Limits of the sample: unproved claims, the population of its shares, its intervals."""
-        return f"{NO_PROOF} {DESIGN} {self.intervals[0].upper()}{self.intervals[1:]}."
+        sentence = self.intervals[0].upper() + self.intervals[1:]
+        return f"{NO_PROOF} {DESIGN} {sentence}."
 
 
 class Judges(NamedTuple):
-    """Who judged the runs of one controller.
+    """Judges of the runs of one controller: equations and MuJoCo.
 
     Attributes:
-        runs: How many there are.
-        by_equations: How many of them the equations judged; MuJoCo the others.
-        overturned: Of how many MuJoCo overturned a verdict of the equations.
+        runs: Number of runs.
+        by_equations: Number of runs that the equations judged; MuJoCo judged the others.
+        overturned: Number of runs of which MuJoCo overturned a verdict of the equations.
         overturned_runs: Numbers of the first of these.
         band: The band about a limit within which margins were confirmed, in parts of it.
         difference: Largest difference of a least margin that was confirmed, in parts of a limit.
-        drawn: Runs that were confirmed by chance alone.
-        drawn_overturned: Of how many of these MuJoCo overturned a verdict.
+        drawn: Number of runs that were confirmed by chance alone.
+        drawn_overturned: Number of these of which MuJoCo overturned a verdict.
     """
 
     runs: int
@@ -108,35 +118,46 @@ class Judges(NamedTuple):
 
     @property
     def wrong_at_most(self) -> float:
-        """Share of the runs that equations judge of which MuJoCo would overturn a verdict, at most.
+        """Largest share of the runs by equations of which MuJoCo would overturn a verdict.
 
         One-sided bound of Clopper and Pearson at 95 %, from the runs confirmed by chance.
         """
+        if not self.drawn:
+            return 1.0
         kept = self.drawn - self.drawn_overturned
-        return 1 - rate_shown(kept, self.drawn, CONFIDENCE) if self.drawn else 1.0
+        return 1 - rate_shown(kept, self.drawn, CONFIDENCE)
 
     @classmethod
     def of(cls, rows: Mapping[str, Array]) -> Judges:
-        """The judges of one controller's rows."""
+        """Count the judges of one controller's rows."""
         difference = np.abs(rows["screened"] - rows["relative"])
-        overturned, drawn = rows["overturned"] > 0, rows["drawn"] > 0
+        overturned = rows["overturned"] > 0
+        drawn = rows["drawn"] > 0
         return cls(
-            len(overturned),
-            int((rows["judged_by"] == EQUATIONS).sum()),
-            int(overturned.sum()),
-            rows["id"][overturned][:WORST].astype(int).tolist(),
-            float(rows["band"].max()),
-            float(difference[np.isfinite(difference)].max(initial=0.0)),
-            int(drawn.sum()),
-            int((drawn & overturned).sum()),
+            runs=len(overturned),
+            by_equations=int((rows["judged_by"] == EQUATIONS).sum()),
+            overturned=int(overturned.sum()),
+            overturned_runs=rows["id"][overturned][:WORST].astype(int).tolist(),
+            band=float(rows["band"].max()),
+            difference=float(difference[np.isfinite(difference)].max(initial=0.0)),
+            drawn=int(drawn.sum()),
+            drawn_overturned=int((drawn & overturned).sum()),
         )
 
 
 def judged_words(judges: Mapping[str, Judges]) -> str:
-    """Who judged all runs, and what is known of their verdicts; empty where MuJoCo judged all."""
+    """Say who judged all runs, and what is known of their verdicts.
+
+    Args:
+        judges: By law.
+
+    Returns:
+        Sentences; nothing where MuJoCo judged all.
+    """
     by_equations = sum(judge.by_equations for judge in judges.values())
     if not by_equations:
         return ""
+
     runs = sum(judge.runs for judge in judges.values())
     band = max(judge.band for judge in judges.values())
     difference = max(judge.difference for judge in judges.values())
@@ -153,29 +174,30 @@ def judged_words(judges: Mapping[str, Judges]) -> str:
             f"{100 * CONFIDENCE:g} %."
         )
         if judge.overturned:
-            more = ", ..." if judge.overturned > len(judge.overturned_runs) else ""
-            first = ", ".join(map(str, judge.overturned_runs))
-            sentences.append(f"MuJoCo overturned {judge.overturned}: {first}{more}.")
+            runs_named = ", ".join(map(str, judge.overturned_runs))
+            if judge.overturned > len(judge.overturned_runs):
+                runs_named += ", ..."
+            sentences.append(f"MuJoCo overturned {judge.overturned}: {runs_named}.")
     return " ".join(sentences)
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """The statements of a campaign.
+    """Statements of a campaign.
 
     Attributes:
         sampled: The runs that they rest on.
-        rates: By requirement, in words, and law.
-        cut_short: Runs that ended early, by law.
-        margins: By requirement, in words, and law, (n,) each.
-        summaries: Of these.
-        differences: By requirement, first and second law.
-        sensitivities: By law that something is required of: what drives its least margin, in parts
-            of the limit.
-        worst: By law: numbers of its worst runs, the worst first; of runs that never settle, the
+        rates: Pass rates by requirement, in words, and law.
+        cut_short: Number of runs that ended early, by law.
+        margins: Margins by requirement, in words, and law, (n,) each.
+        summaries: Summaries of the margins.
+        differences: Differences of two laws, by requirement, first and second law.
+        sensitivities: Drivers of the least margin, in parts of the limit, by law that something is
+            required of.
+        worst: Numbers of the worst runs, the worst first, by law; of runs that never settle, the
             one with the larger error left is the worse.
-        units: Of margins, by requirement.
-        judges: By law: by what its runs were judged; empty where none was to be screened.
+        units: Units of margins, by requirement.
+        judges: Judges of the runs by law; empty where none was to be screened.
     """
 
     sampled: Basis
@@ -196,60 +218,98 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     Args:
         campaign: The campaign.
         folder: Where it is kept.
-        confidence: Of every interval, between 0 and 1.
+        confidence: Confidence of every interval, between 0 and 1.
 
     Raises:
         SetupError: If there are no runs, or a part is damaged.
     """
-    specification, judged, numbers = campaign.specification, campaign.judged, campaign.family.names
-    screened = specification.screen != "none"
-    columns = folder.columns(
-        campaign,
-        [
-            *("id", "relative", "order", "status", *numbers),
-            *(MARGIN + limit.key for limit in campaign.requirements),
-            *(("judged_by", "screened", "overturned", "drawn", "band") if screened else ()),
-        ],
-        range(specification.shards),
+    specification = campaign.specification
+    judged = campaign.judged
+    columns = _columns(campaign, folder)
+
+    # Every law was run on the same plants, and is compared with the last one.
+    last = judged[-1] if judged else list(campaign.laws)[-1]
+    runs = len(columns[last]["id"])
+    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
+    options = {"confidence": confidence, "independent": sampled.independent}
+
+    margins = _margins(campaign, columns)
+    completed: dict[str, int] = {}
+    for law, rows in columns.items():
+        completed[law] = int((rows["status"] == COMPLETED).sum())
+    kept = _runs_kept(completed, margins)
+    differences: dict[tuple[str, str, str], PairedDifference] = {}
+    for (requirement, law), values in margins.items():
+        if law != last and (requirement, last) in margins:
+            of_last = margins[requirement, last]
+            differences[requirement, law, last] = paired(values, of_last, **options)
+    drivers: dict[str, list[Sensitivity]] = {}
+    for law in judged:
+        numbers = {name: columns[law][name] for name in campaign.family.names}
+        drivers[law] = sensitivities(numbers, columns[law]["relative"], **options)
+
+    judges: dict[str, Judges] = {}
+    if specification.screen != "none":
+        judges = {law: Judges.of(rows) for law, rows in columns.items()}
+    units = {ALL: "of the limit"}
+    units |= {limit.words: limit.unit for limit in campaign.requirements}
+
+    return Findings(
+        sampled=sampled,
+        rates={key: pass_rate(count, runs, **options) for key, count in kept.items()},
+        cut_short={law: runs - count for law, count in completed.items()},
+        margins=margins,
+        summaries={key: margin_summary(values, **options) for key, values in margins.items()},
+        differences=differences,
+        sensitivities=drivers,
+        worst={law: _worst_runs(rows) for law, rows in columns.items()},
+        units=units,
+        judges=judges,
     )
+
+
+def _columns(campaign: Campaign, folder: Folder) -> dict[str, dict[str, Array]]:
+    """The columns of all runs that are there, by controller and name.
+
+    Raises:
+        SetupError: If there are none.
+    """
+    names = [*_COLUMNS, *campaign.family.names]
+    names += [MARGIN + limit.key for limit in campaign.requirements]
+    if campaign.specification.screen != "none":
+        names += SCREENING
+    columns = folder.columns(campaign, names, range(campaign.specification.shards))
     if not columns:
         raise SetupError(f"{folder.path} has no runs yet: --resume runs what is missing")
-    last = (judged or list(campaign.laws))[-1]
-    runs, sampler = len(columns[last]["id"]), specification.sampler
-    sampled = Basis(runs, specification.runs, sampler, specification.seed)
-    how = {"confidence": confidence, "independent": sampled.independent}
-    margins = {(ALL, law): columns[law]["relative"] for law in judged}
+    return columns
+
+
+def _margins(
+    campaign: Campaign, columns: Mapping[str, Mapping[str, Array]]
+) -> dict[tuple[str, str], Array]:
+    """Margins by requirement, in words, and law, (n,) each: first the least of all requirements."""
+    margins = {(ALL, law): columns[law]["relative"] for law in campaign.judged}
     for limit in campaign.requirements:
-        margins |= {(limit.words, law): columns[law][MARGIN + limit.key] for law in limit.of}
-    completed = {law: int((own["status"] == COMPLETED).sum()) for law, own in columns.items()}
+        for law in limit.of:
+            margins[limit.words, law] = columns[law][MARGIN + limit.key]
+    return margins
+
+
+def _runs_kept(
+    completed: Mapping[str, int], margins: Mapping[tuple[str, str], Array]
+) -> dict[tuple[str, str], int]:
+    """Number of runs that keep each requirement, by requirement and law."""
     kept = {(COMPLETES, law): count for law, count in completed.items()}
     # The requirements in the order of the file, then all of them together.
     for key in sorted(margins, key=lambda key: key[0] == ALL):
         kept[key] = int((margins[key] >= 0).sum())
-    return Findings(
-        sampled=sampled,
-        rates={key: pass_rate(count, runs, **how) for key, count in kept.items()},
-        cut_short={law: runs - count for law, count in completed.items()},
-        margins=margins,
-        summaries={key: margin_summary(values, **how) for key, values in margins.items()},
-        differences={
-            (words, law, last): paired(values, margins[words, last], **how)
-            for (words, law), values in margins.items()
-            if law != last and (words, last) in margins
-        },
-        sensitivities={
-            law: sensitivities(
-                {name: columns[law][name] for name in numbers}, columns[law]["relative"], **how
-            )
-            for law in judged
-        },
-        worst={
-            law: own["id"][own["order"].argsort(kind="stable")[:WORST]].tolist()
-            for law, own in columns.items()
-        },
-        units={ALL: "of the limit", **{limit.words: limit.unit for limit in campaign.requirements}},
-        judges={law: Judges.of(own) for law, own in columns.items()} if screened else {},
-    )
+    return kept
+
+
+def _worst_runs(rows: Mapping[str, Array]) -> list[int]:
+    """Numbers of the worst runs of one controller, the worst first."""
+    worst_first = rows["order"].argsort(kind="stable")
+    return rows["id"][worst_first[:WORST]].tolist()
 
 
 def run_campaign(
@@ -258,10 +318,10 @@ def run_campaign(
     """Run a campaign in this process, on all cores.
 
     Args:
-        campaign: What is run.
+        campaign: The campaign.
         folder: Where it is kept, as ``grosmc-mj campaign`` keeps it.
         resume: Whether to go on with what is in the folder.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence of the intervals, between 0 and 1.
 
     Raises:
         ArgumentError: If the folder has another campaign, or this one and ``resume`` is not wanted.
@@ -281,9 +341,12 @@ def run_campaign(
 def findings_tables(campaign: Campaign, findings: Findings) -> list[Table]:
     """Pass rates, margins, differences between laws, and what drives each law's margin."""
     tables = [pass_rates_table(findings)]
-    tables += [margins_table(findings)] if findings.summaries else []
-    tables += [paired_table(findings)] if findings.differences else []
-    return [*tables, *(sensitivity_table(findings, law) for law in campaign.judged)]
+    if findings.summaries:
+        tables.append(margins_table(findings))
+    if findings.differences:
+        tables.append(paired_table(findings))
+    tables += [sensitivity_table(findings, law) for law in campaign.judged]
+    return tables
 
 
 def _sampled(findings: Findings) -> str:
@@ -292,15 +355,20 @@ def _sampled(findings: Findings) -> str:
 
 
 def pass_rates_table(findings: Findings) -> Table:
-    """How many runs keep each requirement."""
+    """Number and share of the runs that keep each requirement."""
     confidence = next(iter(findings.rates.values())).confidence
-    rows = []
-    for (requirement, law), rate in findings.rates.items():
-        # Only all of the runs are 100 %, and only none 0 %.
-        inner = 0 < rate.kept < rate.runs
-        share = f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}" if inner else f"{100 * rate.rate:g}"
-        counts = (str(rate.kept), str(rate.runs), share, rate_interval(rate, "..") or "-")
-        rows.append((requirement, label_of(law), *counts, str(findings.cut_short.get(law, 0))))
+    rows = [
+        (
+            requirement,
+            label_of(law),
+            str(rate.kept),
+            str(rate.runs),
+            _percentage(rate),
+            rate_interval(rate, "..") or "-",
+            str(findings.cut_short.get(law, 0)),
+        )
+        for (requirement, law), rate in findings.rates.items()
+    ]
     level = f"{100 * confidence:.6g} %"
     columns = numbers("kept", "of runs", "rate %", f"{level} interval", "not completed")
     return table(
@@ -315,15 +383,19 @@ def pass_rates_table(findings: Findings) -> Table:
     )
 
 
+def _percentage(rate: PassRate) -> str:
+    """A pass rate [%]: only all of the runs are 100, and only none 0."""
+    if 0 < rate.kept < rate.runs:
+        return f"{min(max(100 * rate.rate, 0.01), 99.99):.2f}"
+    return f"{100 * rate.rate:g}"
+
+
 def margins_table(findings: Findings) -> Table:
     """The distribution of each requirement's margin."""
-    rows = []
-    for (requirement, law), of in findings.summaries.items():
-        values = map(number, (of.least, of.cvar, of.q01, of.q05, of.median, of.q95))
-        mean = number(of.mean)
-        if of.mean_low is not None:
-            mean += f"\n({number(of.mean_low)} ..\n{number(of.mean_high)})"
-        rows.append((requirement, label_of(law), *values, mean, findings.units[requirement]))
+    rows = [
+        (requirement, label_of(law), *_margin_cells(summary), findings.units[requirement])
+        for (requirement, law), summary in findings.summaries.items()
+    ]
     headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")
     return table(
         "Margins: limit less measured",
@@ -336,16 +408,32 @@ def margins_table(findings: Findings) -> Table:
     )
 
 
+def _margin_cells(summary: MarginSummary) -> list[str]:
+    """The quantiles of a margin and its mean with its interval."""
+    mean = number(summary.mean)
+    if summary.mean_low is not None:
+        mean += f"\n({number(summary.mean_low)} ..\n{number(summary.mean_high)})"
+    return [
+        number(summary.least),
+        number(summary.cvar),
+        number(summary.q01),
+        number(summary.q05),
+        number(summary.median),
+        number(summary.q95),
+        mean,
+    ]
+
+
 def paired_table(findings: Findings) -> Table:
     """Laws against each other on the same plants."""
-    rows = []
-    for (requirement, first, second), of in findings.differences.items():
-        ends = (None if end is None else 100 * end for end in (of.low, of.high))
-        points = _between("", 100 * of.difference, *ends)
-        median = _between(findings.units[requirement], of.median, of.median_low, of.median_high)
-        laws = f"{label_of(first)},\n{label_of(second)}"
-        counts = (str(of.only_first), str(of.only_second))
-        rows.append((requirement, laws, *counts, points, _p_value(of.p_value), median))
+    rows = [
+        (
+            requirement,
+            f"{label_of(first)},\n{label_of(second)}",
+            *_difference_cells(difference, findings.units[requirement]),
+        )
+        for (requirement, first, second), difference in findings.differences.items()
+    ]
     headers = ("only\nfirst", "only\nsecond", "pass rate\n[% points]", "p", "median of\nmargins")
     return table(
         "Two laws on the same plants: second less first",
@@ -358,18 +446,26 @@ def paired_table(findings: Findings) -> Table:
     )
 
 
+def _difference_cells(pair: PairedDifference, unit: str) -> list[str]:
+    """Counts, difference of the pass rates, its p, and median difference of the margins."""
+    low = high = None
+    if pair.low is not None and pair.high is not None:
+        low = 100 * pair.low
+        high = 100 * pair.high
+    return [
+        str(pair.only_first),
+        str(pair.only_second),
+        _between("", 100 * pair.difference, low, high),
+        _p_value(pair.p_value),
+        _between(unit, pair.median, pair.median_low, pair.median_high),
+    ]
+
+
 def sensitivity_table(findings: Findings, law: str) -> Table:
-    """What drives the least margin under one law."""
-    rows, styles = [], []
-    for of in findings.sensitivities[law]:
-        styles.append("dim" if of.note else "")
-        if of.share is None or of.correlation is None:
-            rows.append((of.parameter, "-", "", "-", of.note))
-            continue
-        correlation = f"{of.correlation:+.2f}"
-        if of.low is not None:
-            correlation += f" ({of.low:+.2f} .. {of.high:+.2f})"
-        rows.append((of.parameter, f"{100 * of.share:.0f}", _p_value(of.p_value), correlation, ""))
+    """Drivers of the least margin under one law."""
+    drivers = findings.sensitivities[law]
+    rows = [_driver_cells(driver) for driver in drivers]
+    styles = ["dim" if driver.note else "" for driver in drivers]
     return table(
         f"What drives the margin of {ALL!r} under {label_of(law)}",
         [*text("parameter"), *numbers("share %", "p", "rank correlation"), *words("")],
@@ -382,24 +478,53 @@ def sensitivity_table(findings: Findings, law: str) -> Table:
     )
 
 
+def _driver_cells(driver: Sensitivity) -> tuple[str, ...]:
+    """The row of one parameter."""
+    if driver.share is None or driver.correlation is None:
+        return (driver.parameter, "-", "", "-", driver.note)
+
+    correlation = f"{driver.correlation:+.2f}"
+    if driver.low is not None:
+        correlation += f" ({driver.low:+.2f} .. {driver.high:+.2f})"
+    share = f"{100 * driver.share:.0f}"
+    return (driver.parameter, share, _p_value(driver.p_value), correlation, "")
+
+
 def _p_value(p: float | None) -> str:
     """A p-value; a dash where there is none."""
-    return "-" if p is None else "< 1e-4" if p < 1e-4 else f"{p:.2g}"
+    if p is None:
+        return "-"
+    if p < 1e-4:
+        return "< 1e-4"
+    return f"{p:.2g}"
 
 
-def _between(unit: str, *values: float | None) -> str:
+def _between(unit: str, value: float, low: float | None, high: float | None) -> str:
     """A signed number over its interval, if it has one; an end may be open."""
-    signed = [("+" if value and value > 0 else "") + number(value) for value in values]
-    interval = "" if values[1] is None else f"\n({signed[1]} .. {signed[2]})"
-    return f"{signed[0]} {unit}".rstrip() + interval
+    words = f"{_signed(value)} {unit}".rstrip()
+    if low is None:
+        return words
+    return f"{words}\n({_signed(low)} .. {_signed(high)})"
+
+
+def _signed(value: float | None) -> str:
+    """A number with its sign."""
+    sign = "+" if value and value > 0 else ""
+    return sign + number(value)
 
 
 def rate_interval(rate: PassRate, between: str) -> str:
-    """The interval of a pass rate [%]; empty if there is none."""
+    """Return the interval of a pass rate [%]; empty if there is none.
+
+    Args:
+        rate: The pass rate.
+        between: Text between both ends.
+    """
     if rate.low is None or rate.high is None:
         return ""
     # Rounded outwards, so that the interval shown covers the exact one.
-    low, high = math.floor(1e4 * rate.low) / 100, math.ceil(1e4 * rate.high) / 100
+    low = math.floor(1e4 * rate.low) / 100
+    high = math.ceil(1e4 * rate.high) / 100
     return f"{low:.2f} {between} {high:.2f}"
 
 
@@ -407,51 +532,76 @@ def rate_interval(rate: PassRate, between: str) -> str:
 
 
 def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
-    """results.json; a margin without bound is that of a run that did not complete."""
-    sampled, complete = findings.sampled, findings.sampled.runs == findings.sampled.planned
-    # Where nothing is required, the rates are those of the runs that complete.
-    shown = ALL if campaign.judged else COMPLETES
-    rates = {law: rate for (of, law), rate in findings.rates.items() if of == shown}
-    kept = all(rate.kept == rate.runs for rate in rates.values())
-    sentences = []
-    for law, rate in rates.items():
-        interval = rate_interval(rate, "to")
-        sentences.append(f"{law}: {rate.kept} of {rate.runs}" + (interval and f" [{interval} %]"))
-    answer = Answer(
-        question=f"Campaign {campaign.specification.name}",
-        verdict=NOT_KEPT if not kept else KEPT if complete else OPEN,
-        words="; ".join(sentences),
-        more=judged_words(findings.judges),
-    )
+    """Return results.json; a margin without bound is that of a run that did not complete."""
+    sampled = findings.sampled
+    sheets = [Sheet(table=table) for table in findings_tables(campaign, findings)]
+    pass_rates = [
+        {"requirement": requirement, "controller": law, **rate._asdict()}
+        for (requirement, law), rate in findings.rates.items()
+    ]
+    judged = {
+        law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
+        for law, judge in findings.judges.items()
+    }
+    margins = [
+        {
+            "requirement": requirement,
+            "controller": law,
+            "unit": findings.units[requirement],
+            **summary._asdict(),
+        }
+        for (requirement, law), summary in findings.summaries.items()
+    ]
+    differences = [
+        {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
+        for (requirement, first, second), pair in findings.differences.items()
+    ]
+    drivers = {
+        law: [driver._asdict() for driver in drivers]
+        for law, drivers in findings.sensitivities.items()
+    }
     return result_of(
         campaign,
         "campaign",
-        complete=complete,
-        answers=[answer],
-        sheets=[Sheet(table=table) for table in findings_tables(campaign, findings)],
+        complete=sampled.runs == sampled.planned,
+        answers=[_answer(campaign, findings)],
+        sheets=sheets,
         sampled={**sampled._asdict(), "words": sampled.words},
         says=sampled.footnote,
-        pass_rates=[
-            {"requirement": requirement, "controller": law, **rate._asdict()}
-            for (requirement, law), rate in findings.rates.items()
-        ],
+        pass_rates=pass_rates,
         ended_early=dict(findings.cut_short),
-        judged={
-            law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
-            for law, judge in findings.judges.items()
-        },
-        margins=[
-            {"requirement": of, "controller": law, "unit": findings.units[of], **summary._asdict()}
-            for (of, law), summary in findings.summaries.items()
-        ],
-        differences=[
-            {"requirement": requirement, "first": first, "second": second, **pair._asdict()}
-            for (requirement, first, second), pair in findings.differences.items()
-        ],
-        drivers={
-            law: [driver._asdict() for driver in drivers]
-            for law, drivers in findings.sensitivities.items()
-        },
+        judged=judged,
+        margins=margins,
+        differences=differences,
+        drivers=drivers,
         worst_runs=dict(findings.worst),
         units={number.name: number.unit for number in campaign.family.quantities},
+    )
+
+
+def _answer(campaign: Campaign, findings: Findings) -> Answer:
+    """Number of runs that keep everything, by law."""
+    # Where nothing is required, the rates are those of the runs that complete.
+    requirement = ALL if campaign.judged else COMPLETES
+    laws = [law for name, law in findings.rates if name == requirement]
+
+    verdict = KEPT
+    if findings.sampled.runs != findings.sampled.planned:
+        verdict = OPEN
+    sentences: list[str] = []
+    for law in laws:
+        rate = findings.rates[requirement, law]
+        if rate.kept < rate.runs:
+            # One failure decides, however many runs are missing.
+            verdict = NOT_KEPT
+        sentence = f"{law}: {rate.kept} of {rate.runs}"
+        interval = rate_interval(rate, "to")
+        if interval:
+            sentence += f" [{interval} %]"
+        sentences.append(sentence)
+    return Answer(
+        question=f"Campaign {campaign.specification.name}",
+        verdict=verdict,
+        words="; ".join(sentences),
+        more=judged_words(findings.judges),
     )

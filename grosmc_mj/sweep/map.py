@@ -144,15 +144,16 @@ def _title(axis: Quantity) -> str:
 
 
 def write_pass_map(path: Path, shown: PassMap, title: str, footnote: str) -> Path:
-    """Draw a panel a law, a mark a plant."""
+    """Draw a panel for each law, with a mark for each plant."""
     styles = law_styles(shown.runs)
     across, up = shown.titles
     width = _PANEL[0] * len(shown.runs)
     with figure_written(path, (width + _LEGEND, _PANEL[1] + _TEXTS)) as figure:
         figure.suptitle(in_lines(title, round(9 * width)), fontsize=13)
         figure.supxlabel(in_lines(footnote, round(16 * width)), fontsize=8.5)
-        panels = figure.subplots(1, len(shown.runs), squeeze=False, sharex=True, sharey=True)[0]
-        for panel, (law, (x, y, margins)) in zip(panels, shown.runs.items(), strict=True):
+        (panels,) = figure.subplots(1, len(shown.runs), squeeze=False, sharex=True, sharey=True)
+        for panel, law in zip(panels, shown.runs, strict=True):
+            x, y, margins = shown.runs[law]
             _draw_plants(panel, x, y, margins)
             kept = np.count_nonzero(margins >= 0)
             panel.set_title(in_lines(f"{styles[law].label}: {kept} of {len(margins)} kept"))

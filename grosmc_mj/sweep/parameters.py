@@ -1,4 +1,4 @@
-"""A number of an experiment under one path: its unit and bounds, its value, and other values."""
+"""Numbers of an experiment by path: their units, bounds and values, and cases with other values."""
 
 from __future__ import annotations
 
@@ -34,8 +34,13 @@ _BOUNDS = {
     "value": Range(),
     "scale": Range(0, above=True),
 }
-# Where a model keeps what a joint edit changes.
-_OF_JOINT = {"damping": "dof_damping", "friction": "dof_frictionloss", "armature": "dof_armature"}
+# Field of a model by the number of a joint edit.
+_JOINT_FIELDS = {
+    "damping": "dof_damping",
+    "friction": "dof_frictionloss",
+    "armature": "dof_armature",
+}
+_OWNERS = {*_EDITS, *LOOP_PARTS, "disturbance", "start", "parameter"}
 
 
 @dataclass(frozen=True)
@@ -45,9 +50,9 @@ class Parameter:
     Attributes:
         owner: ``body``, ``joint``, ``disturbance``, ``start``, ``parameter``, or a part of the loop
             or of the machine, such as ``sensor`` or ``transmission``.
-        of: Name of that, such as a joint; ``computing`` of the computer.
-        quantity: Which of its numbers.
-        at: Of an added mass: where on the body [m].
+        of: Name of the owner, such as a joint; ``computing`` of the computer.
+        quantity: Name of the number.
+        at: Place of an added mass on the body [m].
     """
 
     owner: str
@@ -57,19 +62,18 @@ class Parameter:
 
     @classmethod
     def at_path(cls, path: str) -> Parameter:
-        """The parameter of a path OWNER.OF.QUANTITY, such as ``sensor.rotor angle.delay``.
+        """Return the parameter of a path OWNER.OF.QUANTITY, such as ``sensor.rotor angle.delay``.
 
         Raises:
-            ArgumentError: If it is none.
+            ArgumentError: If the path has another form, or an unknown owner.
         """
-        owner, _, rest = path.partition(".")
-        of, _, quantity = rest.rpartition(".")
+        owner, _, name_and_quantity = path.partition(".")
+        of, _, quantity = name_and_quantity.rpartition(".")
         if owner == "computing":
             of = owner
-        parameter = cls(owner, of, quantity)
-        if not of or owner not in {*_EDITS, *LOOP_PARTS, "disturbance", "start", "parameter"}:
+        if not of or owner not in _OWNERS:
             raise ArgumentError(f"{path!r} must be a path OWNER.OF.QUANTITY: body.rotor.mass_scale")
-        return parameter
+        return cls(owner, of, quantity)
 
     @property
     def of_loop(self) -> bool:
@@ -78,7 +82,7 @@ class Parameter:
 
     @property
     def of_plant(self) -> bool:
-        """Whether it changes the plant, and not what acts on it or where it starts."""
+        """Whether it changes the plant, and not a disturbance, the start or the loop."""
         return self.owner in {*_EDITS, "parameter"}
 
     @property
@@ -90,7 +94,7 @@ class Parameter:
         return range_of(kind, self.quantity) or Range()
 
     def unit_on(self, system: System) -> str:
-        """Unit of its values on a system; empty for a factor.
+        """Return the unit of its values on a system; empty for a factor.
 
         Raises:
             ArgumentError: If the system has no such state, input or joint.
@@ -102,21 +106,21 @@ class Parameter:
         return self.bounds.unit
 
     def state(self, system: System) -> int:
-        """Of a start: which of the states it is."""
+        """Return the index of the state whose start it is."""
         names = [state.name for state in system.states]
         require_known("state", self.of, names)
         return names.index(self.of)
 
     def as_run(self, value: float, timestep: float, control_period: float) -> float:
-        """The value that a run has: times of a loop are whole timesteps [s]."""
+        """Return the value that a run has: times of a loop are whole timesteps [s]."""
         if self.of_loop and self.quantity in TIMES:
             return time_as_run(self.quantity, value, timestep, control_period)
         return value
 
     def value(self, case: Case, plant: Any) -> float:
-        """The number that a case and its plant have, infinite for no limit.
+        """Return the number that a case and its plant have, infinite for no limit.
 
-        Of a disturbance's amplitude it is zero: without uncertainty there is none.
+        A disturbance's amplitude is zero: without uncertainty there is none.
 
         Raises:
             ArgumentError: If they have no such number.
@@ -130,99 +134,143 @@ class Parameter:
             return 1.0
         if self.owner == "disturbance":
             return self._of_disturbance(case)
-        if not self.of_loop:
-            value = self._of_model(case, plant)
-        elif case.loop is None:
+
+        value = self._of_loop(case) if self.of_loop else self._of_model(case, plant)
+        if value is None:
+            return math.inf
+        return float(value)
+
+    def _of_loop(self, case: Case) -> float | None:
+        """The number of a sensor, an estimator, an actuator or the computer; None for no limit."""
+        if case.loop is None:
             raise ArgumentError(
                 f"the case file has no {self.owner}, of which this is a number: write one"
             )
-        else:
-            value = getattr(case.loop.part(self.owner, self.of), self.quantity)
-        return math.inf if value is None else float(value)
+        return getattr(case.loop.part(self.owner, self.of), self.quantity)
 
     def _of_model(self, case: Case, plant: Any) -> float | None:
-        """A number of a body, a joint or a part of the machine."""
-        owner, of, quantity = self.owner, self.of, self.quantity
+        """The number of a body, a joint or a part of the machine; None for no limit."""
         if plant.kind != "physics":
             raise ArgumentError(
-                f"the plant has no model in MuJoCo, so no {owner}: name a parameter"
+                f"the plant has no model in MuJoCo, so no {self.owner}: name a parameter"
             )
-        if owner == "joint":
-            require_known("joint", of, joint_names(plant.model))
-            joint = plant.model.joint(of)
-            return getattr(plant.model, _OF_JOINT[quantity])[joint.dofadr[0]]
-        own = self._edits(case.edits)
-        if owner == "body":
-            require_known("body", of, body_names(plant.model))
-            nominal = 0.0 if quantity == "added_mass" else 1.0
-            return getattr(case.edits[own[0]], quantity, nominal) if own else nominal
-        if len(own) != 1:
-            count = len(own) or "no"
-            raise ArgumentError(f"the file has {count} [[{owner}]] of {of!r}: it must have one")
-        return getattr(case.edits[own[0]], quantity)
+        if self.owner == "joint":
+            return self._of_joint(plant)
+
+        edits = [case.edits[index] for index in self._indices(case.edits)]
+        if self.owner == "body":
+            require_known("body", self.of, body_names(plant.model))
+            nominal = 0.0 if self.quantity == "added_mass" else 1.0
+            return getattr(edits[0], self.quantity, nominal) if edits else nominal
+        if len(edits) != 1:
+            raise ArgumentError(
+                f"the file has {len(edits) or 'no'} [[{self.owner}]] of {self.of!r}: it must have "
+                "one"
+            )
+        return getattr(edits[0], self.quantity)
+
+    def _of_joint(self, plant: Any) -> float:
+        """The number of a joint in the compiled model."""
+        require_known("joint", self.of, joint_names(plant.model))
+        joint = plant.model.joint(self.of)
+        return getattr(plant.model, _JOINT_FIELDS[self.quantity])[joint.dofadr[0]]
 
     def _of_disturbance(self, case: Case) -> float:
-        """A number of a disturbance."""
+        """The number of a disturbance."""
         labels = [disturbance.label for disturbance in case.disturbances]
         require_known("disturbance", self.of, [label for label in labels if label])
         if labels.count(self.of) > 1:
             raise ArgumentError(f"two disturbances have the label {self.of!r}: give each its own")
-        profile: Any = case.disturbances[labels.index(self.of)].profile
         if self.quantity == "amplitude":
             return 0.0
+
+        profile: Any = case.disturbances[labels.index(self.of)].profile
         if isinstance(profile, Pulse) and self.quantity == "onset":
             return profile.start
         if not hasattr(profile, self.quantity):
             raise ArgumentError(f"a {type(profile).__name__} profile has no {self.quantity}")
         return float(getattr(profile, self.quantity))
 
-    def _edits(self, edits: Sequence[Edit]) -> list[int]:
-        """Which edits have the numbers of its body, joint or part of the machine."""
+    def _indices(self, edits: Sequence[Edit]) -> list[int]:
+        """Indices of the edits that have the numbers of its body, joint or part of the machine."""
+        kind = _EDITS[self.owner]
         name = self.owner if self.owner in ("body", "joint") else "of"
         return [
             index
             for index, edit in enumerate(edits)
-            if isinstance(edit, _EDITS[self.owner]) and getattr(edit, name) == self.of
+            if isinstance(edit, kind) and getattr(edit, name) == self.of
         ]
 
     def edited(self, edits: Sequence[Edit], value: float) -> list[Edit]:
-        """The edits of a model with this value among them."""
-        changed, change = list(edits), {self.quantity: value}
+        """Return the edits of a model with this value among them."""
+        changed = list(edits)
         if self.quantity == "added_mass":
-            return [*changed, AddedMass(self.of, value, self.at)] if value > 0 else changed
-        if own := self._edits(edits):
-            changed[own[0]] = replace(changed[own[0]], **change)
+            # No mass is no edit.
+            if value > 0:
+                changed.append(AddedMass(self.of, value, self.at))
             return changed
-        return [*changed, _EDITS[self.owner](self.of, **change)]
+
+        change = {self.quantity: value}
+        indices = self._indices(edits)
+        if indices:
+            first = indices[0]
+            changed[first] = replace(changed[first], **change)
+        else:
+            changed.append(_EDITS[self.owner](self.of, **change))
+        return changed
 
     def disturbed(self, disturbance: Disturbance, value: float) -> Disturbance:
-        """A disturbance with this value; a pulse with another onset keeps its length."""
+        """Return a disturbance with this value; a pulse with another onset keeps its length."""
         if disturbance.label != self.of:
             return disturbance
         if self.quantity == "amplitude":
             fx, fy, fz, tx, ty, tz = (value * part for part in disturbance.wrench)
             return replace(disturbance, wrench=(fx, fy, fz, tx, ty, tz))
+
         profile: Any = disturbance.profile
         if isinstance(profile, Pulse):
-            return replace(
-                disturbance, profile=Pulse(value, value + (profile.stop - profile.start))
-            )
-        return replace(disturbance, profile=replace(profile, **{self.quantity: value}))
+            changed = Pulse(value, value + (profile.stop - profile.start))
+        else:
+            changed = replace(profile, **{self.quantity: value})
+        return replace(disturbance, profile=changed)
+
+    def changed_case(self, case: Case, value: float, system: System) -> Case:
+        """Return a case with this value in its start, disturbances, edits or loop.
+
+        Raises:
+            ArgumentError: If the case has no such part, or the value is out of its bounds.
+        """
+        if self.owner == "start":
+            x0 = list(case.x0)
+            x0[self.state(system)] = value
+            return replace(case, x0=tuple(x0))
+        if self.owner == "disturbance":
+            disturbances = [self.disturbed(disturbance, value) for disturbance in case.disturbances]
+            return replace(case, disturbances=tuple(disturbances))
+        if self.of_plant:
+            return replace(case, edits=tuple(self.edited(case.edits, value)))
+        if case.loop is None:
+            raise ArgumentError(f"the case has no loop, so no {self.owner} of {self.of}")
+        loop = case.loop.changed(self.owner, self.of, **{self.quantity: value})
+        return replace(case, loop=loop)
 
 
 class Varied(NamedTuple):
-    """A case with other numbers.
+    """Case with other numbers.
 
     Attributes:
         case: Start, edits, disturbances and loop.
-        scales: Factors on parameters of an analytic plant of the user's own.
+        scales: Factors on parameters of an analytic plant of the user's own, by name.
     """
 
     case: Case
     scales: tuple[tuple[str, float], ...] = ()
 
     def plant(self, like: Plant) -> Plant:
-        """The plant with these numbers, from one with the file's edits.
+        """Return the plant with these numbers.
+
+        Args:
+            like: The plant with the file's edits.
 
         Raises:
             ArgumentError: If the case starts beyond one of its stops.
@@ -235,35 +283,29 @@ class Varied(NamedTuple):
 def varied(
     experiment: Experiment, values: Iterable[tuple[Parameter, float]], case: Case | None = None
 ) -> Varied:
-    """A case with other values of some parameters; times of its loop become whole timesteps.
+    """Return a case with other values of some parameters; times become whole timesteps.
 
     Args:
-        experiment: Of the case.
+        experiment: Experiment of the case.
         values: Parameters and their values.
         case: The case; the experiment's by default.
 
     Raises:
         ArgumentError: If it has no such part, or a value is out of its bounds.
     """
-    case = case or experiment.case
-    loop, edits, x0, scales = case.loop, list(case.edits), list(case.x0), []
-    disturbances = list(case.disturbances)
+    if case is None:
+        case = experiment.case
+
+    changed = case
+    scales: list[tuple[str, float]] = []
     for parameter, value in values:
-        if parameter.owner == "start":
-            x0[parameter.state(experiment.nominal.system)] = value
-        elif parameter.owner == "parameter":
+        if parameter.owner == "parameter":
             scales.append((parameter.of, value))
-        elif parameter.owner == "disturbance":
-            disturbances = [parameter.disturbed(push, value) for push in disturbances]
-        elif parameter.of_plant:
-            edits = parameter.edited(edits, value)
-        elif loop is None:
-            raise ArgumentError(f"the case has no loop, so no {parameter.owner} of {parameter.of}")
         else:
-            loop = loop.changed(parameter.owner, parameter.of, **{parameter.quantity: value})
-    if loop is not None and loop is not case.loop:
-        loop = loop.rounded(experiment.settings.timestep, experiment.settings.control_period)
-    changed = replace(
-        case, x0=tuple(x0), edits=tuple(edits), disturbances=tuple(disturbances), loop=loop
-    )
+            changed = parameter.changed_case(changed, value, experiment.nominal.system)
+
+    if changed.loop is not None and changed.loop is not case.loop:
+        settings = experiment.settings
+        loop = changed.loop.rounded(settings.timestep, settings.control_period)
+        changed = replace(changed, loop=loop)
     return Varied(changed, tuple(scales))

@@ -1,4 +1,4 @@
-"""What the premises of a sliding mode law promise of a family of plants.
+"""Promise of a sliding mode law's premises for a family of plants.
 
 The promise is eq. (14)'s: with the switching gain that the law has, |s| cannot grow, anywhere in
 the operating region, on a plant with these numbers and under wrenches up to these. It is of
@@ -32,19 +32,20 @@ from grosmc_mj.sweep.search import largest_passing
 _TOLERANCE = 0.01
 # Gains that were computed for a plant hold for it to rounding of the largest rates.
 _ROUNDING = 1e-9
-# What s moves by between two samples, over h rho.
+# Largest change of s between two samples, over h rho.
 _SAMPLE = 2.0
-# What the equations, from which the premises are computed, do not have.
+# Numbers that the equations, from which the premises are computed, do not have.
 _NOT_IN_EQUATIONS = ("damping", "friction", "armature")
 
 
 class Promise(NamedTuple):
-    """How far the premises reach.
+    """Reach of the premises.
 
     Attributes:
-        scale: Of the uncertainty, up to which they hold; None where they cannot be computed.
-        note: Why not, or what limits it.
-        band: By how much |s| may exceed |s(0)| while they hold; None where nothing is promised.
+        scale: Scale of the uncertainty up to which they hold; None where they cannot be computed.
+        note: Why they cannot, or what limits the scale.
+        band: Amount by which |s| may exceed |s(0)| while they hold; None where nothing is
+            promised.
     """
 
     scale: float | None
@@ -54,7 +55,7 @@ class Promise(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PromisedFamily:
-    """The premise of one law over the family of a campaign.
+    """Premises of one law over the family of a campaign.
 
     Attributes:
         campaign: The campaign.
@@ -68,12 +69,14 @@ class PromisedFamily:
 
     @classmethod
     def of(cls, campaign: Campaign, controller: str) -> PromisedFamily:
-        """The premises of a controller.
+        """Return the premises of a controller.
 
         Raises:
             PremiseError: If there are none, and why.
         """
-        law, region, plant = campaign.laws[controller], campaign.experiment.region, campaign.plant
+        law = campaign.laws[controller]
+        region = campaign.experiment.region
+        plant = campaign.plant
         if not law.designed.switching:
             raise PremiseError(
                 f"{controller} does not switch: it promises nothing about uncertainty"
@@ -84,15 +87,16 @@ class PromisedFamily:
             raise PremiseError("no operating region is declared for this design")
         for number in campaign.family.quantities:
             if number.quantity in _NOT_IN_EQUATIONS:
-                words = f"no {number.quantity}, so {number.name} has no premise"
-                raise PremiseError(f"the equations have {words}")
+                raise PremiseError(
+                    f"the equations have no {number.quantity}, so {number.name} has no premise"
+                )
         return cls(campaign, law, region)
 
     def margin(self, values: Array, amplitude: Array) -> float:
-        """Configured less required switching rate, the least of the operating region.
+        """Least difference of configured and required switching rate in the operating region.
 
         Args:
-            values: Of the uncertain numbers, (d,); those of disturbances and starts play no part.
+            values: Uncertain numbers, (d,); those of disturbances and starts play no part.
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
         """
         plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
@@ -100,18 +104,21 @@ class PromisedFamily:
 
     def amplitude(self, scale: float) -> Array:
         """The largest wrenches of the family, with its uncertainty scaled, (6 * bodies,)."""
-        campaign, bodies = self.campaign, self.campaign.plant.system.bodies
+        bodies = self.campaign.plant.system.bodies
         largest = np.zeros((len(bodies), 6))
-        factors = {
-            number.of: max(map(abs, number.ends(scale)))
-            for number in campaign.family.quantities
-            if number.quantity == "amplitude"
-        }
-        for disturbance in campaign.experiment.case.disturbances:
-            factor = factors.get(disturbance.label, 1.0)
+        for disturbance in self.campaign.experiment.case.disturbances:
+            factor = self._largest_factor(disturbance.label, scale)
             size = np.abs(disturbance.wrench) * factor * self._peak(disturbance.profile)
             largest[bodies.index(disturbance.body)] += size
         return largest.ravel()
+
+    def _largest_factor(self, label: str, scale: float) -> float:
+        """The largest factor on the wrench of a disturbance; 1 if its amplitude is certain."""
+        for number in self.campaign.family.quantities:
+            if number.quantity == "amplitude" and number.of == label:
+                low, high = number.ends(scale)
+                return max(abs(low), abs(high))
+        return 1.0
 
     def _peak(self, profile: Profile) -> float:
         """The largest magnitude of a profile: 1 of the package's own."""
@@ -123,24 +130,26 @@ class PromisedFamily:
 
     def surface_band(self) -> float:
         """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
-        campaign, law = self.campaign, self.law
+        campaign = self.campaign
         plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
-        rate = largest_rate(law, plant.analytic(), self.bound)
-        switching = getattr(law.parameters, "switching", None)
+        rate = largest_rate(self.law, plant.analytic(), self.bound)
+
+        # Only a boundary layer has a width.
+        switching = getattr(self.law.parameters, "switching", None)
         width = max(_SAMPLE, getattr(switching, "width", 0.0))
         return width * campaign.experiment.settings.control_period * rate
 
     def corners(self, scale: float, *, of_starts: bool = False) -> list[Array]:
-        """Extreme values of the family, scaled, (d,) each: of its plants, or of its starts.
+        """Extreme values of the family's plants, scaled, (d,) each; other numbers are nominal.
 
-        The other numbers are nominal.
+        Args:
+            scale: Scale of the uncertainty.
+            of_starts: Whether the starts are at their ends, instead of the plants.
         """
-        ends = [
-            number.ends(scale)
-            if (number.owner == "start" if of_starts else number.of_plant)
-            else (number.nominal,)
-            for number in self.campaign.family.quantities
-        ]
+        ends: list[tuple[float, ...]] = []
+        for number in self.campaign.family.quantities:
+            varies = number.owner == "start" if of_starts else number.of_plant
+            ends.append(number.ends(scale) if varies else (number.nominal,))
         return [np.array(corner) for corner in itertools.product(*ends)]
 
     def holds(self, scale: float) -> bool:
@@ -155,29 +164,36 @@ class PromisedFamily:
         corners = self.corners(scale, of_starts=True)
         x0 = np.array([self.campaign.plant_sample(values).case.x0 for values in corners])
         z = self.law.coordinates.along(np.zeros(len(x0)), x0, self.law.parameters)
-        return bool(np.all(np.abs(z) <= np.array(self.bound) * (1 + _ROUNDING)))
+        bound = np.array(self.bound) * (1 + _ROUNDING)
+        return bool(np.all(np.abs(z) <= bound))
 
     def reach(self) -> tuple[float, str]:
         """The largest scale of the uncertainty at which the premises hold, and what limits it."""
         if not self.holds(0.0):
             return 0.0, "the premises do not hold for the nominal plant"
+
         most = self.campaign.largest_scale
         low, high = largest_passing(self.holds, 0.0, most, most, _TOLERANCE, _TOLERANCE**2)
         if low == most:
             return most, f"they hold up to {most:.3g}, as far as was looked"
-        region = ", ".join(f"|z{i + 1}| <= {size:.3g}" for i, size in enumerate(self.bound))
-        left = "" if self.starts_inside(high) else "; beyond it starts leave that region"
-        return low, f"over {region}{left}"
+
+        bounds = [f"|z{i}| <= {size:.3g}" for i, size in enumerate(self.bound, start=1)]
+        region = ", ".join(bounds)
+        note = f"over {region}"
+        if not self.starts_inside(high):
+            note += "; beyond it starts leave that region"
+        return low, note
 
 
 def promise(campaign: Campaign, controller: str) -> Promise:
-    """How far the premises of a controller reach, or why nobody knows."""
+    """Return how far the premises of a controller reach, or why that cannot be computed."""
     band = None
     try:
         premises = PromisedFamily.of(campaign, controller)
         band = premises.surface_band()
         if not campaign.family.bounded:
             raise PremiseError("the uncertainty has no end, so no premise covers all of it")
-        return Promise(*premises.reach(), band)
+        scale, note = premises.reach()
+        return Promise(scale, note, band)
     except GrosmcError as error:
         return Promise(None, str(error), band)

@@ -1,10 +1,9 @@
-"""Run many rows of a design as one batch, with nothing recorded but what became of them."""
+"""Run many rows of a design as one batch, with nothing recorded but their outcomes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,10 +28,10 @@ from grosmc_mj.loop import in_loop, relooped
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.sweep.parameters import Parameter, varied
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.sweep.parameters import Parameter, Varied, varied
 
-# How the columns of margins begin.
+# Begin of the names of margins' columns.
 MARGIN = "margin "
 COMPLETED = Status.COMPLETED.name.lower()
 # Status of a row of which there can be no run.
@@ -47,8 +46,8 @@ class Row:
 
     Attributes:
         law: Name of a law of the experiment, or a controller, in a loop or without one.
-        values: Values by parameter, or by its path such as ``sensor.rotor angle.delay``, where
-            they are not the case's.
+        values: Values that differ from the case's, by parameter or by its path such as
+            ``sensor.rotor angle.delay``.
         case: Start, edits, disturbances and loop; the experiment's by default.
         number: Number of the run, which sets what its loop draws at random; the case's by default.
         plant: A plant that has the values already; by default it is made.
@@ -65,10 +64,10 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What became of n runs.
+    """Outcomes of n runs.
 
     Attributes:
-        limits: What was required.
+        limits: The requirements.
         columns: (n,) each, by name: the metrics, NaN for runs that ended early; ``margin KEY`` of
             each limit, NaN where it is not required of the row's law, -inf for runs that ended
             early; ``relative``, the least margin in parts of its limit: at most 1, which is all of
@@ -76,7 +75,7 @@ class Outcomes:
             better one, finite: ``relative``, which has no lower bound where a run never settles; of
             runs that ended early the earlier is the worse; ``status``, in lower case; ``ended``, up
             to when the run is valid [s]; ``last``, the last state, (n, states).
-        impossible: By number of the row: why there can be no such run.
+        impossible: Reasons why there can be no run of a row, by number of the row.
     """
 
     limits: Sequence[Limit]
@@ -88,27 +87,27 @@ class Outcomes:
 
     @property
     def completed(self) -> NDArray[np.bool_]:
-        """Which runs did, (n,)."""
+        """True for each run that reached its end, (n,)."""
         return self["status"] == COMPLETED
 
     @property
     def shares(self) -> list[Array]:
-        """Margins in parts of their limits, of each limit, (n,)."""
+        """Margins in parts of their limits, (n,) for each limit."""
         return [self[MARGIN + limit.key] / limit.value for limit in self.limits]
 
     def changed(self, **columns: Any) -> Outcomes:
-        """The same with other columns."""
+        """Return the outcomes with other columns."""
         return replace(self, columns={**self.columns, **columns})
 
     def rows(self, rows: NDArray[np.intp]) -> Outcomes:
-        """Some of the runs."""
+        """Return some of the runs."""
         return self.changed(**{name: column[rows] for name, column in self.columns.items()})
 
-    def with_rows(self, rows: NDArray[np.intp], others: Outcomes) -> Outcomes:
-        """The runs, some of them replaced by others."""
+    def with_rows(self, rows: NDArray[np.intp], replacements: Outcomes) -> Outcomes:
+        """Return the runs, some of them replaced."""
         columns = {name: column.copy() for name, column in self.columns.items()}
         for name, column in columns.items():
-            column[rows] = others[name]
+            column[rows] = replacements[name]
         return self.changed(**columns)
 
 
@@ -133,11 +132,11 @@ def run_rows(
 
     Args:
         experiment: Gives laws, plant, settings, and the start that errors are measured by.
-        rows: n of them.
-        limits: What is required, each of the laws that it names; the experiment's by default.
+        rows: The n rows.
+        limits: Requirements, each on the laws that it names; the experiment's by default.
         plant: ``physics``, or ``corrected`` for the equations with the numbers of the model.
-        keep_impossible: Whether a row of which there can be no run is one of the outcomes, with
-            the status ``impossible``, instead of an error.
+        keep_impossible: Whether a row that cannot be run is one of the outcomes, with the status
+            ``impossible``, instead of an error.
         threads: 0 for all cores.
 
     Raises:
@@ -145,27 +144,43 @@ def run_rows(
     """
     if limits is None:
         limits = required(experiment.limits, experiment.controllers)
+
     plants: dict[Any, Plant] = {}
+    # Runs of one law and duration, by number of their row.
     groups: dict[Any, dict[int, Run]] = {}
     impossible: dict[int, str] = {}
-    for i, row in enumerate(rows):
+    for number, row in enumerate(rows):
         try:
             run = ready(experiment, row, plant, plants)
         except GrosmcError as error:
             if not keep_impossible:
                 raise
-            impossible[i] = str(error)
-        else:
-            groups.setdefault((run.law.law, run.law.name, run.case.duration), {})[i] = run
-    count = len(rows)
-    columns: dict[str, NDArray[Any]] = {MARGIN + x.key: np.full(count, np.nan) for x in limits}
-    columns |= {name: np.full(count, -np.inf) for name in ("relative", "order")}
-    columns |= {"status": np.full(count, IMPOSSIBLE, object), "ended": np.zeros(count)}
-    for runs in groups.values():
-        for name, values in _run_group(experiment, list(runs.values()), limits, threads).items():
-            empty = np.full((count, *values.shape[1:]), np.nan)
-            columns.setdefault(name, empty)[list(runs)] = values
+            impossible[number] = str(error)
+            continue
+        key = run.law.law, run.law.name, run.case.duration
+        groups.setdefault(key, {})[number] = run
+
+    columns = _columns_without_runs(len(rows), limits)
+    for group in groups.values():
+        numbers = list(group)
+        outcome = _run_group(experiment, list(group.values()), limits, threads)
+        for name, values in outcome.items():
+            if name not in columns:
+                columns[name] = np.full((len(rows), *values.shape[1:]), np.nan)
+            columns[name][numbers] = values
     return Outcomes(limits, columns, impossible)
+
+
+def _columns_without_runs(count: int, limits: Sequence[Limit]) -> dict[str, NDArray[Any]]:
+    """Columns of rows none of which can be run, (count,) each; metrics are not among them."""
+    columns: dict[str, NDArray[Any]] = {
+        MARGIN + limit.key: np.full(count, np.nan) for limit in limits
+    }
+    columns["relative"] = np.full(count, -np.inf)
+    columns["order"] = np.full(count, -np.inf)
+    columns["status"] = np.full(count, IMPOSSIBLE, object)
+    columns["ended"] = np.zeros(count)
+    return columns
 
 
 def ready(
@@ -174,104 +189,146 @@ def ready(
     name: PlantName = "physics",
     plants: dict[Any, Plant] | None = None,
 ) -> Run:
-    """The plant, the law in its loop and the case of a row.
+    """Return the plant, the law in its loop and the case of a row.
 
     Args:
-        experiment: Of the row.
+        experiment: Experiment of the row.
         row: The row.
-        name: The plant that is made, as of ``run_rows``.
+        name: Kind of the plant that is made, as for ``run_rows``.
         plants: Plants that were made already, by their numbers; those with equal ones are one.
 
     Raises:
         GrosmcError: If there can be no such run.
     """
-    values = [
-        (Parameter.at_path(key) if isinstance(key, str) else key, value)
-        for key, value in row.values.items()
-    ]
-    changed, settings = varied(experiment, values, row.case), experiment.settings
-    plant, case, plants = row.plant, changed.case, {} if plants is None else plants
+    values: list[tuple[Parameter, float]] = []
+    for key, value in row.values.items():
+        parameter = Parameter.at_path(key) if isinstance(key, str) else key
+        values.append((parameter, value))
+
+    changed = varied(experiment, values, row.case)
+    plant = row.plant
     if plant is None:
-        key = case.edits, changed.scales
-        if key not in plants:
-            own = changed.plant(experiment.plant(experiment.nominal.truest))
-            plants[key] = own if name == "physics" else own.analytic(name)
-        plant = plants[key]
-        plant.require_start(np.array(case.x0))
+        plant = _plant_of(experiment, changed, name, {} if plants is None else plants)
+    return Run(plant, _law_in_loop(experiment, row, name, changed.case), changed.case)
+
+
+def _plant_of(
+    experiment: Experiment, changed: Varied, name: PlantName, plants: dict[Any, Plant]
+) -> Plant:
+    """The plant with the numbers of a case; plants with equal numbers are one."""
+    key = changed.case.edits, changed.scales
+    if key not in plants:
+        plant = changed.plant(experiment.plant(experiment.nominal.truest))
+        plants[key] = plant if name == "physics" else plant.analytic(name)
+
+    plant = plants[key]
+    plant.require_start(np.array(changed.case.x0))
+    return plant
+
+
+def _law_in_loop(experiment: Experiment, row: Row, name: PlantName, case: Case) -> Controller:
+    """The law of a row in the loop of its case."""
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
+    if case.loop is None:
+        return law
+
     number = case.run if row.number is None else row.number
-    if case.loop is not None and law.loop is not None:
-        law = relooped(law, case.loop, number)
-    elif case.loop is not None:
-        law = in_loop(
-            law, case.loop, experiment.nominal.system, control_period=settings.control_period,
-            timestep=settings.timestep, predict=row.predict, run=number,
-        )  # fmt: skip
-    return Run(plant, law, case)
+    if law.loop is not None:
+        return relooped(law, case.loop, number)
+    return in_loop(
+        law,
+        case.loop,
+        experiment.nominal.system,
+        control_period=experiment.settings.control_period,
+        timestep=experiment.settings.timestep,
+        predict=row.predict,
+        run=number,
+    )
 
 
 def meters_for(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit]
 ) -> list[Meters]:
-    """The meters that limits need, of each run; runs with the same ones share them."""
+    """Return the meters that limits need, of each run; runs with the same ones share them."""
+    meters: dict[Any, Meters] = {}
+    keys: list[Any] = []
+    for run in runs:
+        onset = run.case.onset
+        duration = run.case.duration
+        input_limits = run.plant.input_limits
 
-    @cache
-    def meters(onset: float, input_limits: bytes, duration: float) -> Meters:
-        return meters_of(
-            runs[0].law,
-            experiment.settings.timestep,
-            windows(limits),
-            onset,
-            costs=costs_wanted(limits),
-            limits=np.frombuffer(input_limits).reshape(shape),
-            late=(1 - DWELL) * float(transient_of(onset, duration)),
-        )
-
-    shape = (2, len(experiment.nominal.system.inputs))
-    limits_of = cache(lambda plant: plant.input_limits.tobytes())
-    return [meters(run.case.onset, limits_of(run.plant), run.case.duration) for run in runs]
+        key = onset, duration, input_limits.tobytes()
+        keys.append(key)
+        if key not in meters:
+            meters[key] = meters_of(
+                runs[0].law,
+                experiment.settings.timestep,
+                windows(limits),
+                onset,
+                costs=costs_wanted(limits),
+                limits=input_limits,
+                late=(1 - DWELL) * float(transient_of(onset, duration)),
+            )
+    return [meters[key] for key in keys]
 
 
 def _run_group(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit], threads: int
 ) -> dict[str, NDArray[Any]]:
     """The columns of ``Outcomes`` of runs of one law and duration."""
-    settings, law = experiment.settings, runs[0].law
-    batch = simulate(
+    law = runs[0].law
+    duration = runs[0].case.duration
+    x0 = np.array([run.case.x0 for run in runs], float)
+    batch = _simulated(experiment, runs, x0, limits, threads)
+
+    status = np.array([end.name.lower() for end in batch.status], object)
+    completed = status == COMPLETED
+    ended = np.where(completed, duration, np.asarray(batch.valid_until, float))
+    last = batch.state[:, -1]
+
+    onsets = np.array([run.case.onset for run in runs])
+    timestep = experiment.settings.timestep
+    recording = Recording.sampled(timestep, duration, onsets, windows(limits))
+    costs = costs_wanted(limits)
+    metrics = said_by(law, batch.meters, recording, x0, last, completed, costs=costs)
+
+    start = initial_error(law, experiment.case.x0)
+    limits_of_law = [limit for limit in limits if law.name in limit.of]
+    margins = margins_of(limits_of_law, metrics, completed)
+    shares = [margins[limit.key] / limit.value for limit in limits_of_law]
+    # A margin is at most all of its limit, also of a law of which nothing is required.
+    shares.append(np.ones(len(runs)))
+    order = _order(limits_of_law, shares, metrics, recording, start)
+
+    columns = {name: np.where(completed, values, np.nan) for name, values in metrics.items()}
+    for limit in limits:
+        columns[MARGIN + limit.key] = margins.get(limit.key, np.full(len(runs), np.nan))
+    columns["relative"] = np.where(completed, np.min(shares, axis=0), -np.inf)
+    columns["order"] = np.where(completed, order, -_CUT / (1 + ended))
+    columns["status"] = status
+    columns["ended"] = ended
+    columns["last"] = last
+    return columns
+
+
+def _simulated(
+    experiment: Experiment, runs: Sequence[Run], x0: Array, limits: Sequence[Limit], threads: int
+) -> Trajectory:
+    """Runs of one law and duration as one batch, of which only the last state is kept."""
+    settings = experiment.settings
+    return simulate(
         [run.plant for run in runs],
         [run.law for run in runs],
-        np.array([run.case.x0 for run in runs], float),
+        x0,
         duration=runs[0].case.duration,
         control_period=settings.control_period,
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],
         meters=meters_for(experiment, runs, limits),
-        engine=settings.engine_for(law),
+        engine=settings.engine_for(runs[0].law),
         record=False,
         threads=threads,
     )
-    duration, x0 = runs[0].case.duration, np.array([run.case.x0 for run in runs], float)
-    onsets = np.array([run.case.onset for run in runs])
-    recording = Recording.sampled(settings.timestep, duration, onsets, windows(limits))
-    status = np.array([end.name.lower() for end in batch.status], object)
-    completed = status == COMPLETED
-    ended = np.where(completed, duration, np.asarray(batch.valid_until, float))
-    last, costs = batch.state[:, -1], costs_wanted(limits)
-    metrics = said_by(law, batch.meters, recording, x0, last, completed, costs=costs)
-    own = [limit for limit in limits if law.name in limit.of]
-    margins = margins_of(own, metrics, completed)
-    shares = [np.ones(len(runs)), *(margins[limit.key] / limit.value for limit in own)]
-    start, nothing = initial_error(law, experiment.case.x0), np.full(len(runs), np.nan)
-    order = _order(own, shares, metrics, recording, start)
-    return {
-        **{name: np.where(completed, values, np.nan) for name, values in metrics.items()},
-        **{MARGIN + limit.key: margins.get(limit.key, nothing) for limit in limits},
-        "relative": np.where(completed, np.min(shares, axis=0), -np.inf),
-        "order": np.where(completed, order, -_CUT / (1 + ended)),
-        "status": status,
-        "ended": ended,
-        "last": last,
-    }
 
 
 def _order(
@@ -288,10 +345,11 @@ def _order(
     the band if that is wider: (limit - T) / limit - max|e| / max(|e(0)|, band). So the larger error
     is the worse one.
     """
+    unbounded = list(shares)
     for limit in limits:
         if limit.kind == "settles_within":
             never = metrics[limit.metric] > (1 - DWELL) * recording.transient
-            left = metrics["left"] / max(start, limit.band or 0.0)
-            worse = 1 - recording.transient / limit.value - left
-            shares = [*shares, np.where(never, worse, np.inf)]
-    return np.min(shares, axis=0)
+            error_left = metrics["left"] / max(start, limit.band or 0.0)
+            worse = 1 - recording.transient / limit.value - error_left
+            unbounded.append(np.where(never, worse, np.inf))
+    return np.min(unbounded, axis=0)

@@ -21,17 +21,20 @@ from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.parameters import Varied
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
-# What judges a run.
-EQUATIONS, PHYSICS = "equations", "physics"
+# Judges of a run.
+EQUATIONS = "equations"
+PHYSICS = "physics"
 # Runs of the sample, and on how many of its plants accelerations are compared.
-SAMPLE, _PLANTS = 32, 8
+SAMPLE = 32
+_PLANTS = 8
 # Beyond it equations would judge little: ``auto`` leaves all to MuJoCo.
 LARGEST_BAND = 0.1
-# With fewer runs the sample and the confirmed ones are most of them: nothing is said, or lost.
+# With fewer runs the sample and the confirmed ones are most of them: nothing is gained.
 FEWEST = 512
 # The part of a campaign's runs that is confirmed by chance, and what is mixed into its seed, so
 # that the draw has nothing to do with the runs' own numbers.
-RANDOM, _DRAW = 0.02, 0x5C4EE7
+RANDOM = 0.02
+_DRAW = 0x5C4EE7
 # Of the plants that a search tries together the worst are confirmed: one of them decides.
 _WORST_OF_SEARCH = 4
 
@@ -50,7 +53,7 @@ class Batch:
         campaign: The campaign.
         values: The uncertain numbers, (n, d).
         ids: Numbers of the runs, (n,), for what their loops draw; 0 for plants that are no runs.
-        threads: 0 for all cores.
+        threads: Number of threads; 0 for all cores.
     """
 
     campaign: Campaign
@@ -58,6 +61,7 @@ class Batch:
     ids: Sequence[int]
     threads: int = 0
 
+    # All controllers meet the same samples and plants, and a plant compiles its model.
     @cached_property
     def samples(self) -> list[Varied]:
         """The case with each of the values, n of them."""
@@ -67,10 +71,13 @@ class Batch:
     def physics(self) -> list[Plant]:
         """The plants; those with the same edits are one."""
         plants: dict[Any, Plant] = {}
-        keys = [(sample.case.edits, sample.scales) for sample in self.samples]
-        for key, sample in zip(keys, self.samples, strict=True):
-            plants[key] = plants.get(key) or sample.plant(self.campaign.plant)
-        return [plants[key] for key in keys]
+        plant_of_sample: list[Plant] = []
+        for sample in self.samples:
+            key = sample.case.edits, sample.scales
+            if key not in plants:
+                plants[key] = sample.plant(self.campaign.plant)
+            plant_of_sample.append(plants[key])
+        return plant_of_sample
 
     @cached_property
     def equations(self) -> list[AnalyticPlant]:
@@ -82,9 +89,9 @@ class Batch:
         return [equations[plant] for plant in self.physics]
 
     def row(self, controller: str, index: int, plant: Plant) -> Row:
-        """A row of the design, on its plant or its equations."""
-        law, case = self.campaign.laws[controller], self.samples[index].case
-        return Row(law, case=case, number=self.ids[index], plant=plant)
+        """Return a row of the design, on its plant or its equations."""
+        law = self.campaign.laws[controller]
+        return Row(law, case=self.samples[index].case, number=self.ids[index], plant=plant)
 
     def run(
         self,
@@ -92,22 +99,35 @@ class Batch:
         rows: NDArray[np.intp] | None = None,
         plants: Sequence[Plant] | None = None,
     ) -> Outcomes:
-        """Run the plants, or some of them, in MuJoCo where there is a model, or other plants."""
-        campaign, plants = self.campaign, plants or self.physics
-        numbers = list(range(len(self.values))) if rows is None else rows.tolist()
-        design = [self.row(controller, index, plants[index]) for index in numbers]
-        limits = campaign.requirements
-        runs = run_rows(campaign.experiment, design, limits, threads=self.threads)
-        return self.completed(runs, controller, numbers, plants[0])
+        """Run the plants under a controller.
 
-    def completed(self, runs: Outcomes, controller: str, rows: Any, plant: Plant) -> Outcomes:
+        Args:
+            controller: Its name.
+            rows: Indices of the plants that are run; all by default.
+            plants: Plants of all rows, such as their equations; those in MuJoCo by default, where
+                there is a model.
+        """
+        plants = plants or self.physics
+        numbers = list(range(len(self.values)))
+        if rows is not None:
+            numbers = rows.tolist()
+
+        design = [self.row(controller, index, plants[index]) for index in numbers]
+        experiment = self.campaign.experiment
+        runs = run_rows(experiment, design, self.campaign.requirements, threads=self.threads)
+        return self._with_columns(runs, controller, numbers, plants[0])
+
+    def _with_columns(
+        self, runs: Outcomes, controller: str, rows: list[int], plant: Plant
+    ) -> Outcomes:
         """Runs of some rows with the columns of a part."""
-        count, names = len(rows), self.campaign.family.names
+        count = len(rows)
         judge = PHYSICS if plant.kind == "physics" else EQUATIONS
+        numbers = zip(self.campaign.family.names, self.values[rows].T, strict=True)
         return runs.changed(
             controller=np.array([controller] * count, object),
             id=np.asarray(self.ids, np.int64)[rows],
-            **dict(zip(names, self.values[rows].T, strict=True)),
+            **dict(numbers),
             judged_by=np.array([judge] * count, object),
             screened=np.full(count, np.nan),
             overturned=np.zeros(count, np.int64),
@@ -123,13 +143,13 @@ def evaluate(campaign: Campaign, controller: str, values: Array) -> Outcomes:
 
 @dataclass(frozen=True)
 class Screening:
-    """How the runs of a campaign are screened by the equations, plain values that travel.
+    """Screening of a campaign's runs by the equations, in plain values that travel.
 
     Attributes:
-        bands: By controller: how near to its limit a margin is confirmed in MuJoCo, in parts of
-            the limit. Empty if nothing is screened.
-        why_not: Why nothing is that could be, for people.
-        worst: By controller: ``order`` of the worst run of the sample; what is worse is confirmed.
+        bands: Distance from its limit within which a margin is confirmed in MuJoCo, in parts of
+            the limit, by controller. Empty if nothing is screened.
+        why_not: Reason why nothing is screened that could be, for people.
+        worst: ``order`` of the worst run of the sample, by controller; worse runs are confirmed.
     """
 
     bands: Mapping[str, float] = field(default_factory=dict)
@@ -140,29 +160,37 @@ class Screening:
 UNSCREENED = Screening()
 
 
+# Its runs take seconds, and every search of a campaign asks for it.
 @lru_cache(maxsize=4)
 def screening_of(campaign: Campaign) -> Screening:
     """Measure how far equations and MuJoCo agree on a family, once."""
-    screen, few = campaign.specification.screen, campaign.specification.runs < FEWEST
-    if screen == "none" or campaign.plant.kind != "physics" or (screen == "auto" and few):
+    specification = campaign.specification
+    automatic = specification.screen == "auto"
+    if specification.screen == "none" or campaign.plant.kind != "physics":
         return UNSCREENED
-    if why_not := _campaign_mismatch(campaign):
-        return Screening(why_not=why_not)
+    if automatic and specification.runs < FEWEST:
+        return UNSCREENED
+
+    reason = _campaign_mismatch(campaign)
+    if reason:
+        return Screening(why_not=reason)
     # Of another seed: the campaign's own first runs would be judged twice.
     points = campaign.points("random", 0, SAMPLE, more=1)
     batch = Batch(campaign, campaign.family.values(points), range(SAMPLE))
-    # The plants whose accelerations are compared; of the others, whether there are equations.
-    for plant in batch.physics[: _PLANTS if batch.equations else None]:
-        if why_not := model_mismatch(plant):
-            return Screening(why_not=why_not)
+    reason = _sample_mismatch(batch)
+    if reason:
+        return Screening(why_not=reason)
+
     bands: dict[str, float] = {}
     worst: dict[str, float] = {}
     for controller in campaign.laws:
-        ours, theirs = batch.run(controller, plants=batch.equations), batch.run(controller)
-        overturned = int((verdicts_overturned(ours, theirs) > 0).sum())
-        bands[controller] = band_for(ours, theirs)
-        worst[controller] = float(theirs["order"].min())
-        if screen == "auto" and (overturned or bands[controller] > LARGEST_BAND):
+        by_equations = batch.run(controller, plants=batch.equations)
+        by_physics = batch.run(controller)
+        bands[controller] = band_for(by_equations, by_physics)
+        worst[controller] = float(by_physics["order"].min())
+
+        overturned = int((verdicts_overturned(by_equations, by_physics) > 0).sum())
+        if automatic and (overturned or bands[controller] > LARGEST_BAND):
             difference = bands[controller] / FACTOR
             return Screening(
                 why_not=f"under {controller} margins differ from MuJoCo's by up to "
@@ -172,7 +200,7 @@ def screening_of(campaign: Campaign) -> Screening:
 
 
 def _campaign_mismatch(campaign: Campaign) -> str:
-    """What no equations of any of its plants can have; empty if they may have everything."""
+    """Reason why no equations can describe its plants; empty if they may."""
     plant = campaign.plant
     nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
     if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
@@ -182,30 +210,44 @@ def _campaign_mismatch(campaign: Campaign) -> str:
     return ""
 
 
-def band_for(ours: Outcomes, theirs: Outcomes, band: float = LEAST_BAND) -> float:
-    """How near to a limit the equations cannot be believed, in parts of the limit.
+def _sample_mismatch(batch: Batch) -> str:
+    """Reason why the equations do not describe a sampled plant; empty if they do."""
+    plants = batch.physics
+    if batch.equations:
+        # All of them have equations; accelerations are compared on the first ones alone.
+        plants = plants[:_PLANTS]
+    for plant in plants:
+        reason = model_mismatch(plant)
+        if reason:
+            return reason
+    return ""
+
+
+def band_for(by_equations: Outcomes, by_physics: Outcomes, band: float = LEAST_BAND) -> float:
+    """Return how near to a limit the equations cannot be believed, in parts of the limit.
 
     It is ``FACTOR`` times the largest difference of a margin, and beyond every margin of a run
     that MuJoCo judges otherwise.
 
     Args:
-        ours: Runs on the equations.
-        theirs: The same runs in MuJoCo.
+        by_equations: Runs on the equations.
+        by_physics: The same runs in MuJoCo.
         band: The least that it can be.
     """
-    for one, other in zip(ours.shares, theirs.shares, strict=True):
-        both = np.isfinite(one) & np.isfinite(other)
-        apart = np.isfinite(one) & ((one >= 0) != (other >= 0))
-        largest = np.concatenate([np.abs(one[both] - other[both]), np.abs(one[apart])])
+    for screened, confirmed in zip(by_equations.shares, by_physics.shares, strict=True):
+        both = np.isfinite(screened) & np.isfinite(confirmed)
+        differences = np.abs(screened[both] - confirmed[both])
+        overturned = np.isfinite(screened) & ((screened >= 0) != (confirmed >= 0))
+        largest = np.concatenate([differences, np.abs(screened[overturned])])
         band = max(band, FACTOR * float(largest.max(initial=0.0)))
     return band
 
 
-def verdicts_overturned(ours: Outcomes, theirs: Outcomes) -> NDArray[np.int64]:
-    """On how many verdicts two judges of the same runs differ, each requirement's one, (n,)."""
-    count = (ours.completed != theirs.completed).astype(np.int64)
-    for one, other in zip(ours.shares, theirs.shares, strict=True):
-        count += (one >= 0) != (other >= 0)
+def verdicts_overturned(by_equations: Outcomes, by_physics: Outcomes) -> NDArray[np.int64]:
+    """Count the verdicts on which two judges of the same runs differ, of all requirements, (n,)."""
+    count = (by_equations.completed != by_physics.completed).astype(np.int64)
+    for screened, confirmed in zip(by_equations.shares, by_physics.shares, strict=True):
+        count += (screened >= 0) != (confirmed >= 0)
     return count
 
 
@@ -227,19 +269,28 @@ def screened_search(
         values: The uncertain numbers, (n, d).
         also: Other quantities that are compared with a limit, as margins in parts of it, (n,) each.
     """
-    screening, batch = screening_of(campaign), Batch(campaign, values, [0] * len(values))
+    screening = screening_of(campaign)
+    batch = Batch(campaign, values, [0] * len(values))
     if not screening.bands or not batch.equations:
         return batch.run(controller)
+
+    by_equations = batch.run(controller, plants=batch.equations)
+    margins = [*by_equations.shares, *also(by_equations)]
+    needed = ~by_equations.completed
+    worst_first = by_equations["order"].argsort(kind="stable")
+    needed[worst_first[:_WORST_OF_SEARCH]] = True
+
+    outcome = by_equations
     band = screening.bands[controller]
-    ours = theirs = batch.run(controller, plants=batch.equations)
-    needed = ~ours.completed
-    needed[ours["order"].argsort(kind="stable")[:_WORST_OF_SEARCH]] = True
-    confirmed, margins = np.zeros(len(values), bool), [*ours.shares, *also(ours)]
-    while len(rows := np.flatnonzero((needed | _within(margins, band)) & ~confirmed)):
-        again = batch.run(controller, rows)
-        theirs, confirmed[rows] = theirs.with_rows(rows, again), True
-        band = band_for(ours.rows(rows), again, band)
-    return theirs
+    confirmed = np.zeros(len(values), bool)
+    while True:
+        rows = np.flatnonzero((needed | _within(margins, band)) & ~confirmed)
+        if not len(rows):
+            return outcome
+        by_physics = batch.run(controller, rows)
+        outcome = outcome.with_rows(rows, by_physics)
+        confirmed[rows] = True
+        band = band_for(by_equations.rows(rows), by_physics, band)
 
 
 def screened_all(
@@ -249,7 +300,7 @@ def screened_all(
     ids: range,
     threads: int = 0,
 ) -> list[Outcomes]:
-    """Runs of a campaign under each controller, on the equations where these may judge.
+    """Run a part of a campaign under each controller, on the equations where these may judge.
 
     A run is confirmed in MuJoCo, whose outcome counts then, if it ended early, if a margin is
     within the band about its limit, if it is worse than the worst of the sample by which the
@@ -258,38 +309,46 @@ def screened_all(
 
     Args:
         campaign: The campaign.
-        screening: How far equations may be believed.
+        screening: Measured agreement of equations and MuJoCo.
         controllers: Names of the controllers.
         ids: Numbers of the runs, n of them.
-        threads: 0 for all cores.
+        threads: Number of threads; 0 for all cores.
     """
     batch = Batch(campaign, campaign.values(ids), ids, threads)
     if not screening.bands or not batch.equations:
         return [batch.run(controller) for controller in controllers]
-    by_chance, all_runs = drawn_by_chance(campaign.specification.seed, ids), []
-    for controller in controllers:
-        ours = batch.run(controller, plants=batch.equations)
-        band = screening.bands[controller]
-        needed = ~ours.completed | _within(ours.shares, band)
-        needed |= ours["order"] < screening.worst.get(controller, -math.inf)
-        rows = np.flatnonzero(needed | by_chance)
-        theirs = ours.with_rows(rows, batch.run(controller, rows)) if len(rows) else ours
-        all_runs.append(
-            theirs.changed(
-                screened=ours["relative"],
-                overturned=verdicts_overturned(ours, theirs),
-                drawn=(by_chance & ~needed).astype(np.int64),
-                band=np.full(len(ids), band),
-            )
-        )
-    return all_runs
+
+    by_chance = drawn_by_chance(campaign.specification.seed, ids)
+    return [_screened(batch, screening, controller, by_chance) for controller in controllers]
+
+
+def _screened(
+    batch: Batch, screening: Screening, controller: str, by_chance: NDArray[np.bool_]
+) -> Outcomes:
+    """Runs under one controller on the equations, those that need it confirmed in MuJoCo."""
+    by_equations = batch.run(controller, plants=batch.equations)
+    band = screening.bands[controller]
+    needed = ~by_equations.completed | _within(by_equations.shares, band)
+    needed |= by_equations["order"] < screening.worst.get(controller, -math.inf)
+
+    outcome = by_equations
+    rows = np.flatnonzero(needed | by_chance)
+    if len(rows):
+        outcome = by_equations.with_rows(rows, batch.run(controller, rows))
+    return outcome.changed(
+        screened=by_equations["relative"],
+        overturned=verdicts_overturned(by_equations, outcome),
+        drawn=(by_chance & ~needed).astype(np.int64),
+        band=np.full(len(by_chance), band),
+    )
 
 
 def drawn_by_chance(seed: int, ids: range) -> NDArray[np.bool_]:
-    """Which runs are confirmed by chance, each by the seed and its own number, (n,)."""
+    """Return True for each run that is confirmed by chance, (n,), by the seed and its number."""
     return random_points(1, seed ^ _DRAW, ids.start, len(ids))[:, 0] < RANDOM
 
 
 def _within(margins: Sequence[Array], band: float) -> NDArray[np.bool_]:
-    """Runs with a margin within the band about its limit, (n,); False if there are no margins."""
-    return np.any([np.abs(margin) <= band for margin in margins], axis=0)
+    """True for each run with a margin within the band about its limit, (n,); False without any."""
+    near = [np.abs(margin) <= band for margin in margins]
+    return np.any(near, axis=0)

@@ -1,10 +1,9 @@
-"""The one search along a factor: it asks for factors, and is told which of them pass."""
+"""Search along a factor: it asks for factors, and is told which of them pass."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable
-from itertools import groupby
 
 
 class Search:
@@ -12,7 +11,7 @@ class Search:
 
     Args:
         most: Largest factor.
-        middle: Of a factor that passes and one that fails, where to look next.
+        middle: Factor to try next between one that passes and one that fails.
         narrow: Whether two such factors are as near as is wanted.
         first: Factor to begin with.
         least: A failing factor of this size or less ends the search downwards.
@@ -32,26 +31,44 @@ class Search:
         same: Callable[[float], Hashable] = lambda factor: factor,
     ) -> None:
         self.known: dict[float, bool] = {}
-        self._most, self._middle, self._narrow = most, middle, narrow
-        self._first, self._least, self._same = first, least, same
+        self._most = most
+        self._middle = middle
+        self._narrow = narrow
+        self._first = first
+        self._least = least
+        self._same = same
 
     @property
     def failed(self) -> float | None:
         """The smallest factor that fails; None if none that was tried does."""
-        return min((factor for factor, kept in self.known.items() if not kept), default=None)
+        failing = [factor for factor, passes in self.known.items() if not passes]
+        return min(failing, default=None)
 
     @property
     def largest(self) -> float | None:
         """The largest factor below the first that fails; None if the first one fails."""
-        end = math.inf if self.failed is None else self.failed
+        end = self.failed
+        if end is None:
+            end = math.inf
         return max((factor for factor in self.known if factor < end), default=None)
 
     @property
     def again(self) -> list[tuple[float, float]]:
-        """Where all passes again beyond the first failure: first and last factor of each range."""
-        beyond = [f for f in sorted(self.known) if self.failed is not None and f > self.failed]
-        ranges = [(kept, list(factors)) for kept, factors in groupby(beyond, self.known.get)]
-        return [(factors[0], factors[-1]) for kept, factors in ranges if kept]
+        """Ranges beyond the first failure in which all passes: first and last factor of each."""
+        ranges: list[tuple[float, float]] = []
+        failed = False
+        in_range = False
+        for factor in sorted(self.known):
+            if not self.known[factor]:
+                failed = True
+                in_range = False
+            elif failed and in_range:
+                first, _ = ranges.pop()
+                ranges.append((first, factor))
+            elif failed:
+                in_range = True
+                ranges.append((factor, factor))
+        return ranges
 
     def on_grid(self, beyond: float) -> list[float]:
         """Factors to be tried now, of a grid of powers of two first: it shows what passes again.
@@ -59,20 +76,26 @@ class Search:
         Args:
             beyond: The grid ends at so many times the largest factor that passes.
         """
-        count = math.ceil(math.log2(self._most / self._least) - 1e-9)
-        grid = [factor for i in range(count) if (factor := self._least * 2**i) > 0] + [self._most]
-        passing = [factor for factor, kept in self.known.items() if kept]
+        passing = [factor for factor, passes in self.known.items() if passes]
         end = max(1.0, beyond * max(passing, default=self._least))
-        return [x for x in grid if 0 < x <= end and x not in self.known] or self._between()
+        untried = [x for x in self._grid() if 0 < x <= end and x not in self.known]
+        return untried or self._between()
+
+    def _grid(self) -> list[float]:
+        """The least factor times powers of two, then the largest one."""
+        count = math.ceil(math.log2(self._most / self._least) - 1e-9)
+        return [*(self._least * 2**i for i in range(count)), self._most]
 
     def factors(self) -> list[float]:
         """Factors to be tried now: the first, then down to one that passes, up to one that fails.
 
         None when the search is done.
         """
-        low, high = self.largest, self.failed
         if self._first is not None and self._first not in self.known:
             return [self._first]
+
+        low = self.largest
+        high = self.failed
         if low is None and high is not None:
             return [high / 2] if high > self._least else []
         if high is None and low is not None and low < self._most:
@@ -80,11 +103,16 @@ class Search:
         return self._between()
 
     def _between(self) -> list[float]:
-        low, high = self.largest, self.failed
+        """The factor between a passing and a failing one; none if they are near enough."""
+        low = self.largest
+        high = self.failed
         if low is None or high is None or self._narrow(low, high):
             return []
+
         middle = self._middle(low, high)
-        return [] if self._same(middle) in {self._same(low), self._same(high)} else [middle]
+        if self._same(middle) in {self._same(low), self._same(high)}:
+            return []
+        return [middle]
 
 
 def largest_passing(
@@ -111,12 +139,16 @@ def largest_passing(
     """
     search = Search(
         most,
-        lambda low, high: (low + high) / 2,
-        lambda low, high: high - low <= max(relative * low, absolute),
-        first,
+        middle=lambda low, high: (low + high) / 2,
+        narrow=lambda low, high: high - low <= max(relative * low, absolute),
+        first=first,
     )
     search.known[low] = True
     while factors := search.factors():
-        search.known |= {factor: passes(factor) for factor in factors}
+        for factor in factors:
+            search.known[factor] = passes(factor)
+
     assert search.largest is not None
-    return search.largest, math.inf if search.failed is None else search.failed
+    if search.failed is None:
+        return search.largest, math.inf
+    return search.largest, search.failed

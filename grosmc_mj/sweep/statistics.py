@@ -21,7 +21,7 @@ LEAST_SHARE = 0.005
 
 
 class PassRate(NamedTuple):
-    """How many runs kept a requirement.
+    """Share of the runs that kept a requirement.
 
     Attributes:
       kept: Runs that kept it.
@@ -29,7 +29,8 @@ class PassRate(NamedTuple):
       rate: kept / runs.
       low: Lower end of the interval; None if the runs are not independent.
       high: Upper end.
-      confidence: With which the interval covers the share of the declared design that passes.
+      confidence: Probability with which the interval covers the share of the declared design that
+        passes.
     """
 
     kept: int
@@ -55,8 +56,11 @@ def pass_rate(
       confidence: Between 0 and 1.
       independent: Whether the runs are; others give no interval.
     """
-    ends = stats.binomtest(kept, runs).proportion_ci(confidence, method="exact")
-    low, high = (float(ends.low), float(ends.high)) if independent else (None, None)
+    low = high = None
+    if independent:
+        ends = stats.binomtest(kept, runs).proportion_ci(confidence, method="exact")
+        low = float(ends.low)
+        high = float(ends.high)
     return PassRate(kept, runs, kept / runs, low, high, confidence)
 
 
@@ -125,39 +129,56 @@ def margin_summary(
       confidence: Of the interval of the mean, between 0 and 1.
       independent: Whether the runs are; others give no interval.
     """
-    rising, runs = np.sort(margins), len(margins)
-    # In whole numbers: 0.05 * 140 is not 7.
-    counts = [max(-(-percent * runs // 100), 1) for percent in (0, 1, 5, 50, 95)]
-    least, q01, q05, median, q95 = (float(rising[count - 1]) for count in counts)
-    cvar = float(rising[: -(-TAIL * runs // 100)].mean())
+    rising = np.sort(margins)
     diverged = int(np.count_nonzero(rising == -np.inf))
     low = high = None
     if independent and not diverged and np.ptp(rising) > 0:
         test: Any = stats.ttest_1samp(margins, 0.0)
         low, high = map(float, test.confidence_interval(confidence))
+
     return MarginSummary(
-        least, q01, q05, median, q95, cvar, diverged, runs, float(margins.mean()), low, high,
-        confidence,
-    )  # fmt: skip
+        least=float(rising[0]),
+        q01=_quantile(rising, 1),
+        q05=_quantile(rising, 5),
+        median=_quantile(rising, 50),
+        q95=_quantile(rising, 95),
+        cvar=float(rising[: _count(TAIL, len(rising))].mean()),
+        diverged=diverged,
+        runs=len(margins),
+        mean=float(margins.mean()),
+        mean_low=low,
+        mean_high=high,
+        confidence=confidence,
+    )
+
+
+def _quantile(rising: Array, percent: int) -> float:
+    """The smallest value such that at least this percentage of all have it or less."""
+    return float(rising[_count(percent, len(rising)) - 1])
+
+
+def _count(percent: int, runs: int) -> int:
+    """A percentage of the runs, rounded up; in whole numbers: 0.05 * 140 is not 7."""
+    return -(-percent * runs // 100)
 
 
 class PairedDifference(NamedTuple):
-    """The second law less the first, plant by plant.
+    """Difference of two laws, the second less the first, plant by plant.
 
     Attributes:
       runs: Plants, each under both laws.
       both: Plants on which both keep the requirement.
-      only_first: On which the first alone does.
-      only_second: On which the second alone does.
-      neither: On which none does.
+      only_first: Plants on which the first alone does.
+      only_second: Plants on which the second alone does.
+      neither: Plants on which none does.
       difference: Pass rate of the second less that of the first.
       median: Median of margin of the second less margin of the first, in the margin's unit.
       confidence: Of each interval.
       low: Lower end of the interval of the difference; this and what follows is None where runs
         are not independent.
       high: Upper end.
-      p_value: McNemar's, exact: of a split of the plants that tell the laws apart at least as
-        uneven, if neither law were better.
+      p_value: McNemar's, exact: probability of a split at least as uneven of the plants that tell
+        the laws apart, if neither law were better.
       median_low: Lower end of the interval of the median, -inf if the runs give none.
       median_high: Upper end, inf if they give none.
     """
@@ -178,9 +199,11 @@ class PairedDifference(NamedTuple):
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """McNemar's exact p-value: of runs that differ, each side has as many but for chance."""
+    """McNemar's exact p-value: each side has as many of the runs that differ, but for chance."""
     differing = only_first + only_second
-    return float(stats.binomtest(only_first, differing).pvalue) if differing else 1.0
+    if not differing:
+        return 1.0
+    return float(stats.binomtest(only_first, differing).pvalue)
 
 
 def paired(
@@ -201,42 +224,59 @@ def paired(
       confidence: Of each interval, between 0 and 1.
       independent: Whether the plants were drawn independently; others give no interval and no p.
     """
-    runs, kept, also = len(first), first >= 0, second >= 0
-    both, only_first, only_second = (
-        int(np.count_nonzero(plants)) for plants in (kept & also, kept & ~also, ~kept & also)
-    )
+    runs = len(first)
+    first_keeps = first >= 0
+    second_keeps = second >= 0
+    both = int(np.count_nonzero(first_keeps & second_keeps))
+    only_first = int(np.count_nonzero(first_keeps & ~second_keeps))
+    only_second = int(np.count_nonzero(~first_keeps & second_keeps))
+
+    # Where neither run completed the difference stays 0.
     changes = np.zeros(runs)
-    np.subtract(second, first, out=changes, where=(first > -np.inf) | (second > -np.inf))
+    either_completed = (first > -np.inf) | (second > -np.inf)
+    np.subtract(second, first, out=changes, where=either_completed)
+
     difference = PairedDifference(
-        runs, both, only_first, only_second, runs - both - only_first - only_second,
-        (only_second - only_first) / runs, _median(changes), confidence,
-    )  # fmt: skip
+        runs=runs,
+        both=both,
+        only_first=only_first,
+        only_second=only_second,
+        neither=runs - both - only_first - only_second,
+        difference=(only_second - only_first) / runs,
+        median=_median(changes),
+        confidence=confidence,
+    )
     if not independent:
         return difference
-    (worse_low, worse_high), (better_low, better_high) = (
-        stats.binomtest(count, runs).proportion_ci(1 - (1 - confidence) / 2)
-        for count in (only_first, only_second)
-    )
-    ends: Any = stats.quantile_test(changes, q=0, p=0.5).confidence_interval(confidence)
+
+    each_confidence = 1 - (1 - confidence) / 2
+    worse = stats.binomtest(only_first, runs).proportion_ci(each_confidence)
+    better = stats.binomtest(only_second, runs).proportion_ci(each_confidence)
+    median: Any = stats.quantile_test(changes, q=0, p=0.5).confidence_interval(confidence)
     return difference._replace(
-        low=float(better_low - worse_high),
-        high=float(better_high - worse_low),
+        low=float(better.low - worse.high),
+        high=float(better.high - worse.low),
         p_value=mcnemar(only_first, only_second),
         # Too few runs leave an end open, which SciPy calls NaN.
-        median_low=-math.inf if np.isnan(ends.low) else float(ends.low),
-        median_high=math.inf if np.isnan(ends.high) else float(ends.high),
+        median_low=-math.inf if np.isnan(median.low) else float(median.low),
+        median_high=math.inf if np.isnan(median.high) else float(median.high),
     )
 
 
 def _median(changes: Array) -> float:
-    """The middle one, or the mean of the two; of -inf and inf, 0: one way as often as the other."""
+    """The middle value, or the mean of both; 0 of -inf and inf, each way being as frequent."""
     rising = np.sort(changes)
-    low, high = float(rising[(len(rising) - 1) // 2]), float(rising[len(rising) // 2])
-    return low if low == high else 0.0 if low == -high else (low + high) / 2
+    low = float(rising[(len(rising) - 1) // 2])
+    high = float(rising[len(rising) // 2])
+    if low == high:
+        return low
+    if low == -high:
+        return 0.0
+    return (low + high) / 2
 
 
 class Sensitivity(NamedTuple):
-    """What one parameter does to a margin; None where there is nothing to tell.
+    """Influence of one parameter on a margin; None where it cannot be told.
 
     Attributes:
       parameter: Its name.
@@ -244,9 +284,9 @@ class Sensitivity(NamedTuple):
       low: Lower end of its interval; None where runs are not independent.
       high: Upper end.
       share: Part of the variance of the margins' ranks that the parameter explains alone.
-      p_value: Kruskal and Wallis's (from chi-squared), of a share at least as large if it explained
-        nothing; None where runs are not independent.
-      note: Why there is nothing to tell.
+      p_value: Kruskal and Wallis's (from chi-squared): probability of a share at least as large if
+        the parameter explained nothing; None where runs are not independent.
+      note: Reason why it cannot be told.
     """
 
     parameter: str
@@ -259,7 +299,7 @@ class Sensitivity(NamedTuple):
 
     @property
     def drives(self) -> bool:
-        """Whether it may be named as what drives the margin: its share is not 0 %."""
+        """Whether it may be named as a driver of the margin: its share is not 0 %."""
         return self.share is not None and self.share >= LEAST_SHARE
 
 
@@ -270,7 +310,7 @@ def sensitivities(
     *,
     independent: bool = True,
 ) -> list[Sensitivity]:
-    """The parameters in order of the share that each explains, the strongest first.
+    """Order the parameters by the share that each explains, the strongest first.
 
     The share is a first-order Sobol index of the margins' ranks: the variance of the means over
     bins of equal count of the parameter, over the whole variance, less what chance gives,
@@ -287,7 +327,7 @@ def sensitivities(
       values: Each parameter's values, run by run, (n,).
       margins: Signed margins, (n,). Runs that did not complete, -inf, are tied at the lowest rank.
       confidence: Of each interval, between 0 and 1.
-      independent: Whether the runs are; others give no intervals and no p.
+      independent: Whether the runs are independent; others give no intervals and no p.
     """
     ranks = stats.rankdata(margins)
     drivers = [_driver(name, column, ranks, confidence) for name, column in values.items()]
@@ -297,32 +337,57 @@ def sensitivities(
 
 
 def _importance(driver: Sensitivity) -> tuple[float, float]:
-    """The share, then the correlation; nothing to tell comes last."""
-    return (-1.0 if driver.share is None else driver.share, abs(driver.correlation or 0.0))
+    """The share, then the correlation; a parameter without a share comes last."""
+    share = -1.0 if driver.share is None else driver.share
+    return share, abs(driver.correlation or 0.0)
 
 
-def _driver(name: str, values: Array, ranks: Array, confidence: float) -> Sensitivity:
-    """One parameter against the margins' ranks."""
-    runs = len(ranks)
+def _driver(name: str, values: Array, margin_ranks: Array, confidence: float) -> Sensitivity:
+    """Influence of one parameter on the margins' ranks."""
+    runs = len(margin_ranks)
     if runs < _FEWEST:
         return Sensitivity(name, note=f"fewer than {_FEWEST} runs")
-    if np.ptp(ranks) == 0:
+    if np.ptp(margin_ranks) == 0:
         return Sensitivity(name, note="the margins are all the same")
     if np.ptp(values) == 0:
         return Sensitivity(name, note="the parameter does not vary")
-    own = stats.rankdata(values)
-    r = float(np.clip(np.corrcoef(own, ranks)[0, 1], -1, 1))
+
+    value_ranks = stats.rankdata(values)
+    r = np.corrcoef(value_ranks, margin_ranks)[0, 1]
+    correlation = float(np.clip(r, -1, 1))
+    low, high = _correlation_interval(correlation, runs, confidence)
+    share, p_value = _explained_share(value_ranks, margin_ranks)
+    return Sensitivity(name, correlation, low, high, share, p_value)
+
+
+def _explained_share(value_ranks: Array, margin_ranks: Array) -> tuple[float, float]:
+    """Share of the variance of the margins' ranks between the bins of a parameter, and its p."""
+    runs = len(margin_ranks)
     # Equal values have equal ranks, so that they share a bin; some bins may stay empty.
-    bins = ((own - 0.5) * min(math.isqrt(runs), _MOST_BINS) / runs).astype(int)
-    groups = [ranks[bins == index] for index in np.unique(bins)]
+    count = min(math.isqrt(runs), _MOST_BINS)
+    bins = ((value_ranks - 0.5) * count / runs).astype(int)
+    groups = [margin_ranks[bins == index] for index in np.unique(bins)]
+
     # Its statistic is (n - 1) times the part of the variance that lies between the bins.
     test: Any = stats.kruskal(*groups)
-    between, chance = test.statistic / (runs - 1), (len(groups) - 1) / (runs - 1)
-    share = max(0.0, float((between - chance) / (1 - chance)))
+    between = test.statistic / (runs - 1)
+    by_chance = (len(groups) - 1) / (runs - 1)
+    share = max(0.0, float((between - by_chance) / (1 - by_chance)))
+    return share, float(test.pvalue)
+
+
+def _correlation_interval(r: float, runs: int, confidence: float) -> tuple[float, float]:
+    """Bonett and Wright's interval of a rank correlation."""
     # Few runs that agree do not show that all would: short of 1 by half an exchange of neighbours.
     most = 1 - max(6 / (runs * (runs * runs - 1)), 1e-12)
     inner = min(max(r, -most), most)
-    half = stats.norm.isf((1 - confidence) / 2) * math.sqrt((1 + inner * inner / 2) / (runs - 3))
-    low, high = math.tanh(math.atanh(inner) - half), math.tanh(math.atanh(inner) + half)
-    ends = (-1.0 if r <= -most else low, 1.0 if r >= most else high)
-    return Sensitivity(name, r, *ends, share, float(test.pvalue))
+
+    quantile = stats.norm.isf((1 - confidence) / 2)
+    half = quantile * math.sqrt((1 + inner * inner / 2) / (runs - 3))
+    low = math.tanh(math.atanh(inner) - half)
+    high = math.tanh(math.atanh(inner) + half)
+    if r <= -most:
+        low = -1.0
+    if r >= most:
+        high = 1.0
+    return low, high

@@ -1,4 +1,4 @@
-"""The folder of a campaign: its manifest, its parts, each complete or absent, and their work."""
+"""Folder of a campaign: its manifest, its parts, each complete or absent, and their work."""
 
 from __future__ import annotations
 
@@ -37,13 +37,15 @@ from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
-# Of manifests and parts.
+# Version of manifests and parts.
 SCHEMA_VERSION = 3
-# The content of the hash: the place of a case file does not decide.
+# Keys of a manifest that its hash is of: the place of a case file does not decide.
 _HASHED = ("configuration", "model", "sources", "versions")
-# A file system that has no locks.
+# Errors of a file system that has no locks.
 _NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
-_OURS, _CHECKSUM = b"grosmc_mj", "sha256"
+# Key of a part's metadata, and the checksum in it.
+_METADATA = b"grosmc_mj"
+_CHECKSUM = "sha256"
 # Number of runs done and, by law, the share of these that keeps everything so far.
 Advance = Callable[[int, dict[str, float]], object]
 # User modules that this process has imported for campaigns: folder and hash of each.
@@ -51,7 +53,7 @@ _imported: dict[str, tuple[str, str]] = {}
 
 
 def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
-    """A result of a campaign, with its configuration and seed."""
+    """Return a result of a campaign, with its configuration and seed."""
     return result(kind, configuration_of(campaign), seed=campaign.specification.seed, **fields)
 
 
@@ -59,7 +61,7 @@ def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
 
 
 def manifest_of(campaign: Campaign) -> dict[str, Any]:
-    """The manifest of a campaign, as plain values."""
+    """Return the manifest of a campaign, as plain values."""
     content = {
         "configuration": configuration_of(campaign),
         # SHA-256 of the plant without uncertainty: of its compiled model, or of its parameters.
@@ -77,35 +79,42 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
 
 
 def configuration_of(campaign: Campaign) -> dict[str, Any]:
-    """All that decides the results, but for code and model."""
+    """Return all that decides the results, but for code and model."""
     specification = campaign.specification
-    return {
+    uncertain = {
+        number.name: f"{number.distribution.words}; nominal {number.nominal:.17g}; "
+        f"unit {number.unit}"
+        for number in campaign.family.quantities
+    }
+    configuration = {
         "runs": specification.runs,
         "seed": specification.seed,
         "sampler": specification.sampler,
         "shard": specification.shard,
-        **({"screen": specification.screen} if specification.screen != "none" else {}),
+    }
+    if specification.screen != "none":
+        configuration["screen"] = specification.screen
+    return {
+        **configuration,
         "controllers": list(campaign.laws),
         "control_period": campaign.experiment.settings.control_period,
         "duration": campaign.duration,
-        "uncertain": {
-            number.name: f"{number.distribution.words}; nominal {number.nominal:.17g}; "
-            f"unit {number.unit}"
-            for number in campaign.family.quantities
-        },
+        "uncertain": uncertain,
+        # As it is read back: tuples are lists.
         "file": json.loads(json.dumps(campaign.experiment.document())),
     }
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest in a folder, whose hash is that of its content.
+    """Read the manifest in a folder, whose hash must be that of its content.
 
     Raises:
-        SetupError: If there is none, or another one.
+        SetupError: If there is none, or its hash is another one.
     """
     path = folder / MANIFEST
     if not path.is_file():
         raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}")
+
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         content = json.loads(path.read_text(encoding="utf-8"))
         same = content["hash"] == _hash({key: content[key] for key in _HASHED})
@@ -118,7 +127,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _hash(content: Mapping[str, Any]) -> str:
-    """SHA-256 of plain values, whatever their order."""
+    """SHA-256 of plain values, independent of their order."""
     versioned = {"schema_version": SCHEMA_VERSION, **content}
     text = json.dumps(versioned, sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -129,19 +138,23 @@ def _sources(specification: Specification) -> dict[str, str]:
     return sources(named_in(specification.file), Path(specification.folder))
 
 
-def _changed(there: Mapping[str, Any], now: Mapping[str, Any], *keys: str) -> str:
-    """The leaves under some keys that are not the same."""
-    old, new = (dict(flat({key: side.get(key) for key in keys})) for side in (there, now))
-    return "; ".join(
-        f"{key.removeprefix('configuration.')}: {old.get(key, 'nothing')} there, "
-        f"{new.get(key, 'nothing')} now"
-        for key in dict.fromkeys([*old, *new])
-        if old.get(key) != new.get(key)
-    )
+def _differences(recorded: Mapping[str, Any], now: Mapping[str, Any], *keys: str) -> list[str]:
+    """A text for each leaf under some keys that is not the same."""
+    old = dict(flat({key: recorded.get(key) for key in keys}))
+    new = dict(flat({key: now.get(key) for key in keys}))
+
+    texts: list[str] = []
+    for key in {**old, **new}:
+        if old.get(key) != new.get(key):
+            before = old.get(key, "nothing")
+            after = new.get(key, "nothing")
+            name = key.removeprefix("configuration.")
+            texts.append(f"{name}: {before} there, {after} now")
+    return texts
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """The leaves of nested plain values, each with its path."""
+    """Yield the leaves of nested plain values, each with its path."""
     if isinstance(value, Mapping):
         for name, item in value.items():
             yield from flat(item, f"{key}.{name}" if key else str(name))
@@ -152,34 +165,31 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield key, value
 
 
-def refuse_other_code(folder: Path, there: Mapping[str, Any], specification: Specification) -> None:
+def refuse_other_code(
+    folder: Path, manifest: Mapping[str, Any], specification: Specification
+) -> None:
     """Refuse Python that is not the recorded one, before any of it is imported.
 
     Args:
-        folder: Of the campaign.
-        there: Its manifest.
-        specification: Whose case file would have it imported.
+        folder: Folder of the campaign.
+        manifest: Its manifest.
+        specification: Specification whose case file would have it imported.
 
     Raises:
         ArgumentError: If a file is not the recorded one, or there are more or fewer.
     """
-    if changed := _changed(there, {"sources": _sources(specification)}, "sources"):
-        raise ArgumentError(f"{folder} was begun with other Python: {changed}")
+    differences = _differences(manifest, {"sources": _sources(specification)}, "sources")
+    if differences:
+        raise ArgumentError(f"{folder} was begun with other Python: {'; '.join(differences)}")
 
 
-def _compared(
-    there: Mapping[str, Any], campaign: Campaign, refusal: Callable[[str], str]
-) -> list[str]:
-    """The packages that have other versions now; with these, the bytes of a model say nothing.
-
-    Raises:
-        ArgumentError: If anything else that decides the results is not the same.
-    """
-    now = manifest_of(campaign)
-    others = _changed(there, now, "versions")
-    if changed := _changed(there, now, "configuration", *([] if others else ["model"]), "sources"):
-        raise ArgumentError(refusal(changed))
-    return others.split("; ") if others else []
+def _other_campaign(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Differences of two manifests, but for versions; empty if they are of one campaign."""
+    keys = ["configuration", "model", "sources"]
+    if _differences(recorded, now, "versions"):
+        # Other versions may compile the same model into other bytes.
+        keys.remove("model")
+    return "; ".join(_differences(recorded, now, *keys))
 
 
 # ---- the parts
@@ -187,20 +197,20 @@ def _compared(
 
 @dataclass(frozen=True)
 class Folder:
-    """The folder of a campaign.
+    """Folder of a campaign.
 
     Attributes:
-        path: The folder.
+        path: Its path.
     """
 
     path: Path
 
     def part(self, index: int) -> Path:
-        """The file of a part."""
+        """Return the file of a part."""
         return self.path / "parts" / f"part-{index:07d}.parquet"
 
     def missing(self, campaign: Campaign) -> list[int]:
-        """Numbers of the parts that are not there."""
+        """Return the numbers of the parts that are not there."""
         numbers = range(campaign.specification.shards)
         return [index for index in numbers if not self.part(index).exists()]
 
@@ -222,6 +232,7 @@ class Folder:
             lock = path.open("a+b", buffering=0)
         except OSError as error:
             raise cannot_write(path, error) from error
+
         with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -246,33 +257,38 @@ class Folder:
                 wanted, or parts are missing that other versions would have.
             SetupError: If it cannot be written, or parts there are not those of the campaign.
         """
-        some = any(self.part(0).parent.glob("part-*.parquet"))
+        parts = self.path / "parts"
+        has_parts = any(parts.glob("part-*.parquet"))
         if not self.begun:
-            if some:
+            if has_parts:
                 raise ArgumentError(f"{self.path} has parts without a {MANIFEST}: take another")
             write_json(self.path / MANIFEST, manifest_of(campaign))
             return []
-        others = _compared(
-            read_manifest(self.path),
-            campaign,
-            lambda changed: f"{self.path} has another campaign: {changed}; take another --out",
-        )
-        if not resume and some:
+
+        recorded = read_manifest(self.path)
+        now = manifest_of(campaign)
+        other = _other_campaign(recorded, now)
+        if other:
+            raise ArgumentError(f"{self.path} has another campaign: {other}; take another --out")
+        if has_parts and not resume:
             raise ArgumentError(
                 f"{self.path} has this campaign already: --resume runs what is missing of it"
             )
-        if others and self.missing(campaign):
+        other_versions = _differences(recorded, now, "versions")
+        if other_versions and self.missing(campaign):
             raise ArgumentError(
                 f"{self.path} is not complete and was begun with other versions: "
-                f"{'; '.join(others)}; install those to go on"
+                f"{'; '.join(other_versions)}; install those to go on"
             )
+
+        # Reading verifies.
         for _ in self.tables(campaign, range(campaign.specification.shards)):
             pass
         # Files of parts that were never finished.
-        for left in self.part(0).parent.glob(".part-*.part.parquet"):
+        for unfinished in parts.glob(".part-*.part.parquet"):
             with contextlib.suppress(OSError):
-                left.unlink()
-        return [f"{line}: the campaign was run with that" for line in others]
+                unfinished.unlink()
+        return [f"{text}: the campaign was run with that" for text in other_versions]
 
     def write(self, index: int, table: pa.Table) -> None:
         """Write a part aside and rename it.
@@ -287,7 +303,7 @@ class Folder:
             os.fsync(file.fileno())
 
     def tables(self, campaign: Campaign, indices: Iterable[int]) -> Iterator[pa.Table]:
-        """The rows of those parts that are there, each verified as it is read.
+        """Yield the rows of those parts that are there, each verified as it is read.
 
         Raises:
             SetupError: If a part is damaged, or is of another campaign or place.
@@ -300,27 +316,34 @@ class Folder:
     def columns(
         self, campaign: Campaign, names: Sequence[str], indices: Iterable[int]
     ) -> dict[str, dict[str, Array]]:
-        """Columns of some parts by controller and name, in the order of the runs; {} for no part.
+        """Read columns of some parts.
+
+        Returns:
+            Columns by controller and name, in the order of the runs; {} for no part.
 
         Raises:
             SetupError: If a part is not as it must be.
         """
         tables = [table.select(list(names)) for table in self.tables(campaign, indices)]
+        if not tables:
+            return {}
+
         columns: dict[str, dict[str, Array]] = {}
-        for law in campaign.laws if tables else ():
-            own = pa.concat_tables([_rows_of(campaign, table, law) for table in tables])
-            columns[law] = {name: own[name].to_numpy() for name in names}
+        for law in campaign.laws:
+            rows = pa.concat_tables([_rows_of(campaign, table, law) for table in tables])
+            columns[law] = {name: rows[name].to_numpy() for name in names}
         return columns
 
 
 def _rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
     """One controller's rows of a part."""
     runs = table.num_rows // len(campaign.laws)
-    return table.slice(list(campaign.laws).index(controller) * runs, runs)
+    position = list(campaign.laws).index(controller)
+    return table.slice(position * runs, runs)
 
 
 def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Outcomes]) -> pa.Table:
-    """The rows of a part: the runs of one controller after those of another.
+    """Return the rows of a part: the runs of one controller after those of another.
 
     The schema's metadata binds them to their campaign and has nothing of when or where they were
     computed, so that a part that is run again is the same to the last byte.
@@ -329,27 +352,34 @@ def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Out
         campaign: The campaign.
         bound_to: Hash of its manifest.
         index: Number of the part.
-        runs: Outcomes of its plants, by controller.
+        runs: Outcomes of its plants, for each controller.
     """
     schema = _schema(campaign)
-    rows = [[pa.array(of[field.name], field.type) for field in schema] for of in runs]
-    table = pa.concat_tables([pa.Table.from_arrays(arrays, schema=schema) for arrays in rows])
-    noted = _noted(campaign, bound_to, index)
-    checked = {**noted, _CHECKSUM: checksum(table, noted)}
-    return table.replace_schema_metadata({_OURS: json.dumps(checked)})
+    tables = [_outcome_table(outcomes, schema) for outcomes in runs]
+    table = pa.concat_tables(tables)
+    notes = _notes(campaign, bound_to, index)
+    checked = {**notes, _CHECKSUM: checksum(table, notes)}
+    return table.replace_schema_metadata({_METADATA: json.dumps(checked)})
 
 
-def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
-    """SHA-256 of all rows, of the columns' names, types and units, and of the notes.
+def _outcome_table(outcomes: Outcomes, schema: pa.Schema) -> pa.Table:
+    """The rows of one controller."""
+    arrays = [pa.array(outcomes[field.name], field.type) for field in schema]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def checksum(table: pa.Table, notes: Mapping[str, Any]) -> str:
+    """Return SHA-256 of all rows, of the columns' names, types and units, and of the notes.
 
     It is taken of the values as 64-bit little-endian numbers and as JSON texts, so that neither
     compression nor the layout of a file has a say; every NaN is the same one.
     """
-    columns = [
-        [field.name, str(field.type), (field.metadata or {}).get(b"unit", b"").decode()]
-        for field in table.schema
-    ]
-    head = {**noted, "columns": columns, "rows": table.num_rows}
+    columns: list[list[str]] = []
+    for field in table.schema:
+        unit = (field.metadata or {}).get(b"unit", b"").decode()
+        columns.append([field.name, str(field.type), unit])
+
+    head = {**notes, "columns": columns, "rows": table.num_rows}
     digest = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for column in table.columns:
         if pa.types.is_floating(column.type):
@@ -363,8 +393,8 @@ def checksum(table: pa.Table, noted: Mapping[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def _noted(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
-    """The campaign and the place of a part."""
+def _notes(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
+    """The campaign of a part, and its place there."""
     ids = campaign.specification.ids(index)
     return {
         "schema_version": SCHEMA_VERSION,
@@ -377,36 +407,53 @@ def _noted(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
 
 def _schema(campaign: Campaign) -> pa.Schema:
     """Columns of a part, with their types and units."""
+    types: dict[str, Any] = {
+        "controller": pa.string(),
+        "status": pa.string(),
+        "judged_by": pa.string(),
+        "id": pa.int64(),
+        "overturned": pa.int64(),
+        "drawn": pa.int64(),
+    }
+    return pa.schema(
+        pa.field(name, types.get(name, pa.float64()), metadata={"unit": unit})
+        for name, unit in _units(campaign).items()
+    )
+
+
+def _units(campaign: Campaign) -> dict[str, str]:
+    """Units of the columns of a part, by name and in their order."""
     error = next(iter(campaign.laws.values())).designed.error
-    units = {
+    metric_units = {
         "output": error.units[error.output_rows[0]],
         "input": error.system.inputs[0].unit,
         "sliding": "of the law's surface",
     }
-    columns = {"id": "", "controller": ""}
-    columns |= {number.name: number.unit for number in campaign.family.quantities}
-    columns |= {name: units.get(unit, unit) for name, unit in METRICS.items()}
-    columns |= {MARGIN + limit.key: limit.unit for limit in campaign.requirements}
-    columns |= {"relative": "1", "order": "1", "status": "", "ended": "s"}
-    columns |= SCREENING if campaign.specification.screen != "none" else {}
-    kinds: dict[str, Any] = dict.fromkeys(("controller", "status", "judged_by"), pa.string())
-    kinds |= dict.fromkeys(("id", "overturned", "drawn"), pa.int64())
-    return pa.schema(
-        pa.field(name, kinds.get(name, pa.float64()), metadata={"unit": unit})
-        for name, unit in columns.items()
-    )
+
+    units = {"id": "", "controller": ""}
+    for number in campaign.family.quantities:
+        units[number.name] = number.unit
+    for name, unit in METRICS.items():
+        units[name] = metric_units.get(unit, unit)
+    for limit in campaign.requirements:
+        units[MARGIN + limit.key] = limit.unit
+    units |= {"relative": "1", "order": "1", "status": "", "ended": "s"}
+    if campaign.specification.screen != "none":
+        units |= SCREENING
+    return units
 
 
 def _verified(file: Path, campaign: Campaign, bound_to: str, index: int) -> pa.Table:
-    """The rows of a part, once they are known to be those of this part of this campaign."""
-    noted = _noted(campaign, bound_to, index)
-    refused = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)
-    with contextlib.suppress(*refused), np.errstate(invalid="ignore"):
-        # Of files alone: a pipe would never end.
-        table = pq.ParquetFile(file).read() if file.is_file() else pa.table({})
-        written = json.loads((table.schema.metadata or {})[_OURS])
-        if written == {**noted, _CHECKSUM: checksum(table, noted)}:
-            return table
+    """The rows of a part, verified to be those of this part of this campaign."""
+    notes = _notes(campaign, bound_to, index)
+    unreadable = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)
+    with contextlib.suppress(*unreadable), np.errstate(invalid="ignore"):
+        # A pipe would never end.
+        if file.is_file():
+            table = pq.ParquetFile(file).read()
+            written = json.loads((table.schema.metadata or {})[_METADATA])
+            if written == {**notes, _CHECKSUM: checksum(table, notes)}:
+                return table
     raise SetupError(
         f"{file} is damaged, or is not part {index} of this campaign: remove it, and --resume runs "
         "it again"
@@ -424,44 +471,55 @@ def run_missing(
     Args:
         campaign: The campaign.
         folder: Where it is kept, begun.
-        executor: Runs them.
+        executor: Runs the parts.
         notice: Called with a line about each worker that died, and why nothing is screened.
         advance: Called after each part.
 
     Returns:
-        How often a part had to be run again.
+        How often a part was run again.
 
     Raises:
         GrosmcError: If a part cannot be run; those that were finished stay.
     """
-    parts, total, runs, again = folder.missing(campaign), Counter[str](), 0, 0
-    screening = screening_of(campaign) if parts else UNSCREENED
+    parts = folder.missing(campaign)
+    screening = UNSCREENED
+    if parts:
+        screening = screening_of(campaign)
     if screening.why_not:
         notice(f"No run is screened by equations: {screening.why_not}.")
+
+    passed = Counter[str]()
+    finished_plants = 0
+    repeated = 0
     work = shards_of(campaign, folder, executor.threads_per_worker, screening)
-    with contextlib.closing(executor.run(work, parts, notice)) as done:
-        for finished in done:
-            again += finished.attempts - 1
-            count = len(campaign.specification.ids(finished.index))
-            total, runs = total + Counter(finished.report), runs + count
-            advance(count * len(campaign.laws), {law: total[law] / runs for law in campaign.laws})
-    return again
+    with contextlib.closing(executor.run(work, parts, notice)) as finished_parts:
+        for part in finished_parts:
+            plants = len(campaign.specification.ids(part.index))
+            passed.update(part.report)
+            finished_plants += plants
+            repeated += part.attempts - 1
+
+            shares = {law: passed[law] / finished_plants for law in campaign.laws}
+            advance(plants * len(campaign.laws), shares)
+    return repeated
 
 
 def shards_of(
     campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
 ) -> partial[dict[str, int]]:
-    """The work of each part of a campaign that was begun in a folder, by its number.
+    """Return the function that runs a part of a campaign, by its number.
 
     Args:
         campaign: The campaign.
         folder: Where it was begun.
-        threads: Of each worker; 0 for all cores.
-        screening: How far equations may judge its runs.
+        threads: Threads of each worker; 0 for all cores.
+        screening: Screening of its runs by the equations.
     """
-    bound_to, path = read_manifest(folder.path)["hash"], str(folder.path.resolve())
-    shard = partial(run_shard, path, campaign.specification, bound_to)
-    return partial(shard, threads=threads, screening=screening)
+    bound_to = read_manifest(folder.path)["hash"]
+    path = str(folder.path.resolve())
+    return partial(
+        run_shard, path, campaign.specification, bound_to, threads=threads, screening=screening
+    )
 
 
 def run_shard(
@@ -475,15 +533,15 @@ def run_shard(
     """Run a part and write it.
 
     Args:
-        folder: Of the campaign, under the same path for all that work at it.
-        specification: Of the campaign: nothing is built from the folder's content.
+        folder: Folder of the campaign, under the same path for all workers.
+        specification: Its specification: nothing is built from the folder's content.
         bound_to: Hash of its manifest, which the folder's must have.
         index: Number of the part.
-        threads: 0 for all cores.
-        screening: How far equations may judge its runs.
+        threads: Number of threads; 0 for all cores.
+        screening: Screening of its runs by the equations.
 
     Returns:
-        How many runs keep everything, by controller.
+        Number of runs that keep everything, by controller.
 
     Raises:
         GrosmcError: If the folder is not that of the campaign, or cannot be written.
@@ -491,17 +549,23 @@ def run_shard(
     campaign = open_campaign(folder, specification, bound_to)
     runs = screened_all(campaign, screening, campaign.laws, specification.ids(index), threads)
     Folder(Path(folder)).write(index, part_table(campaign, bound_to, index, runs))
-    return {
-        law: int((of["relative"] >= 0).sum()) for law, of in zip(campaign.laws, runs, strict=True)
-    }
+
+    passed: dict[str, int] = {}
+    for law, outcomes in zip(campaign.laws, runs, strict=True):
+        passed[law] = int((outcomes["relative"] >= 0).sum())
+    return passed
 
 
 def open_campaign(folder: str, specification: Specification, bound_to: str) -> Campaign:
-    """The campaign of a specification, designed once in a process, to add parts to its folder.
+    """Return the campaign of a specification, designed once in a process, to add parts to it.
+
+    Args:
+        folder: Folder of the campaign.
+        specification: Its specification.
+        bound_to: Hash of its manifest, which the folder's must have.
 
     Raises:
-        GrosmcError: If the folder is of another one, or it would not be computed here as it was
-            there.
+        GrosmcError: If the folder is of another campaign, or its runs would differ here.
     """
     # A worker may outlive a folder and meet another campaign under its name.
     if read_manifest(Path(folder))["hash"] != bound_to:
@@ -509,22 +573,24 @@ def open_campaign(folder: str, specification: Specification, bound_to: str) -> C
     return _opened(folder, specification, bound_to)
 
 
+# A worker runs many parts of a campaign, and to design its laws takes seconds.
 @lru_cache(maxsize=4)
 def _opened(folder: str, specification: Specification, _bound_to: str) -> Campaign:
-    campaign, others = _built(Path(folder), read_manifest(Path(folder)), specification)
-    if others:
-        raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(others)}")
+    manifest = read_manifest(Path(folder))
+    campaign, other_versions = _built(Path(folder), manifest, specification)
+    if other_versions:
+        raise ArgumentError(f"{folder} was begun with other versions: {'; '.join(other_versions)}")
     return campaign
 
 
 def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign, list[str]]:
-    """The campaign that a folder describes, to read its runs.
+    """Return the campaign that a folder describes, to read its runs.
 
     The folder is data: no Python is imported but that beside the case file that the user names,
     and that only if it is the recorded one.
 
     Args:
-        folder: Of the campaign.
+        folder: Folder of the campaign.
         case_file: Where its case file is now, with the files that it names.
 
     Returns:
@@ -538,21 +604,28 @@ def read_campaign(folder: Path, case_file: Path | None = None) -> tuple[Campaign
         specification = Specification.of_document(manifest["question"])
     except ArgumentError as error:
         raise ArgumentError(f"{folder}: {error}; run the campaign again") from None
-    if case_file is not None:
+    if case_file is None:
+        _refuse_code_of_folder(folder, specification)
+    else:
         # The layout of a text does not decide: versions of this package lay it out otherwise.
         if parse_case_file(specification.text, case_file) != read_case_file(case_file):
             raise ArgumentError(
                 f"{case_file} is not the case file of {folder}: its content is another"
             )
         specification = replace(specification, folder=str(case_file.parent.resolve()))
-    elif named := named_in(specification.file):
+    campaign, other_versions = _built(folder, manifest, specification)
+    return campaign, [f"{text}: bits may differ" for text in other_versions]
+
+
+def _refuse_code_of_folder(folder: Path, specification: Specification) -> None:
+    """Refuse a case file that would import Python from beside it."""
+    modules = named_in(specification.file)
+    if modules:
         raise ArgumentError(
-            f"{folder}: its case file names Python, {', '.join(named)}, and a folder's is not "
+            f"{folder}: its case file names Python, {', '.join(modules)}, and a folder's is not "
             "imported: give a case file of your own with the same text, beside which that lies, "
             "by --case-file"
         )
-    campaign, others = _built(folder, manifest, specification)
-    return campaign, [f"{line}: bits may differ" for line in others]
 
 
 def _built(
@@ -560,13 +633,28 @@ def _built(
 ) -> tuple[Campaign, list[str]]:
     """The campaign of a specification, if it is the manifest's, and packages of other versions."""
     refuse_other_code(folder, manifest, specification)
-    # A worker may have kept modules of these names from another campaign of its life.
-    for file, content in manifest["sources"].items():
+    _forget_other_modules(manifest["sources"], specification.folder)
+    campaign = Campaign.of(specification)
+
+    now = manifest_of(campaign)
+    other = _other_campaign(manifest, now)
+    if other:
+        raise ArgumentError(f"{folder} was begun with something else: {other}")
+    return campaign, _differences(manifest, now, "versions")
+
+
+def _forget_other_modules(sources: Mapping[str, str], folder: str) -> None:
+    """Have user modules imported anew that are not those of a campaign.
+
+    A worker may have kept modules of these names from another campaign of its life.
+
+    Args:
+        sources: SHA-256 of the campaign's modules, by file.
+        folder: Where they lie.
+    """
+    for file, content in sources.items():
         name = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-        source = (specification.folder, content)
+        source = (folder, content)
         if _imported.setdefault(name, source) != source:
             sys.modules.pop(name, None)
             _imported[name] = source
-    campaign = Campaign.of(specification)
-    refusal = f"{folder} was begun with something else: {{}}".format
-    return campaign, _compared(manifest, campaign, refusal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,35 +28,38 @@ from grosmc_mj.sweep.search import largest_passing
 from grosmc_mj.sweep.store import NO_PROOF, result_of
 
 WORST = "worst.json"
-# Plants of one generation, and how many of the first one are the worst samples and corners: what
-# leaves the cube is drawn anew inside, so that evolution nears a corner but never reaches it.
-_POPULATION, _SAMPLES, _CORNERS = 64, 16, 16
+# Plants of one generation.
+_POPULATION = 64
+# How many of the first generation are the worst samples and corners: what leaves the cube is drawn
+# anew inside, so that evolution nears a corner but never reaches it.
+_SAMPLES = 16
+_CORNERS = 16
 # The fewest runs of a search: two generations.
 LEAST = 2 * _POPULATION
 # How near to the nominal plant the nearest failing one is known, of its distance.
 _NEAR = 1 / 256
-# Who may have the worst plant; of equally bad ones the first has it.
+# Where the worst plant may come from; of equally bad ones the first counts.
 SOURCES = ("samples", "search", "random")
 
 
 @dataclass(frozen=True, eq=False)
 class Worst:
-    """The worst plant for one controller, and who came how far. All margins are MuJoCo's.
+    """The worst plant for one controller, and the least margin of each source, all in MuJoCo.
 
     Attributes:
         controller: Its name.
         values: The uncertain numbers of the worst plant, (d,).
         relative: Its least margin in parts of the limit; negative if something is not kept. Of
             plants that never settle the worst has the largest error left, see ``Outcomes.order``.
-        winner: Which of ``SOURCES`` has it.
+        winner: Its source, one of ``SOURCES``.
         samples: Least margin of the worst sample of the campaign, with which the search began.
-        search: The same of the worst plant of the search.
-        random: The same of the worst of as many random plants.
+        search: Least margin of the worst plant of the search.
+        random: Least margin of the worst of as many random plants.
         evaluations: Runs of the search, and of the random plants.
-        shrunk: The nearest plant to the nominal one that fails, as far as was looked, (d,); None
-            if nothing fails.
+        shrunk: The nearest plant to the nominal one that was found to fail, (d,); None if nothing
+            fails.
         shrunk_relative: Its least margin.
-        changed: Names of the numbers that are not nominal in it.
+        changed: Names of the numbers that are not nominal in the shrunk plant.
     """
 
     controller: str
@@ -90,154 +93,229 @@ def worst(
         campaign: The campaign.
         controller: Name of the controller.
         ids: Its worst runs, the worst first.
-        evaluations: Runs that the search may take, ``LEAST`` or more; the random plants are as
-            many.
+        evaluations: Runs that the search may take, ``LEAST`` or more; as many random plants are
+            tried.
         advance: Called with the number of runs done.
     """
-    family, seed, d = campaign.family, campaign.specification.seed, len(campaign.family.quantities)
-    sampler, corners = campaign.specification.sampler, family.corners(_CORNERS)
+    sampler = campaign.specification.sampler
     samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
-    rest = campaign.points("random", 0, _POPULATION - len(samples) - len(corners), more=2)
-    first: Any = np.concatenate([samples, corners, rest])
-    search = _Contender(campaign, controller, advance)
-    differential_evolution(
-        lambda x: search(x.T.reshape(-1, d)),
-        [(0.0, 1.0)] * d,
-        init=first,
-        maxiter=evaluations // _POPULATION - 1,
-        tol=0.0,
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-        rng=np.random.default_rng(seed),
-    )
-    random = _Contender(campaign, controller, advance)
+    search = _WorstOfAll(campaign, controller, advance)
+    search.evolve(_first_generation(campaign, samples), evaluations)
+
+    random = _WorstOfAll(campaign, controller, advance)
     for start in range(0, search.runs, _POPULATION):
-        random(campaign.points("random", start, _POPULATION, more=1))
-    sampled = family.values(samples)
-    sampled = sampled[int(evaluate(campaign, controller, sampled)["order"].argmin())]
-    candidates = np.stack([sampled, search.values, random.values])
+        random.run(campaign.points("random", start, _POPULATION, more=1))
+
+    sampled = campaign.family.values(samples)
+    worst_sample = int(evaluate(campaign, controller, sampled)["order"].argmin())
+    candidates = np.stack([sampled[worst_sample], search.values, random.values])
     outcome = evaluate(campaign, controller, candidates)
-    margins, winner = outcome["relative"].tolist(), int(outcome["order"].argmin())
-    shrunk_plant = shrunk_margin = None
-    changed: tuple[str, ...] = ()
-    if margins[winner] < 0:
-        shrunk_plant = shrunk(campaign, controller, candidates[winner])
-        shrunk_margin = float(evaluate(campaign, controller, shrunk_plant[None])["relative"][0])
-        pairs = zip(family.quantities, shrunk_plant, strict=True)
-        changed = tuple(number.name for number, value in pairs if value != number.nominal)
-    return Worst(
-        controller, candidates[winner], margins[winner], SOURCES[winner], margins[0], margins[1],
-        margins[2], search.runs,
-        shrunk_plant, shrunk_margin, changed,
-    )  # fmt: skip
+    margins = outcome["relative"].tolist()
+    winner = int(outcome["order"].argmin())
+    found = Worst(
+        controller,
+        values=candidates[winner],
+        relative=margins[winner],
+        winner=SOURCES[winner],
+        samples=margins[0],
+        search=margins[1],
+        random=margins[2],
+        evaluations=search.runs,
+    )
+    return _with_shrunk(campaign, found) if found.fails else found
 
 
-class _Contender:
-    """Unit points (n, d) to how bad their plants are, (n,); keeps the worst of all, (d,)."""
+def _first_generation(campaign: Campaign, samples: Array) -> Array:
+    """The worst samples, the corners of the ranges, and random points up to a full generation."""
+    corners = campaign.family.corners(_CORNERS)
+    missing = _POPULATION - len(samples) - len(corners)
+    return np.concatenate([samples, corners, campaign.points("random", 0, missing, more=2)])
+
+
+class _WorstOfAll:
+    """The worst of all plants that are run.
+
+    Attributes:
+        values: Its uncertain numbers, (d,).
+        runs: Number of plants that were run.
+    """
 
     def __init__(
         self, campaign: Campaign, controller: str, advance: Callable[[int], object]
     ) -> None:
-        self._campaign, self._controller, self._advance = campaign, controller, advance
-        self._least, self.values, self.runs = math.inf, np.zeros(0), 0
+        self.values = np.zeros(0)
+        self.runs = 0
+        self._least = math.inf
+        self._campaign = campaign
+        self._controller = controller
+        self._advance = advance
 
-    def __call__(self, points: Array) -> Array:
+    def run(self, points: Array) -> Array:
+        """Run the plants at points of the unit cube, (n, d).
+
+        Returns:
+            Their order, (n,): the worse a plant, the less.
+        """
         values = self._campaign.family.values(inside(points))
         order = screened_search(self._campaign, self._controller, values)["order"]
         if order.min() < self._least:
-            self._least, self.values = float(order.min()), values[int(order.argmin())]
+            self._least = float(order.min())
+            self.values = values[int(order.argmin())]
+
         self.runs += len(points)
         self._advance(len(points))
         return order
 
+    def evolve(self, first_generation: Any, evaluations: int) -> None:
+        """Run the plants of a differential evolution, a generation as one batch.
+
+        Args:
+            first_generation: Points of the unit cube, (n, d).
+            evaluations: Runs that it may take.
+        """
+        dimensions = len(self._campaign.family.quantities)
+        differential_evolution(
+            # SciPy's points are columns, (d, n).
+            lambda columns: self.run(columns.T.reshape(-1, dimensions)),
+            [(0.0, 1.0)] * dimensions,
+            init=first_generation,
+            maxiter=evaluations // _POPULATION - 1,
+            tol=0.0,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            rng=np.random.default_rng(self._campaign.specification.seed),
+        )
+
+
+def _with_shrunk(campaign: Campaign, found: Worst) -> Worst:
+    """A failing plant with the plant that it is shrunk to."""
+    plant = shrunk(campaign, found.controller, found.values)
+    margins = evaluate(campaign, found.controller, plant[None])["relative"]
+    pairs = zip(campaign.family.quantities, plant, strict=True)
+    return replace(
+        found,
+        shrunk=plant,
+        shrunk_relative=float(margins[0]),
+        changed=tuple(number.name for number, value in pairs if value != number.nominal),
+    )
+
 
 def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
-    """A failing plant brought towards the nominal one as far as it fails still, (d,).
+    """Bring a failing plant towards the nominal one as far as it fails still, (d,).
 
-    Numbers are made nominal one by one, each time the one without which it fails worst; then all
-    that are left are moved towards their nominal values together.
+    Numbers are made nominal one by one, each time the number without which it fails worst; then
+    all that are not nominal are moved towards their nominal values together.
     """
-    nominal, plant = campaign.family.nominal, values.copy()
-
-    def order(candidates: Array) -> Array:
-        return screened_search(campaign, controller, candidates)["order"]
-
-    while len(left := np.flatnonzero(plant != nominal)):
-        candidates = np.tile(plant, (len(left), 1))
-        candidates[range(len(left)), left] = nominal[left]
-        tried = order(candidates)
-        if not tried.min() < 0:
-            break
-        plant = candidates[int(tried.argmin())]
+    nominal = campaign.family.nominal
+    plant = _with_fewest_changes(campaign, controller, values)
 
     def passes(share: float) -> bool:
-        return bool(order((nominal + share * (plant - nominal))[None])[0] >= 0)
+        nearer = nominal + share * (plant - nominal)
+        return bool(screened_search(campaign, controller, nearer[None])["order"][0] >= 0)
 
-    high = largest_passing(passes, 0.0, 1.0, 1.0, 0.0, _NEAR)[1]
-    return plant if high >= 1.0 else nominal + high * (plant - nominal)
+    _, share = largest_passing(passes, 0.0, 1.0, 1.0, 0.0, _NEAR)
+    if share >= 1.0:
+        return plant
+    return nominal + share * (plant - nominal)
+
+
+def _with_fewest_changes(campaign: Campaign, controller: str, values: Array) -> Array:
+    """A failing plant with as many nominal numbers as it can have and fail still, (d,)."""
+    nominal = campaign.family.nominal
+    plant = values.copy()
+    while True:
+        changed = np.flatnonzero(plant != nominal)
+        if not len(changed):
+            return plant
+
+        # A candidate for each changed number, in which that number is nominal.
+        candidates = np.tile(plant, (len(changed), 1))
+        candidates[range(len(changed)), changed] = nominal[changed]
+        order = screened_search(campaign, controller, candidates)["order"]
+        if not order.min() < 0:
+            return plant
+        plant = candidates[int(order.argmin())]
 
 
 def worst_table(campaign: Campaign, searches: Sequence[Worst]) -> Table:
-    """The worst plant under each controller, and who came how far."""
-    rows = []
-    for plant in searches:
-        nearest = "none was found"
-        if plant.shrunk is not None:
-            margin = number(plant.shrunk_relative)
-            nearest = f"{campaign.words(plant.shrunk)}: margin {margin}"
-        margins = map(number, (plant.samples, plant.search, plant.random))
-        values = f"{campaign.words(plant.values)}: margin {number(plant.relative)}"
-        rows.append((label_of(plant.controller), *margins, plant.winner, values, nearest))
+    """The worst plant under each controller, and the least margin of each source."""
     runs = searches[0].evaluations
     return table(
         "The worst plant: least margin in parts of its limit",
         [
-            *names("law"), *numbers("samples", "search", "random"), *words("worst by"),
-            *text("the worst plant"), *text("nearest to the nominal plant that fails"),
+            *names("law"),
+            *numbers("samples", "search", "random"),
+            *words("worst by"),
+            *text("the worst plant"),
+            *text("nearest to the nominal plant that fails"),
         ],
-        rows,
+        [_table_row(campaign, plant) for plant in searches],
         legend="Samples: the worst run of the campaign. Search: differential evolution that begins "
         f"with the worst samples and the corners of the ranges, {runs} runs; random: {runs} random "
         "plants. All three were judged in MuJoCo; of equally bad ones the first is named. Of "
         "plants that never settle the one with the largest error left is the worst, of runs that "
         "end early the earliest. Below zero something is not kept; numbers not named are nominal. "
         f"{NO_PROOF}",
-    )  # fmt: skip
+    )
+
+
+def _table_row(campaign: Campaign, plant: Worst) -> tuple[str, ...]:
+    """The row of one controller."""
+    nearest = "none was found"
+    if plant.shrunk is not None:
+        nearest = f"{campaign.words(plant.shrunk)}: margin {number(plant.shrunk_relative)}"
+    return (
+        label_of(plant.controller),
+        number(plant.samples),
+        number(plant.search),
+        number(plant.random),
+        plant.winner,
+        f"{campaign.words(plant.values)}: margin {number(plant.relative)}",
+        nearest,
+    )
 
 
 def worst_document(campaign: Campaign, searches: Sequence[Worst]) -> dict[str, Any]:
-    """The worst plants, by controller."""
+    """Return worst.json: the worst plants, by controller."""
+    verdict = MEASURED
+    sentence = "none fails"
     failing = [plant.controller for plant in searches if plant.fails]
-    answer = Answer(
-        question=f"Worst plants of {campaign.specification.name}",
-        verdict=NOT_KEPT if failing else MEASURED,
-        words=f"a failing plant was found for {', '.join(failing)}" if failing else "none fails",
-    )
+    if failing:
+        verdict = NOT_KEPT
+        sentence = f"a failing plant was found for {', '.join(failing)}"
+
+    name = campaign.specification.name
+    answer = Answer(question=f"Worst plants of {name}", verdict=verdict, words=sentence)
     return result_of(
         campaign,
         "worst",
         answers=[answer],
         sheets=[Sheet(table=worst_table(campaign, searches))],
-        values=[
-            Value(name=f"{plant.controller}: least margin", value=finite(plant.relative), better=1)
-            for plant in searches
-        ],
+        values=[_least_margin(plant) for plant in searches],
         says=NO_PROOF,
-        controllers={
-            plant.controller: {
-                "fails": plant.fails,
-                "relative": plant.relative,
-                "worst": campaign.named(plant.values),
-                "worst_by": plant.winner,
-                "worst_of_the_samples": plant.samples,
-                "worst_of_the_search": plant.search,
-                "worst_of_as_many_random_plants": plant.random,
-                "evaluations": plant.evaluations,
-                "shrunk": campaign.named(plant.shrunk),
-                "shrunk_relative": plant.shrunk_relative,
-                "not_nominal": list(plant.changed),
-            }
-            for plant in searches
-        },
+        controllers={plant.controller: _content(campaign, plant) for plant in searches},
     )
+
+
+def _least_margin(plant: Worst) -> Value:
+    """The margin by which two results are compared."""
+    name = f"{plant.controller}: least margin"
+    return Value(name=name, value=finite(plant.relative), better=1)
+
+
+def _content(campaign: Campaign, plant: Worst) -> dict[str, Any]:
+    """The worst plant of one controller as plain values."""
+    return {
+        "fails": plant.fails,
+        "relative": plant.relative,
+        "worst": campaign.named(plant.values),
+        "worst_by": plant.winner,
+        "worst_of_the_samples": plant.samples,
+        "worst_of_the_search": plant.search,
+        "worst_of_as_many_random_plants": plant.random,
+        "evaluations": plant.evaluations,
+        "shrunk": campaign.named(plant.shrunk),
+        "shrunk_relative": plant.shrunk_relative,
+        "not_nominal": list(plant.changed),
+    }

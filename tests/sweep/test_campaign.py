@@ -1,4 +1,4 @@
-"""The campaigns that can be declared, and the one line that refuses all others before any run."""
+"""Declared campaigns, and the one line that refuses a wrong one before any run."""
 
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,26 @@ from grosmc_mj.sweep.campaign import Campaign
 
 
 def scale(spread: str, *more: str) -> str:
+    """The rotor's mass scale as an uncertain number."""
     return of("body", "rotor", f"mass_scale = {spread}", *more)
 
 
 def correlated(first: str, second: str, coefficient: str) -> str:
+    """A correlation of two uncertain numbers."""
     return f'[[correlation]]\nbetween = ["{first}", "{second}"]\ncoefficient = {coefficient}\n'
 
 
-SCALE, LOAD = "rotor mass scale", "load amplitude"
+SCALE = "rotor mass scale"
+LOAD = "load amplitude"
 DAMPING = of("joint", "shaft", "damping = [0, 1]")
 NORMAL = 'distribution = "normal", mean = 1, deviation = 0.1'
+NOT_DEFINITE = (
+    BOTH
+    + DAMPING
+    + correlated(SCALE, LOAD, "0.9")
+    + correlated(LOAD, "shaft damping", "0.9")
+    + correlated(SCALE, "shaft damping", "-0.9")
+)
 NUMBERS = [
     (of("body", "world", "mass_scale = [1, 2]"), "unknown body 'world': valid: rotor"),
     (of("disturbance", "lod", "amplitude = [1, 2]"), "did you mean 'load'?"),
@@ -46,13 +56,8 @@ NUMBERS = [
     ("", "nothing is uncertain: give it an [[uncertain]]"),
     (BOTH + correlated(SCALE, LOAD, "1.5"), "coefficient = 1.5 must be less than 1"),
     (BOTH + 2 * correlated(SCALE, LOAD, "0.5"), "give it once, of two different numbers"),
-    (
-        BOTH + DAMPING + correlated(SCALE, LOAD, "0.9")
-        + correlated(LOAD, "shaft damping", "0.9") + correlated(SCALE, "shaft damping", "-0.9"),
-        "the matrix is not positive definite",
-    ),
-]  # fmt: skip
-OFTEN = 'distribution = "normal", mean = "1 ms", deviation = "20 s", least = "0 s"'
+    (NOT_DEFINITE, "the matrix is not positive definite"),
+]
 MACHINES = [
     (("motor", "current", 'resistance = ["0 ohm", "1 ohm"]'), "= 0 can occur, but must be from"),
     (("wall", "roter", "restitution = [0.1, 0.2]"), "the file has no [[wall]] of 'roter'"),
@@ -67,10 +72,15 @@ MACHINES = [
     (("stop", "shaft", 'low = ["-1 rad", "0.5 rad"]'), "beyond its stops at 0.5 and 1 rad"),
     (("transmission", "shaft", 'stiffness = ["100 N m/rad", "5 MN m/rad"]'), "makes unstable"),
 ]
-TWICE = of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
+COULOMB = of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
 SWING = of("swinging_load", "rotor", 'mass = ["50 g", "150 g"]')
-SECOND = '[[swinging_load]]\nbody = "rotor"\nmass = "0.2 kg"\nlength = "30 cm"\n'
-NOISE = of("sensor", "rotor angle", 'noise = ["0 mrad", "1 mrad"]')
+SECOND_SWING = """
+[[swinging_load]]
+body = "rotor"
+mass = "0.2 kg"
+length = "30 cm"
+"""
+SPEED_NOISE = of("sensor", "rotor speed", 'noise = ["0 rad/s", "1 rad/s"]')
 # Both states of one age, for a law that predicts.
 PREDICTS = """
 [computing]
@@ -82,35 +92,42 @@ of = "rotor speed"
 law = "lqr"
 predict = true
 """
-LATE = of("sensor", "rotor angle", 'delay = ["0 ms", "2 ms"]')
+SENSOR_DELAY = of("sensor", "rotor angle", 'delay = ["0 ms", "2 ms"]')
+LONG_DELAY = """
+[[uncertain]]
+computing = true
+delay = { distribution = "normal", mean = "1 ms", deviation = "20 s", least = "0 s" }
+"""
+MISSED = uncertain("computing = true", "missed = [0.5, 1.0]")
+LAG = of("actuator", "current", 'lag = ["0 ms", "1 ms"]')
+LATE_ERROR = """
+[[requirement]]
+stays_within = "1 rad"
+after = "49.5 ms"
+"""
 TEXTS = [
     *((plain(tables), words) for tables, words in NUMBERS),
-    *((standing(of(*drawn), MACHINE), words) for drawn, words in MACHINES),
-    (standing(2 * TWICE, MACHINE), "two are uncertain 'lugre shaft coulomb'"),
-    (standing(SWING, MACHINE + SECOND), "the file has 2 [[swinging_load]] of 'rotor'"),
-    (standing(LATE, PREDICTS), "let that of computing = true vary instead"),
+    *((standing(of(*table), MACHINE), words) for table, words in MACHINES),
+    (standing(2 * COULOMB, MACHINE), "two are uncertain 'lugre shaft coulomb'"),
+    (standing(SWING, MACHINE + SECOND_SWING), "the file has 2 [[swinging_load]] of 'rotor'"),
+    (standing(SENSOR_DELAY, PREDICTS), "let that of computing = true vary instead"),
+    (standing(LONG_DELAY, PREDICTS), "at most 100000"),
+    (standing(SPEED_NOISE, LOOP), "unknown sensor"),
+    (standing(MISSED, LOOP), "missed = 1 can occur"),
     (
-        standing(uncertain("computing = true", f"delay = {{ {OFTEN} }}"), PREDICTS),
-        "at most 100000",
-    ),
-    (standing(NOISE.replace("angle", "speed").replace("mrad", "rad/s"), LOOP), "unknown sensor"),
-    (
-        standing(uncertain("computing = true", "missed = [0.5, 1.0]"), LOOP),
-        "missed = 1 can occur",
-    ),
-    (
-        standing(of("actuator", "current", 'lag = ["0 ms", "1 ms"]'), small.LQR),
+        standing(LAG, small.LQR),
         "the case file has no actuator, of which this is a number: write one",
     ),
     (plain() + small.PUSH, "two disturbances have the label 'load': give each its own"),
     (
-        plain() + '[[requirement]]\nstays_within = "1 rad"\nafter = "49.5 ms"\n',
+        plain() + LATE_ERROR,
         "an error after 0.0495 s: the last timestep of a run begins at 0.049 s",
     ),
 ]
 
 
 def refused(text: str, words: str, **options: Any) -> None:
+    """Refuse a campaign in one line, or a list of mistakes, with these words."""
     with pytest.raises(ArgumentError) as refusal:
         Campaign.of(small.specification(text, **options))
     assert words in str(refusal.value)
@@ -136,44 +153,100 @@ def test_a_wrong_argument_is_refused_in_one_line(arguments: dict[str, Any], word
     refused(plain(), words, **arguments)
 
 
-def test_correlated_numbers_have_no_corners_and_numbers_of_one_name_need_names() -> None:
+def test_correlated_numbers_have_no_corners() -> None:
     refused(plain(BOTH + small.CORRELATED), "there are 0 corners", sampler="corners", runs=2)
-    both = [of(kind, "shaft", 'damping = ["0 N m s/rad", "1 N m s/rad"]')
-            for kind in ("lugre", "transmission")]  # fmt: skip
-    refused(standing("".join(both), MACHINE), "two are called 'shaft damping'")
-    named = campaign(standing("".join([*both, 'name = "of the gear"\n']), MACHINE))
-    assert named.family.names == ["shaft damping", "of the gear"]
 
 
-def test_all_mistakes_are_named_at_once() -> None:
-    """Of laws, uncertain numbers and controllers together; of the file's keys before them."""
-    text = plain(scale("[1, 2]").replace("rotor", "roter") + DAMPING.replace("shaft", "shaf"))
-    law = '[[controller]]\nlaw = "grosmk"\n'
+DAMPING_OF_BOTH = """
+[[uncertain]]
+lugre = "shaft"
+damping = ["0 N m s/rad", "1 N m s/rad"]
+[[uncertain]]
+transmission = "shaft"
+damping = ["0 N m s/rad", "1 N m s/rad"]
+"""
+
+
+def test_two_numbers_of_one_name_are_refused() -> None:
+    refused(standing(DAMPING_OF_BOTH, MACHINE), "two are called 'shaft damping'")
+
+
+def test_a_name_of_its_own_tells_two_numbers_apart() -> None:
+    declared = campaign(standing(DAMPING_OF_BOTH + 'name = "of the gear"\n', MACHINE))
+    assert declared.family.names == ["shaft damping", "of the gear"]
+
+
+FOUR_MISTAKES = """
+[[uncertain]]
+body = "roter"
+mass_scale = [1, 2]
+[[uncertain]]
+joint = "shaf"
+damping = [0, 1]
+"""
+UNKNOWN_KEYS = """
+[[uncertain]]
+body = "roter"
+mass_scal = [1, 2]
+[[uncertain]]
+joint = "shaf"
+dampin = [0, 1]
+"""
+UNKNOWN_LAW = """
+[[controller]]
+law = "grosmk"
+"""
+
+
+def test_mistakes_of_laws_numbers_and_controllers_are_named_at_once() -> None:
+    text = plain(FOUR_MISTAKES) + UNKNOWN_LAW
     with pytest.raises(ArgumentError) as refusal:
-        Campaign.of(small.specification(text + law, controllers=("lqq",)))
+        Campaign.of(small.specification(text, controllers=("lqq",)))
     first, *mistakes = str(refusal.value).split(NEXT)
     assert first.endswith("4 mistakes:")
     for words, name in zip(mistakes, ("'lqq'", "'grosmk'", "'roter'", "'shaf'"), strict=True):
         assert name in words
-    refused(text.replace("mass_scale", "mass_scal").replace("damping", "dampin"), "2 mistakes:")
 
 
-ONSET = of("disturbance", "load", 'onset = ["{} s", "0.02 s"]')
-SHORT = '[[requirement]]\nsettles_within = "{} ms"\n'
+def test_unknown_keys_are_named_before_all_other_mistakes() -> None:
+    refused(plain(UNKNOWN_KEYS), "2 mistakes:")
 
 
-def test_what_runs_cannot_show_is_not_judged_and_a_disturbance_after_the_end_is_idle() -> None:
-    for text, words in (
-        (plain() + SHORT.format(19), "there are 0.02 s before"),
+EARLY_LOAD = of("disturbance", "load", 'onset = ["0 s", "0.02 s"]')
+LATER_LOAD = of("disturbance", "load", 'onset = ["0.01 s", "0.02 s"]')
+SETTLES = """
+[[requirement]]
+settles_within = "{} ms"
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (plain() + SETTLES.format(19), "there are 0.02 s before"),
         # A load that may come at once leaves nothing to settle in.
-        (plain(ONSET.format(0)) + SHORT.format(10), "there are 0 s before"),
-    ):
-        declared = campaign(text)
-        assert [words in line for line in declared.not_judged] == [True]
-        assert "settles_within" not in {limit.kind for limit in declared.requirements}
-    assert campaign(plain()).idle == []
-    assert campaign(plain(), duration=0.02).idle == ["load", "hum"]
-    assert campaign(plain(ONSET.format(0.01)), duration=0.02).idle == ["hum"]
+        (plain(EARLY_LOAD) + SETTLES.format(10), "there are 0 s before"),
+    ],
+)
+def test_a_requirement_that_runs_cannot_decide_is_not_judged(text: str, words: str) -> None:
+    declared = campaign(text)
+    (line,) = declared.not_judged
+    assert words in line
+    assert "settles_within" not in {limit.kind for limit in declared.requirements}
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "labels"),
+    [
+        (plain(), {}, []),
+        (plain(), {"duration": 0.02}, ["load", "hum"]),
+        (plain(LATER_LOAD), {"duration": 0.02}, ["hum"]),
+    ],
+)
+def test_a_disturbance_after_the_end_of_all_runs_is_idle(
+    text: str, options: dict[str, Any], labels: list[str]
+) -> None:
+    assert campaign(text, **options).idle == labels
 
 
 OWN = """
@@ -190,15 +263,25 @@ law = "fl-lqr"
 """
 
 
-def test_an_analytic_plant_has_parameters_and_no_bodies(tmp_path: Path) -> None:
+@pytest.fixture
+def beside_python(tmp_path: Path) -> str:
+    """A folder with the plant's Python."""
     (tmp_path / "own.py").write_text(PYTHON)
-    folder = str(tmp_path)
-    refused(OWN + scale("[1, 2]"), "no model in MuJoCo, so no body: name a", folder=folder)
-    refused(
-        OWN + of("parameter", "j", "scale = [1, 2]"),
-        "unknown parameter 'j': valid: m",
-        folder=folder,
-    )
-    family = campaign(OWN + of("parameter", "m", "scale = [1, 2]"), folder=folder)
-    plant: Any = family.plant_sample([1.5]).plant(family.plant)
+    return str(tmp_path)
+
+
+def test_an_analytic_plant_has_no_bodies(beside_python: str) -> None:
+    text = OWN + scale("[1, 2]")
+    refused(text, "no model in MuJoCo, so no body: name a", folder=beside_python)
+
+
+def test_an_unknown_parameter_of_an_analytic_plant_is_refused(beside_python: str) -> None:
+    text = OWN + of("parameter", "j", "scale = [1, 2]")
+    refused(text, "unknown parameter 'j': valid: m", folder=beside_python)
+
+
+def test_a_scale_of_an_analytic_plant_s_parameter_reaches_the_plant(beside_python: str) -> None:
+    text = OWN + of("parameter", "m", "scale = [1, 2]")
+    declared = campaign(text, folder=beside_python)
+    plant: Any = declared.plant_sample([1.5]).plant(declared.plant)
     assert plant.parameters.m == 3.0

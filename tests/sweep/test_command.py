@@ -1,12 +1,13 @@
 """grosmc-mj campaign: the files, the exit codes, wrong use in one line."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import AMPLITUDE, DEVIATION, LQR, servo
+from campaign_cases import AMPLITUDE, DEVIATION, LQR, deviation_below, servo
 from commands import Patch, Screen, run
 
 from grosmc_mj import cli
@@ -40,6 +41,7 @@ def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def document(folder: Path, name: str) -> dict[str, Any]:
+    """A document of a campaign."""
     return json.loads((folder / f"{name}.json").read_text())
 
 
@@ -53,61 +55,87 @@ def wrong(capsys: Screen, *arguments: object) -> str:
     capsys.readouterr()
     assert run(*arguments) == cli.WRONG
     line = capsys.readouterr().err
-    assert (line.startswith("grosmc-mj: "), line.count("\n")) == (True, 1)
+    assert line.startswith("grosmc-mj: ")
+    assert line.count("\n") == 1
     return line
 
 
-def test_documents_have_the_numbers_of_the_runs(file: Path, folder: Path, capsys: Screen) -> None:
+def test_a_campaign_writes_a_document_of_each_search(folder: Path) -> None:
     documents = {"manifest.json", "results.json", "worst.json", "radius.json"}
     assert {path.name for path in folder.iterdir()} == {".lock", "parts", *documents}
+
+
+def test_documents_have_the_numbers_of_the_runs(folder: Path) -> None:
     results = document(folder, "results")
     assert results["sampled"]["words"] == "16 runs, random, seed 0"
     relative = pq.read_table(folder / PART)["relative"].to_numpy()
     rates = {rate["requirement"]: rate for rate in results["pass_rates"]}
     assert rates["all requirements"]["kept"] == (relative >= 0).sum()
     assert document(folder, "worst")["controllers"]["lqr"]["relative"] <= relative.min()
-    again = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
+
+
+def test_a_complete_campaign_is_answered_again(file: Path, folder: Path, capsys: Screen) -> None:
+    resumed = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
     capsys.readouterr()
-    assert run(*again) == cli.DONE
-    shown = words(capsys)
+    assert run(*resumed) == cli.DONE
+    answer_words = words(capsys)
     for phrase in ("1 of 1 parts are there already.", "deviation below 3 mrad", "no proof"):
-        assert phrase in shown
+        assert phrase in answer_words
 
 
-def test_five_runs_without_failure_show_50_percent(tmp_path: Path, capsys: Screen) -> None:
+@pytest.mark.parametrize(("runs", "code"), [(4, cli.DIFFERS), (5, cli.DONE)])
+def test_five_runs_without_failure_show_50_percent(
+    runs: int, code: int, tmp_path: Path, capsys: Screen
+) -> None:
     """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
     path = tmp_path / "easy.toml"
-    path.write_text(TEXT.replace("3 mrad", "100 mrad"))
-    for runs, code in ((4, cli.DIFFERS), (5, cli.DONE)):
-        claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / str(runs))
-        assert run("campaign", path, "--runs", runs, *claim) == code
-        shown = words(capsys)
-        assert "of the declared design keep everything" in shown
-        assert "50 % are asked for" in shown
+    path.write_text(servo(laws=LQR, limits=deviation_below("100 mrad")))
+    claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / "out")
+    assert run("campaign", path, "--runs", runs, *claim) == code
+    answer_words = words(capsys)
+    assert "of the declared design keep everything" in answer_words
+    assert "50 % are asked for" in answer_words
+
+
+def test_without_a_requirement_runs_are_counted_and_nothing_is_drawn(
+    tmp_path: Path, capsys: Screen
+) -> None:
+    path = tmp_path / "free.toml"
     path.write_text(servo(laws=LQR, limits=""))
-    assert run("campaign", path, "--runs", "16", "--out", tmp_path / "out", "--verbose") == cli.DONE
-    shown = words(capsys)
-    assert "lqr: nothing is required of it." in shown
-    assert "16 of 16" in shown
-    assert not list((tmp_path / "out").glob("map.*"))
+    out = tmp_path / "out"
+    assert run("campaign", path, "--runs", "16", "--out", out, "--verbose") == cli.DONE
+    answer_words = words(capsys)
+    assert "lqr: nothing is required of it." in answer_words
+    assert "16 of 16" in answer_words
+    assert not list(out.glob("map.*"))
 
 
-def test_who_judged_is_shown_and_why(file: Path, tmp_path: Path, capsys: Screen) -> None:
-    screened = ("campaign", file, "--no-figures", "--runs", "64", "--screen", "equations", "--out")
-    assert run(*screened, tmp_path / "a") == cli.DONE
-    shown = capsys.readouterr()
-    judges = pq.read_table(tmp_path / "a" / PART)["judged_by"].to_pylist()
-    assert f"{judges.count('equations')} of 64 runs judged by the equations, " in shown.out
+SCREENED = ("--no-figures", "--runs", "64", "--screen", "equations")
+OTHER_INTEGRATOR = "instead of the model's own"
+
+
+def test_the_answer_and_a_plant_s_file_say_who_judged(
+    file: Path, tmp_path: Path, capsys: Screen
+) -> None:
+    assert run("campaign", file, *SCREENED, "--out", tmp_path) == cli.DONE
+    screen = capsys.readouterr()
+    judges = pq.read_table(tmp_path / PART)["judged_by"].to_pylist()
+    assert f"{judges.count('equations')} of 64 runs judged by the equations, " in screen.out
+    assert OTHER_INTEGRATOR not in screen.err
+
     number = judges.index("equations")
-    assert run("campaign", tmp_path / "a", "--plant", number) == cli.DONE
-    text = (tmp_path / "a" / f"small_{number}_lqr.toml").read_text()
+    assert run("campaign", tmp_path, "--plant", number) == cli.DONE
+    text = (tmp_path / f"small_{number}_lqr.toml").read_text()
     assert f"run {number} under lqr, judged by the equations." in text
-    capsys.readouterr()
-    assert run(*screened, tmp_path / "b", "--integrator", "implicitfast") == cli.DONE
-    why = "equations are stepped by RK4, the model by implicitfast"
-    other = capsys.readouterr()
-    assert f"No run is screened by equations: {why}." in other.err
-    assert ["instead of the model's own" in of.err for of in (shown, other)] == [False, True]
+
+
+def test_a_notice_says_why_nothing_is_screened(file: Path, tmp_path: Path, capsys: Screen) -> None:
+    implicit = ("--integrator", "implicitfast", "--out", tmp_path)
+    assert run("campaign", file, *SCREENED, *implicit) == cli.DONE
+    errors = capsys.readouterr().err
+    reason = "equations are stepped by RK4, the model by implicitfast"
+    assert f"No run is screened by equations: {reason}." in errors
+    assert OTHER_INTEGRATOR in errors
 
 
 @pytest.mark.parametrize(
@@ -130,26 +158,33 @@ def test_wrong_use_gets_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_wrong_file_or_folder_is_one_line(folder: Path, tmp_path: Path, capsys: Screen) -> None:
+@pytest.mark.parametrize("command", ["run", "campaign"])
+def test_a_wrong_file_is_one_line(command: str, tmp_path: Path, capsys: Screen) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(servo(2 * AMPLITUDE, laws=LQR, limits=DEVIATION))
-    for command in ("run", "campaign"):
-        line = wrong(capsys, command, path, "--out", tmp_path / "out")
-        assert "two are uncertain 'load amplitude'" in line
+    line = wrong(capsys, command, path, "--out", tmp_path / "out")
+    assert "two are uncertain 'load amplitude'" in line
     assert not (tmp_path / "out").exists()
+
+
+def test_a_campaign_s_folder_is_no_case_file(folder: Path, capsys: Screen) -> None:
     line = wrong(capsys, "campaign", folder)
     assert "is a campaign's folder: --plant WHICH writes the case file of one of its plants" in line
 
 
+@pytest.mark.parametrize("more", [(), ("--resume",)])
 def test_a_second_campaign_waits_for_the_first(
-    file: Path, tmp_path: Path, capsys: Any, monkeypatch: Patch
+    more: tuple[str, ...], file: Path, tmp_path: Path, capsys: Screen
 ) -> None:
     eight = ("campaign", file, "--runs", "8", "--out", tmp_path, "--no-figures")
     with Folder(tmp_path).held():
-        for more in ((), ("--resume",)):
-            assert "another grosmc-mj campaign adds parts to it" in wrong(capsys, *eight, *more)
+        assert "another grosmc-mj campaign adds parts to it" in wrong(capsys, *eight, *more)
         assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
+
+def test_an_interrupted_campaign_says_how_to_go_on(
+    file: Path, tmp_path: Path, monkeypatch: Patch
+) -> None:
     def interrupted(*_: Any, **__: Any) -> Any:
         raise KeyboardInterrupt
 
@@ -164,56 +199,78 @@ def test_a_second_campaign_waits_for_the_first(
 def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatch: Patch) -> None:
     written: dict[str, set[str]] = {}
 
-    def shows(name: str, returned: Any) -> Any:
-        def show(*_: Any, **__: Any) -> Any:
-            written[name] = {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
-            return returned
-
-        return show
+    def note(name: str, returned: Any, *_: Any, **__: Any) -> Any:
+        """Note the documents that are there when something is shown."""
+        written[name] = {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
+        return returned
 
     for name in ("say_verdict", "say_worst", "say_radius"):
-        monkeypatch.setattr(answer, name, shows(name, cli.DONE))
-    monkeypatch.setattr(maps, "write_figures", shows("figures", []))
+        monkeypatch.setattr(answer, name, partial(note, name, cli.DONE))
+    monkeypatch.setattr(maps, "write_figures", partial(note, "figures", []))
     assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
     # The verdict comes before searches and figures.
-    assert [len(names) for names in written.values()] == [1, 2, 3, 3]
     assert [*written] == ["say_verdict", "say_worst", "say_radius", "figures"]
+    assert [len(names) for names in written.values()] == [1, 2, 3, 3]
 
 
-@pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
+def least_margin(folder: Path, which: str) -> float:
+    """The least margin that a campaign recorded of a plant."""
+    worst = document(folder, "worst")["controllers"]["lqr"]
+    radius = document(folder, "radius")["controllers"]["lqr"]
+    if which == "worst":
+        return worst["relative"]
+    if which == "shrunk":
+        return worst["shrunk_relative"]
+    if which == "outside":
+        least = {look["scale"]: look["least"] for look in radius["looks"]}
+        return least[radius["outside_scale"]]
+    return pq.read_table(folder / PART)["relative"][int(which)].as_py()
+
+
+EACH_PLANT = pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
+
+
+@EACH_PLANT
 def test_a_plant_s_file_is_run_like_any_other(
     which: str, folder: Path, tmp_path: Path, capsys: Screen
 ) -> None:
-    worst, radius = (document(folder, name)["controllers"]["lqr"] for name in ("worst", "radius"))
-    least = {look["scale"]: look["least"] for look in radius["looks"]}
-    relative = {
-        "3": pq.read_table(folder / PART)["relative"][3].as_py(),
-        "worst": worst["relative"],
-        "shrunk": worst["shrunk_relative"],
-        "outside": least[radius["outside_scale"]],
-    }
     assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
     file = tmp_path / f"small_{which}_lqr.toml"
     assert capsys.readouterr().out.endswith(f"{file}\ngrosmc-mj run {file}\n")
-    # The same command again writes the same; what somebody has changed is kept.
-    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
 
+    margin = least_margin(folder, which)
     outcome = run_rows(Experiment.load(file), [Row("lqr")])
-    assert outcome["relative"].tolist() == [relative[which]]
-    code = cli.DONE if relative[which] >= 0 else cli.DIFFERS
+    assert outcome["relative"].tolist() == [margin]
+    code = cli.DONE if margin >= 0 else cli.DIFFERS
     assert run("run", file, "--no-figures", "--out", tmp_path) == code
     assert run("diff", tmp_path, tmp_path, "--out", tmp_path / "diff") == cli.DONE
 
+
+@EACH_PLANT
+def test_a_plant_s_file_that_was_changed_is_kept(
+    which: str, folder: Path, tmp_path: Path, capsys: Screen
+) -> None:
+    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
+    # The same command again writes the same.
+    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
+    file = tmp_path / f"small_{which}_lqr.toml"
     file.write_text(file.read_text() + "# mine\n")
     line = wrong(capsys, "campaign", folder, "--plant", which, "--out", tmp_path)
     assert f"{file} is there already with other content: rename or remove it" in line
     assert file.read_text().endswith("# mine\n")
 
 
+NAMED_LIKE_A_PATH = """
+[[controller]]
+law = "lqr"
+name = "/../../../up/../a.b"
+"""
+
+
 def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
-    file, out = tmp_path / "case.toml", tmp_path / "deep" / "er" / "out"
-    laws = LQR + 'name = "/../../../up/../a.b"\n'
-    file.write_text(servo(AMPLITUDE, laws=laws, limits=DEVIATION))
+    file = tmp_path / "case.toml"
+    file.write_text(servo(AMPLITUDE, laws=NAMED_LIKE_A_PATH, limits=DEVIATION))
+    out = tmp_path / "deep" / "er" / "out"
     assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DONE
     assert run("campaign", out, "--plant", "0") == cli.DONE
     (written,) = out.glob("*.toml")

@@ -1,4 +1,4 @@
-"""The declared uncertainty: its distributions against SciPy's, its samplers, its scaling."""
+"""Declared uncertainty: its distributions against SciPy's, its samplers, its scaling."""
 
 import itertools
 import math
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, CORRELATED, INERTIA, campaign, of, plain
+from campaign_cases import BOTH, campaign, mass_scale, of, plain
 from scipy import stats
 
 from grosmc_mj.arrays import Array
@@ -21,10 +21,12 @@ D = 3
 
 
 def drawn(kind: str, unit: str = "", **numbers: Any) -> Distribution:
+    """The distribution of a table."""
     return distribution(DistributionTable(distribution=kind, **numbers), unit)
 
 
 def cut_off(least: float, most: float, mean: float, size: float) -> Any:
+    """SciPy's normal distribution within an interval."""
     return stats.truncnorm((least - mean) / size, (most - mean) / size, mean, size)
 
 
@@ -51,16 +53,22 @@ def test_quantiles_invert_the_distribution_function(ours: Distribution, scipys: 
     assert ours.support == scipys.support()
 
 
-def test_distributions_are_cut_off_where_the_distribution_function_is_0_and_1() -> None:
-    for ours in (
+@pytest.mark.parametrize(
+    "ours",
+    [
         # 50 standard deviations.
         drawn("normal", mean=1, deviation=0.01, least=0.5, most=2.0),
         drawn("normal", mean=1, deviation=0.01, most=1.9),
         # The median of what is symmetric in its logarithm.
         drawn("lognormal", median=1, spread=0.3, least=0.5, most=2),
-    ):
-        assert np.all(np.isfinite(ours.quantiles(SHARES)))
-        assert ours.quantiles(np.array([0.5])) == pytest.approx(1, rel=1e-14)
+    ],
+)
+def test_a_distribution_is_cut_off_where_its_function_is_0_or_1(ours: Distribution) -> None:
+    assert np.all(np.isfinite(ours.quantiles(SHARES)))
+    assert ours.quantiles(np.array([0.5])) == pytest.approx(1, rel=1e-14)
+
+
+def test_an_end_that_is_not_given_is_infinite() -> None:
     assert drawn("lognormal", median=1, spread=0.3, least=0.5).support == (0.5, INF)
 
 
@@ -71,12 +79,23 @@ def test_a_point_is_the_same_whatever_the_part(points: Callable[..., Array]) -> 
     assert np.array_equal(np.concatenate(parts), points(D, first=0, count=8))
 
 
-def test_random_points_of_all_seeds_differ_and_lie_inside_the_cube() -> None:
-    starts = itertools.product(range(3), range(0, 192, 64))
-    several = [random_points(D, seed, first, 64) for seed, first in starts]
-    assert all(np.all((points > 0) & (points < 1)) for points in several)
+SEEDS = (0, 1, 2)
+FIRST = (0, 64, 128)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("first", FIRST)
+def test_random_points_lie_inside_the_cube(seed: int, first: int) -> None:
+    points = random_points(D, seed, first, 64)
+    assert np.all((points > 0) & (points < 1))
+
+
+def test_random_numbers_of_all_seeds_and_points_differ() -> None:
+    starts = itertools.product(SEEDS, FIRST)
+    points = [random_points(D, seed, first, 64).ravel() for seed, first in starts]
     # Philox makes four numbers at a time: a point of nine needs three such blocks.
-    numbers = np.concatenate([*map(np.ravel, several), random_points(9, 9, 0, 64).ravel()])
+    points.append(random_points(9, 9, 0, 64).ravel())
+    numbers = np.concatenate(points)
     assert len(np.unique(numbers)) == numbers.size
 
 
@@ -85,42 +104,94 @@ def test_the_corners_are_all_corners() -> None:
     assert sorted(map(tuple, corners)) == list(itertools.product((0.0, 1.0), repeat=D))
 
 
-def test_the_copula_correlates_and_keeps_the_marginals() -> None:
-    family = campaign(plain(BOTH + CORRELATED.replace("0.5", "-0.8"))).family
-    values = family.values(random_points(2, 1, 0, 4096))
+COPULA = """
+[[correlation]]
+between = ["rotor mass scale", "load amplitude"]
+coefficient = -0.8
+"""
+N = 4096
+
+
+@pytest.fixture(scope="module")
+def correlated() -> Array:
+    """Values of two correlated numbers, (n, 2)."""
+    return campaign(plain(BOTH + COPULA)).family.values(random_points(2, 1, 0, N))
+
+
+def test_the_copula_correlates(correlated: Array) -> None:
     # Spearman's coefficient of a Gaussian copula; its standard error is at most that of none.
-    expected, rank = 6 / np.pi * np.arcsin(-0.8 / 2), stats.rankdata(values, axis=0)
-    assert abs(np.corrcoef(rank.T)[0, 1] - expected) < 4 / np.sqrt(4096)
+    expected = 6 / np.pi * np.arcsin(-0.8 / 2)
+    ranks = stats.rankdata(correlated, axis=0)
+    assert abs(np.corrcoef(ranks.T)[0, 1] - expected) < 4 / np.sqrt(N)
+
+
+def test_the_copula_keeps_the_marginals(correlated: Array) -> None:
+    # Both are uniform, of width 2 from 1 and -1.
+    shares = (np.sort(correlated, axis=0) - [1, -1]) / 2
+    expected = (np.arange(N)[:, None] + 0.5) / N
     # Largest distance from the uniform distribution that one in 10^4 samples exceeds.
-    shares = (np.sort(values, axis=0) - [1, -1]) / 2
-    distance = np.abs(shares - (np.arange(4096)[:, None] + 0.5) / 4096).max()
-    assert distance < 2.23 / np.sqrt(4096)
+    assert np.abs(shares - expected).max() < 2.23 / np.sqrt(N)
 
 
-def test_nominal_values_are_the_files_own_and_no_disturbance() -> None:
-    edited = '[[edit]]\nbody = "rotor"\nmass_scale = 2\n[[edit]]\njoint = "shaft"\ndamping = 0.3\n'
-    others = (
-        of("joint", "shaft", "damping = [0, 1]")
-        + of("disturbance", "load", 'onset = ["0.01 s", "0.03 s"]')
-        + of("disturbance", "hum", 'frequency = ["0.5 Hz", "2 Hz"]')
-        + of("start", "rotor speed", 'value = ["-1 rad/s", "3 rad/s"]')
-    )
-    family = campaign(plain(BOTH + others) + edited).family
+EDITED = """
+[[edit]]
+body = "rotor"
+mass_scale = 2
+[[edit]]
+joint = "shaft"
+damping = 0.3
+"""
+SIX_NUMBERS = """
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+[[uncertain]]
+disturbance = "load"
+amplitude = [-1, 1]
+[[uncertain]]
+joint = "shaft"
+damping = [0, 1]
+[[uncertain]]
+disturbance = "load"
+onset = ["0.01 s", "0.03 s"]
+[[uncertain]]
+disturbance = "hum"
+frequency = ["0.5 Hz", "2 Hz"]
+[[uncertain]]
+start = "rotor speed"
+value = ["-1 rad/s", "3 rad/s"]
+"""
+
+
+def test_nominal_values_are_those_of_the_file_and_no_disturbance() -> None:
+    family = campaign(plain(SIX_NUMBERS) + EDITED).family
     assert family.nominal.tolist() == [2.0, 0.0, 0.3, 0.02, 2 * math.pi, 0.0]
-    own = campaign(plain(of("body", "rotor", "mass_scale = [1, 2]", "nominal = 1.5")))
-    assert own.family.nominal.tolist() == [1.5]
 
 
-def test_scaling_moves_values_along_the_line_from_the_nominal_ones_as_far_as_they_can_be() -> None:
+def test_a_nominal_value_may_be_given() -> None:
+    table = of("body", "rotor", "mass_scale = [1, 2]", "nominal = 1.5")
+    assert campaign(plain(table)).family.nominal.tolist() == [1.5]
+
+
+def test_scaling_moves_values_along_the_line_from_the_nominal_ones() -> None:
     family = campaign(plain()).family
     values = family.values(np.array([[0.0, 0.0], [1.0, 0.75]]))
     assert values.tolist() == [[1.0, -1.0], [3.0, 0.5]]
     assert family.scaled(values, 2.0).tolist() == [[1.0, -2.0], [5.0, 1.0]]
     assert family.scaled(values, 0.0).tolist() == [[1.0, 0.0], [1.0, 0.0]]
-    # The largest scale is where the least value meets zero.
-    for spread, largest in (("[0.5, 2]", 2), ("[0.75, 1]", 4), ("[1, 2]", 8)):
-        assert campaign(plain(INERTIA.replace("[1, 3]", spread))).largest_scale == pytest.approx(
-            largest, rel=1e-8
-        )
-    one, other = campaign(plain(), shard=3), campaign(plain(), runs=100, shard=64)
-    assert np.array_equal(one.values(range(6, 8)), other.values(range(100))[6:8])
+
+
+@pytest.mark.parametrize(
+    ("spread", "largest"),
+    # Where the least value meets zero; without such a value it is 8.
+    [("[0.5, 2]", 2), ("[0.75, 1]", 4), ("[1, 2]", 8)],
+)
+def test_the_largest_scale_is_where_a_value_is_impossible(spread: str, largest: float) -> None:
+    declared = campaign(plain(mass_scale(spread)))
+    assert declared.largest_scale == pytest.approx(largest, rel=1e-8)
+
+
+def test_values_of_a_run_depend_on_its_number_alone() -> None:
+    small = campaign(plain(), shard=3)
+    large = campaign(plain(), runs=100, shard=64)
+    assert np.array_equal(small.values(range(6, 8)), large.values(range(100))[6:8])

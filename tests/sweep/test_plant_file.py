@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import campaign_cases as small
 import numpy as np
 import pytest
 from campaign_cases import (
@@ -22,7 +21,6 @@ from campaign_cases import (
     refusal,
     servo,
     standing,
-    uncertain,
 )
 from case_texts import LEG_MODEL
 
@@ -43,50 +41,84 @@ from grosmc_mj.sweep.screening import Batch, screening_of
 from grosmc_mj.sweep.store import Folder, shards_of
 
 DAMPING = of("joint", "shaft", "damping = [0, 1]")
-NOISE = of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
 # All that a predicting law would otherwise take from the drawn loop.
-DELAYS = (
-    NOISE
-    + uncertain("computing = true", 'delay = ["1 ms", "4 ms"]')
-    + of("actuator", "current", 'limit = ["3 A", "4 A"]')
-    + of("actuator", "current", 'lag = ["1 ms", "2 ms"]')
-)
-PARTS = (
-    of("lugre", "shaft", 'coulomb = ["0.05 N m", "0.06 N m"]')
-    + of("motor", "current", 'resistance = ["2 ohm", "3 ohm"]')
-    + of("transmission", "shaft", 'backlash = ["0 mrad", "1 mrad"]')
-    + of("swinging_load", "rotor", 'mass = ["0.1 kg", "0.2 kg"]')
-)
+DELAYS = """
+[[uncertain]]
+sensor = "rotor angle"
+noise = ["0 mrad", "0.3 mrad"]
+[[uncertain]]
+computing = true
+delay = ["1 ms", "4 ms"]
+[[uncertain]]
+actuator = "current"
+limit = ["3 A", "4 A"]
+[[uncertain]]
+actuator = "current"
+lag = ["1 ms", "2 ms"]
+"""
+PARTS = """
+[[uncertain]]
+lugre = "shaft"
+coulomb = ["0.05 N m", "0.06 N m"]
+[[uncertain]]
+motor = "current"
+resistance = ["2 ohm", "3 ohm"]
+[[uncertain]]
+transmission = "shaft"
+backlash = ["0 mrad", "1 mrad"]
+[[uncertain]]
+swinging_load = "rotor"
+mass = ["0.1 kg", "0.2 kg"]
+"""
 # Sine, start, length and a point mass, on a plant with several inputs.
-FORCE = """
+TWO_LINKS = """
+[plant]
+system = "two_link_arm"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = { "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }
 [[disturbance]]
 body = "payload"
 force = ["0 N", "0 N", "5 N"]
 profile = "sine"
 frequency = "1 Hz"
 label = "tip"
+[[uncertain]]
+body = "payload"
+added_mass = ["0 kg", "1 kg"]
+at = ["1 cm", "0 m", "0 m"]
+[[uncertain]]
+disturbance = "tip"
+amplitude = [0, 1]
+[[uncertain]]
+disturbance = "tip"
+frequency = ["0.5 Hz", "2 Hz"]
+[[uncertain]]
+disturbance = "tip"
+phase = ["0 deg", "360 deg"]
+[[uncertain]]
+start = "shoulder angle"
+value = ["0.5 rad", "0.7 rad"]
+[[controller]]
+law = "pd"
+[[requirement]]
+stays_within = "3 cm"
+after = "0.02 s"
+on = ["physics"]
 """
-TWO_LINK = (
-    uncertain('body = "payload"', 'added_mass = ["0 kg", "1 kg"]', 'at = ["1 cm", "0 m", "0 m"]')
-    + of("disturbance", "tip", "amplitude = [0, 1]")
-    + of("disturbance", "tip", 'frequency = ["0.5 Hz", "2 Hz"]')
-    + of("disturbance", "tip", 'phase = ["0 deg", "360 deg"]')
-    + of("start", "shoulder angle", 'value = ["0.5 rad", "0.7 rad"]')
-)
-TWO_LINK_START = '{ "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }'
-STAYS = '[[requirement]]\nstays_within = "3 cm"\nafter = "0.02 s"\non = ["physics"]\n'
-EDITED = '[[edit]]\nbody = "rotor"\nlength_scale = 1.1\n[[edit]]\njoint = "shaft"\nfriction = 0.1\n'
+EDITED = """
+[[edit]]
+body = "rotor"
+length_scale = 1.1
+[[edit]]
+joint = "shaft"
+friction = 0.1
+"""
 
 CAMPAIGNS = {
     "bodies, joints and a pulse": servo(BOTH + DAMPING) + EDITED,
-    "two links": small.case(
-        "two_link_arm",
-        TWO_LINK,
-        start=TWO_LINK_START,
-        laws='[[controller]]\nlaw = "pd"\n',
-        disturbances=FORCE,
-        limits=STAYS,
-    ),
+    "two links": TWO_LINKS,
     "a loop with noise": standing(DELAYS, LOOP),
     "a machine": standing(PARTS, MACHINE),
 }
@@ -104,6 +136,7 @@ def again(file: Path, law: str, kind: PlantName) -> Outcomes:
 
 
 def assert_equal_to_the_bit(outcome: Outcomes, stored: dict[str, Any]) -> None:
+    """The first run of an outcome has the stored numbers."""
     margins = [MARGIN + limit.key for limit in outcome.limits]
     for name in (*METRICS, *margins, "relative", "ended"):
         assert outcome[name][0].tobytes() == np.asarray(stored[name]).tobytes(), name
@@ -112,14 +145,15 @@ def assert_equal_to_the_bit(outcome: Outcomes, stored: dict[str, Any]) -> None:
 
 def stored_row(declared: Campaign, folder: Folder, number: int, law: str) -> dict[str, Any]:
     """The row of a run by column."""
-    names = [*METRICS, *(MARGIN + limit.key for limit in declared.requirements)]
-    names += ["relative", "ended", "status"]
+    margins = [MARGIN + limit.key for limit in declared.requirements]
+    names = [*METRICS, *margins, "relative", "ended", "status"]
     part, place = divmod(number, declared.specification.shard)
     columns = folder.columns(declared, names, [part])[law]
     return {name: columns[name][place] for name in names}
 
 
 def assert_repeated(declared: Campaign, folder: Folder, which: str, law: str, path: Path) -> None:
+    """The run of a plant's case file has the numbers of its row."""
     plant = find_plant(declared, folder, which, law)
     outcome = again(written_file(declared, plant, path), law, plant.kind)
     row = stored_row(declared, folder, plant.run, law)
@@ -142,38 +176,76 @@ def test_a_run_that_ended_early_ends_again_at_the_same_instant(tmp_path: Path) -
     assert_repeated(falling(), folder, early, "fl-lqr", tmp_path / "plant.toml")
 
 
-def test_a_run_that_equations_judged_is_judged_by_them_again(tmp_path: Path) -> None:
-    text = small.pair().replace("[[requirement]]\n", '[[requirement]]\non = ["physics"]\n')
+ON_PHYSICS = """
+[[requirement]]
+on = ["physics"]
+deviation_below = "3 mrad"
+"""
+
+
+@pytest.fixture(scope="module")
+def screened(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Folder]:
+    """A campaign some of whose runs equations judged, and its folder."""
+    text = servo(laws=PAIR, limits=ON_PHYSICS)
     declared = campaign(text, runs=32, shard=32, screen="equations")
-    folder = begun(declared, tmp_path / "out")
-    shards_of(declared, folder, 0, screening_of(declared))(0)
+    folder = begun(declared, tmp_path_factory.mktemp("screened"))
+    run_part = shards_of(declared, folder, 0, screening_of(declared))
+    run_part(0)
+    return declared, folder
+
+
+@pytest.mark.parametrize(("judge", "kind"), [("equations", "corrected"), ("physics", "physics")])
+def test_a_run_is_judged_by_its_judge_again(
+    judge: str, kind: str, screened: tuple[Campaign, Folder], tmp_path: Path
+) -> None:
+    declared, folder = screened
     judges = folder.columns(declared, ["judged_by"], [0])["stiff"]["judged_by"]
-    for judge, kind in (("equations", "corrected"), ("physics", "physics")):
-        number = str(np.flatnonzero(judges == judge)[0])
-        plant = find_plant(declared, folder, number)
-        assert (plant.law, plant.kind) == ("stiff", kind)
-        path = tmp_path / f"{kind}.toml"
-        assert_repeated(declared, folder, number, "stiff", path)
-        # Its requirements are those of this plant, whatever they were on.
-        (result,) = [run for run in Experiment.load(path).runs() if run.controller.name == "stiff"]
-        assert (result.plant, len(result.requirements)) == (kind, 1)
+    number = str(np.flatnonzero(judges == judge)[0])
+    plant = find_plant(declared, folder, number)
+    assert (plant.law, plant.kind) == ("stiff", kind)
+    path = tmp_path / "plant.toml"
+    assert_repeated(declared, folder, number, "stiff", path)
+    # Its requirements are those of this plant, whatever they were on.
+    (result,) = [run for run in Experiment.load(path).runs() if run.controller.name == "stiff"]
+    assert (result.plant, len(result.requirements)) == (kind, 1)
 
 
-def test_the_recorded_run_of_the_file_ends_in_the_same_state(tmp_path: Path) -> None:
-    """Every bit of a noisy run is in its last state."""
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes]:
+    """The case file of a noisy run, and its last state in the campaign."""
     declared = campaign(standing(DELAYS, LOOP), runs=4)
-    plant = find_plant(declared, begun(declared, tmp_path / "out"), "3", "predicting")
-    result = Experiment.load(written_file(declared, plant, tmp_path / "plant.toml")).run()
+    folder = begun(declared, tmp_path_factory.mktemp("noisy"))
+    plant = find_plant(declared, folder, "3", "predicting")
     last = Batch(declared, plant.values[None], [plant.run]).run("predicting")["last"]
-    assert result.trajectory.state[-1].tobytes() == last[0].tobytes()
-    # Of another number of the run, or if the law knew the drawn delay, it is another state.
-    text = (tmp_path / "plant.toml").read_text()
-    others = text.replace("run = 3", "run = 2"), text.replace('"1 ms", missed', '"4 ms", missed')
-    for changed in others:
-        assert changed != text
-        (tmp_path / "other.toml").write_text(changed)
-        other = Experiment.load(tmp_path / "other.toml").run()
-        assert other.trajectory.state[-1].tobytes() != last[0].tobytes()
+    return case_text(declared, plant), last[0].tobytes()
+
+
+def last_state(text: str, path: Path) -> bytes:
+    """The last state of the recorded run of a case file."""
+    path.write_text(text)
+    return Experiment.load(path).run().trajectory.state[-1].tobytes()
+
+
+def test_the_recorded_run_of_the_file_ends_in_the_same_state(
+    noisy: tuple[str, bytes], tmp_path: Path
+) -> None:
+    """Every bit of a noisy run is in its last state."""
+    text, last = noisy
+    assert last_state(text, tmp_path / "plant.toml") == last
+
+
+@pytest.mark.parametrize(
+    ("words", "changed"),
+    [("run = 3", "run = 2"), ('"1 ms", missed', '"4 ms", missed')],
+    ids=["another run", "the law knows the drawn delay"],
+)
+def test_a_file_with_another_loop_ends_in_another_state(
+    words: str, changed: str, noisy: tuple[str, bytes], tmp_path: Path
+) -> None:
+    text, last = noisy
+    # What was written is edited, as a user would.
+    before, after = text.split(words)
+    assert last_state(f"{before}{changed}{after}", tmp_path / "plant.toml") != last
 
 
 def test_a_number_that_is_nominal_again_is_written_too(tmp_path: Path) -> None:
@@ -181,7 +253,7 @@ def test_a_number_that_is_nominal_again_is_written_too(tmp_path: Path) -> None:
     declared = campaign(servo(BOTH), seed=5)
     plant = ChosenPlant("shrunk", "lqr", declared.family.nominal, 0, "physics")
     outcome = again(written_file(declared, plant, tmp_path / "plant.toml"), "lqr", "physics")
-    (row,) = [Batch(declared, plant.values[None], [0]).run("lqr")]
+    row = Batch(declared, plant.values[None], [0]).run("lqr")
     stored = {name: column[0] for name, column in row.columns.items()}
     assert_equal_to_the_bit(outcome, stored)
 
@@ -259,8 +331,15 @@ def test_a_file_beside_the_campaign_s_own_extends_it(
     assert_equal_to_the_bit(outcome, row)
 
 
+SOFTER = """
+[laws.softer]
+law = "lqr"
+Q = [1, 4]
+"""
+
+
 def test_laws_and_settings_of_the_campaign_are_those_of_the_file(tmp_path: Path) -> None:
-    text = servo(BOTH, laws=PAIR, limits="") + '[laws.softer]\nlaw = "lqr"\nQ = [1, 4]\n'
+    text = servo(BOTH, laws=PAIR, limits="") + SOFTER
     options: Any = {
         "controllers": ("lqr", "softer"),
         "duration": 0.04,
@@ -284,30 +363,47 @@ def test_a_number_keeps_all_its_digits(unit: str, value: float) -> None:
     assert np.float64(number).tobytes() == np.float64(value).tobytes()
 
 
-def test_a_run_or_plant_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    declared = campaign(servo(BOTH), seed=5)
-    folder = begun(declared, tmp_path / "out")
-    for which, law, words in (
+@pytest.fixture
+def empty_folder(tmp_path: Path) -> Folder:
+    """A folder of a campaign that has not run."""
+    return begun(campaign(servo(BOTH), seed=5), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("which", "law", "words"),
+    [
         ("8", None, "run '8': there are 0 to 7, worst, shrunk, outside"),
         ("-1", None, "run '-1': there are 0 to 7"),
         ("²", None, "run '²'"),
         ("0", "grosm", "unknown law 'grosm': did you mean 'grosmc'?"),
         ("worst", None, "has no worst.json: run the campaign with --worst"),
         ("outside", None, "has no radius.json: run the campaign with --radius"),
-    ):
-        assert words in refusal(find_plant, declared, folder, which, law)
-    path = tmp_path / "worst.json"
-    for content in (
+    ],
+)
+def test_a_run_or_plant_that_is_not_there_is_refused(
+    which: str, law: str | None, words: str, empty_folder: Folder
+) -> None:
+    declared = campaign(servo(BOTH), seed=5)
+    assert words in refusal(find_plant, declared, empty_folder, which, law)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
         "{",
         '{"controllers": []}',
         '{"controllers": {"grosmc": {"worst": {"rotor mass scale": 2.0}}}}',
         '{"controllers": {"grosmc": {"worst": {"rotor mass scale": [], "load amplitude": 1}}}}',
         '{"controllers": {"grosmc": {"worst": {"rotor mass scale": 1, "load amplitude": NaN}}}}',
         f'{{"controllers": {{"grosmc": {{"worst": {{"rotor mass scale": {10**400}}}}}}}}}',
-    ):
-        path.write_text(content)
-        line = refusal(searched_values, declared, tmp_path, "worst", "grosmc")
-        assert line == f"{path} cannot be read: run the campaign with --worst again"
+    ],
+)
+def test_a_damaged_search_is_refused(content: str, tmp_path: Path) -> None:
+    path = tmp_path / "worst.json"
+    path.write_text(content)
+    declared = campaign(servo(BOTH), seed=5)
+    line = refusal(searched_values, declared, tmp_path, "worst", "grosmc")
+    assert line == f"{path} cannot be read: run the campaign with --worst again"
 
 
 def test_a_model_beside_the_case_file_needs_that_file(tmp_path: Path) -> None:

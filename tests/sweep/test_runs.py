@@ -1,12 +1,13 @@
 """Batches of runs that are not recorded: their meters, columns and margins are recorded runs'."""
 
+from functools import cache
 from pathlib import Path
 
 import campaign_cases as small
 import mujoco
 import numpy as np
 import pytest
-from campaign_cases import INERTIA, LIMITS, LOAD, LQR, PLANT, campaign, case, servo
+from campaign_cases import INERTIA, LIMITS, LOAD, LQR, campaign, servo
 
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment
@@ -19,9 +20,12 @@ from grosmc_mj.sweep.campaign import Campaign, specification_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, evaluate
 
-ARM = '{ "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }'
-RATIO = "[[requirement]]\ncost_ratio_below = 1.5\n"
-KINDS = RATIO + """
+RATIO = """
+[[requirement]]
+cost_ratio_below = 1.5
+"""
+KINDS = f"""
+{RATIO}
 [[requirement]]
 input_below = "10 A"
 [[requirement]]
@@ -35,50 +39,140 @@ stays_within = "2 rad"
 after = "40 ms"
 [[requirement]]
 stays_within = "2 rad"
-"""  # fmt: skip
-LATE = LOAD.replace("0.02 s", "5 s").replace("0.03 s", "5.5 s")
+"""
 # A loop's actuator gives less than the law's command.
-ACTUATOR = '[[requirement]]\ninput_below = "4.5 A"\n[[actuator]]\nof = "current"\nlimit = "4 A"\n'
-SETTLES = '[[requirement]]\nsettles_within = "4.1 s"\n'
-# In a timestep it travels less than the tolerance, so that the state at the end does not count.
-TRAVEL = '[[requirement]]\ncart_travel_below = "0.1 m"\n'
-LOWER = INERTIA.replace("rotor", "lower")
-BELOW = '[[requirement]]\ninput_below = "9 A"\n'
-FOUR = PLANT.format(system="servo", duration=0.2, start='{}\ntimestep = "1 ms"').replace(
-    'period = "1 ms"', 'period = "4 ms"'
-)
-LATER = '[computing]\ndelay = "1 ms"\n'
+ACTUATOR = """
+[[requirement]]
+input_below = "4.5 A"
+[[actuator]]
+of = "current"
+limit = "4 A"
+"""
+# In a timestep the cart travels less than the tolerance, so that the state at the end does not
+# count.
+TRAVEL = """
+[plant]
+system = "cart_pendulum"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = { "cart speed" = "50 nm/s" }
+[[uncertain]]
+body = "pole"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+cart_travel_below = "0.1 m"
+"""
+# The servo settles at 4.02 s, before it is pushed.
+SETTLES = """
+[plant]
+system = "servo"
+[run]
+duration = "6 s"
+control_period = "1 ms"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+label = "load"
+profile = "pulse"
+start = "5 s"
+stop = "5.5 s"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.1 N m", "0 N m"]
+profile = "sine"
+frequency = "1 Hz"
+onset = "5 s"
+label = "hum"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+settles_within = "4.1 s"
+"""
+# The optimum moves on by a timestep between two samples of the law.
+FOUR_STEPS = """
+[plant]
+system = "servo"
+[run]
+duration = "0.2 s"
+control_period = "4 ms"
+timestep = "1 ms"
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "lqr"
+name = "stiff"
+Q = [4, 1]
+[[requirement]]
+input_below = "9 A"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+"""
+DELAYED = """
+[computing]
+delay = "1 ms"
+"""
+TWO_LINKS = """
+[plant]
+system = "two_link_arm"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = { "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }
+[[uncertain]]
+body = "lower"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "grosmc"
+[[requirement]]
+cost_ratio_below = 1.5
+"""
+CASES = [
+    (servo(INERTIA, limits=KINDS), "lqr"),
+    (servo(INERTIA, limits=KINDS), "grosmc"),
+    (TRAVEL, "lqr"),
+    (SETTLES, "lqr"),
+    (servo(INERTIA, limits=ACTUATOR, laws=LQR), "lqr"),
+    (FOUR_STEPS, "stiff"),
+    (FOUR_STEPS + DELAYED, "stiff"),
+    (TWO_LINKS, "lqr"),
+]
+EACH_CASE = pytest.mark.parametrize(("text", "law"), CASES)
 
 
-@pytest.mark.parametrize(
-    ("text", "law"),
-    [
-        (servo(INERTIA, limits=KINDS), "lqr"),
-        (servo(INERTIA, limits=KINDS), "grosmc"),
-        (
-            case("cart_pendulum", INERTIA.replace("rotor", "pole"), laws=LQR, limits=TRAVEL,
-                 start='{ "cart speed" = "50 nm/s" }'),
-            "lqr",
-        ),
-        # The servo settles at 4.02 s.
-        (case("servo", INERTIA, duration=6, disturbances=LATE, limits=SETTLES, laws=LQR), "lqr"),
-        (servo(INERTIA, limits=ACTUATOR, laws=LQR), "lqr"),
-        # The optimum moves on by a timestep between two samples of the law.
-        (FOUR + small.PAIR + BELOW + INERTIA, "stiff"),
-        (FOUR + small.PAIR + BELOW + INERTIA + LATER, "stiff"),
-        (case("two_link_arm", LOWER, start=ARM, limits=RATIO), "lqr"),
-    ],
-)  # fmt: skip
-def test_margins_of_a_batch_are_a_recorded_runs(text: str, law: str, tmp_path: Path) -> None:
+@cache
+def nominal(text: str, law: str) -> tuple[Campaign, Outcomes]:
+    """A campaign, and the row of its nominal plant."""
+    declared = campaign(text, runs=2)
+    return declared, evaluate(declared, law, declared.family.nominal[None])
+
+
+@EACH_CASE
+def test_both_engines_give_the_same_row(text: str, law: str, tmp_path: Path) -> None:
+    _, row = nominal(text, law)
+    head, run = text.split("[run]")
+    path = tmp_path / "case.toml"
+    path.write_text(f'{head}[run]\nengine = "python"{run}')
+    declared = Campaign.load(str(path), runs=2)
+    by_python = evaluate(declared, law, declared.family.nominal[None])
+    for name in row.columns.keys() - {"status", "controller", "judged_by"}:
+        assert row[name].tobytes() == by_python[name].tobytes(), name
+
+
+@EACH_CASE
+def test_margins_of_a_batch_are_a_recorded_run_s(text: str, law: str, tmp_path: Path) -> None:
+    declared, row = nominal(text, law)
     (tmp_path / "case.toml").write_text(text)
     result = Experiment.load(tmp_path / "case.toml").run("physics", law)
-    declared = Campaign.load(str(tmp_path / "case.toml"), runs=2)
-    row = evaluate(declared, law, declared.family.nominal[None])
-    (tmp_path / "case.toml").write_text(text.replace("[run]", '[run]\nengine = "python"'))
-    python = Campaign.load(str(tmp_path / "case.toml"), runs=2)
-    other = evaluate(python, law, declared.family.nominal[None])
-    for name in row.columns.keys() - {"status", "controller", "judged_by"}:
-        assert row[name].tobytes() == other[name].tobytes(), name
+
     judged = judge_all(declared.requirements, [result])
     assert judged
     for judgement in judged:
@@ -87,6 +181,7 @@ def test_margins_of_a_batch_are_a_recorded_runs(text: str, law: str, tmp_path: P
         assert margin == pytest.approx(judgement.margin, rel=1e-9, abs=1e-10), judgement.limit.key
     shares = [(judgement.margin or 0.0) / judgement.limit.value for judgement in judged]
     assert row["relative"][0] == pytest.approx(min(shares), rel=1e-9)
+
     for name in METRICS.keys() & result.metrics.keys() - {"deviation"}:
         value = result.metrics[name].value
         if value is not None:
@@ -110,28 +205,53 @@ def test_a_row_is_that_of_a_single_run_whatever_its_neighbours_and_threads(law: 
     assert np.isnan(together["margin sliding_below"]).all() == (law == "lqr")
 
 
-def test_runs_that_end_early_fail_with_their_cause() -> None:
+@cache
+def fallen() -> Outcomes:
+    """Sixteen pendulums, of which some fall."""
     declared = small.falling()
-    values = declared.values(range(16))
-    rows = evaluate(declared, "fl-lqr", values)
+    return evaluate(declared, "fl-lqr", declared.values(range(16)))
+
+
+def test_runs_that_end_early_fail_with_their_cause() -> None:
+    rows = fallen()
     ended = ~rows.completed
     assert 0 < ended.sum() < 16
     assert set(rows["status"][ended]) == {"undefined_law"}
-    assert np.all(np.isneginf([rows["margin deviation_below"][ended], rows["relative"][ended]]))
-    assert np.all(np.isnan(rows["deviation"]) == ended)
-    assert np.all((rows["ended"] < 0.3) == ended)
-    assert np.all(rows["ended"][~ended] == 0.3)
-    # The earlier is the worse.
-    early = np.flatnonzero(ended)
-    assert np.all(np.diff(rows["ended"][early[np.argsort(rows["order"][early])]]) >= 0)
-    assert rows["order"][early].max() < rows["order"][~ended].min()
-    sample = declared.plant_sample(values[early[0]])
+    assert np.all(np.isneginf(rows["margin deviation_below"][ended]))
+    assert np.all(np.isneginf(rows["relative"][ended]))
+
+
+def test_runs_that_end_early_have_no_metrics() -> None:
+    rows = fallen()
+    assert np.array_equal(np.isnan(rows["deviation"]), ~rows.completed)
+    assert np.array_equal(rows["ended"] < 0.3, ~rows.completed)
+    assert np.all(rows["ended"][rows.completed] == 0.3)
+
+
+def test_of_runs_that_end_early_the_earlier_is_the_worse() -> None:
+    rows = fallen()
+    order = rows["order"][~rows.completed]
+    ended = rows["ended"][~rows.completed]
+    assert np.all(np.diff(ended[np.argsort(order)]) >= 0)
+    assert order.max() < rows["order"][rows.completed].min()
+
+
+def test_a_run_that_ends_early_ends_when_a_single_one_does() -> None:
+    rows = fallen()
+    first = int(np.flatnonzero(~rows.completed)[0])
+    declared = small.falling()
+    (values,) = declared.values(range(first, first + 1))
+    sample = declared.plant_sample(values)
     with pytest.raises(UndefinedLawError) as refusal:
         simulate(
-            sample.plant(declared.plant), declared.laws["fl-lqr"], sample.case.x0,
-            duration=0.3, control_period=0.001, engine="native",
-        )  # fmt: skip
-    assert float(refusal.value.trajectory.valid_until) == rows["ended"][early[0]]
+            sample.plant(declared.plant),
+            declared.laws["fl-lqr"],
+            sample.case.x0,
+            duration=0.3,
+            control_period=0.001,
+            engine="native",
+        )
+    assert float(refusal.value.trajectory.valid_until) == rows["ended"][first]
 
 
 def evaluated(text: str) -> Outcomes:
@@ -140,58 +260,132 @@ def evaluated(text: str) -> Outcomes:
     return evaluate(declared, "lqr", declared.values(range(2)))
 
 
-def test_requirements_have_columns_of_their_own_and_a_run_without_cost_fails() -> None:
+def test_without_a_requirement_there_is_no_margin() -> None:
     rows = evaluated(small.plain())
     assert not any(name.startswith("margin") for name in rows.columns)
     assert rows["relative"].tolist() == [1.0, 1.0]
-    more = '[[requirement]]\nof = ["lqr"]\ndeviation_below = "{} mrad"\n'
-    rows = evaluated(servo() + more.format(4) + more.format(5))
+
+
+WIDER = """
+[[requirement]]
+of = ["lqr"]
+deviation_below = "4 mrad"
+[[requirement]]
+of = ["lqr"]
+deviation_below = "5 mrad"
+"""
+
+
+def test_requirements_of_one_kind_have_columns_of_their_own() -> None:
+    rows = evaluated(servo() + WIDER)
     first = rows["margin deviation_below"]
-    for number, wider in ((2, 1e-3), (3, 2e-3)):
-        margins = rows[f"margin deviation_below {number}"]
-        np.testing.assert_allclose(margins - first, wider, rtol=1e-12)
-    # At its reference the servo has no cost to compare with.
-    start = PLANT.format(system="servo", duration=0.05, start='{ "rotor angle" = "1 rad" }')
-    rows = evaluated(start + LOAD + INERTIA + LQR + RATIO.replace("1.5", "1e6"))
+    second = rows["margin deviation_below 2"]
+    third = rows["margin deviation_below 3"]
+    np.testing.assert_allclose(second - first, 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(third - first, 2e-3, rtol=1e-12)
+
+
+AT_REFERENCE = f"""
+[plant]
+system = "servo"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = {{ "rotor angle" = "1 rad" }}
+{LOAD}
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+cost_ratio_below = 1e6
+"""
+
+
+def test_a_run_without_a_cost_to_compare_with_fails() -> None:
+    rows = evaluated(AT_REFERENCE)
     assert rows["status"].tolist() == ["completed"] * 2
     assert np.all(np.isneginf(rows["margin cost_ratio_below"]))
     assert np.all(rows["relative"] < 0)
 
 
 def row_of(table: Outcomes, index: int) -> dict[str, str]:
+    """A row of a table as texts."""
     return {name: str(values[index]) for name, values in table.columns.items()}
 
 
-def test_a_row_of_a_design_is_the_row_alone_and_equations_agree_with_physics() -> None:
+DESIGN = [
+    Row(law, {"body.rotor.mass_scale": scale, "start.rotor angle.value": 0.1 * scale})
+    for scale in (1.0, 1.5)
+    for law in ("lqr", "grosmc")
+]
+
+
+@cache
+def designed() -> tuple[Experiment, Outcomes]:
+    """A case and the rows of a design."""
     experiment = Experiment.load("servo/case1").varied(duration=0.1)
-    design = [
-        Row(law, {"body.rotor.mass_scale": scale, "start.rotor angle.value": 0.1 * scale})
-        for scale in (1.0, 1.5)
-        for law in ("lqr", "grosmc")
-    ]
-    table = run_rows(experiment, design)
-    for i in (1, 2):
-        assert row_of(run_rows(experiment, [design[i]]), 0) == row_of(table, i)
-    by_equations = run_rows(experiment, design, plant="corrected")
+    return experiment, run_rows(experiment, DESIGN)
+
+
+@pytest.mark.parametrize("index", [1, 2])
+def test_a_row_of_a_design_is_the_row_alone(index: int) -> None:
+    experiment, table = designed()
+    alone = run_rows(experiment, [DESIGN[index]])
+    assert row_of(alone, 0) == row_of(table, index)
+
+
+def test_rows_by_equations_agree_with_physics() -> None:
+    experiment, table = designed()
+    by_equations = run_rows(experiment, DESIGN, plant="corrected")
     np.testing.assert_allclose(by_equations["deviation"], table["deviation"], rtol=1e-6, atol=1e-9)
 
 
-def test_numbers_of_a_loop_are_as_run_and_an_impossible_row_is_an_outcome() -> None:
-    bench, delay = Experiment.load("servo/bench").varied(duration=0.05), "sensor.rotor angle.delay"
-    design = [Row("grosmc", {delay: seconds}) for seconds in (0.002, 0.0021, 0.004)]
-    impossible = Row("grosmc", {"sensor.no state.delay": 0.0})
-    # Chance of a run depends on its number alone, and not on the run before it.
-    design += [impossible, *(Row("grosmc", number=number) for number in (1, 1, 2))]
-    table = run_rows(bench, design, [], keep_impossible=True, threads=2)
+DELAY = "sensor.rotor angle.delay"
+IMPOSSIBLE = Row("grosmc", {"sensor.no state.delay": 0.0})
+LOOP_DESIGN = [
+    Row("grosmc", {DELAY: 0.002}),
+    Row("grosmc", {DELAY: 0.0021}),
+    Row("grosmc", {DELAY: 0.004}),
+    IMPOSSIBLE,
+    Row("grosmc", number=1),
+    Row("grosmc", number=1),
+    Row("grosmc", number=2),
+]
+
+
+@cache
+def looped() -> tuple[Experiment, Outcomes]:
+    """A case with a loop and the rows of a design."""
+    bench = Experiment.load("servo/bench").varied(duration=0.05)
+    return bench, run_rows(bench, LOOP_DESIGN, [], keep_impossible=True, threads=2)
+
+
+def test_an_impossible_row_is_an_outcome_if_that_is_wanted() -> None:
+    _, table = looped()
     assert table["status"].tolist() == ["completed"] * 3 + ["impossible"] + ["completed"] * 3
     assert "no state" in table.impossible[3]
+
+
+def test_an_impossible_row_is_refused_otherwise() -> None:
+    bench, _ = looped()
+    with pytest.raises(ValueError, match="no state"):
+        run_rows(bench, [IMPOSSIBLE], [])
+
+
+def test_a_delay_is_run_in_whole_timesteps() -> None:
+    _, table = looped()
     first, rounded, later = table["deviation"][:3]
     assert first == rounded != later
+
+
+def test_chance_of_a_run_depends_on_its_number_alone() -> None:
+    bench, table = looped()
     once, again, other = table["left"][4:]
     assert once == again != other
-    assert row_of(run_rows(bench, design[6:], [], threads=1), 0) == row_of(table, 6)
-    with pytest.raises(ValueError, match="no state"):
-        run_rows(bench, [impossible], [])
+    alone = run_rows(bench, LOOP_DESIGN[6:], [], threads=1)
+    assert row_of(alone, 0) == row_of(table, 6)
 
 
 @pytest.mark.parametrize("name", campaign_files())

@@ -1,4 +1,4 @@
-"""The statistics of campaigns against enumeration, closed forms and SciPy's own."""
+"""Statistics of campaigns against enumeration, closed forms and SciPy's own."""
 
 import math
 from fractions import Fraction
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.sweep import statistics
 from grosmc_mj.sweep.statistics import margin_summary, paired, pass_rate, rate_shown, sensitivities
 
@@ -21,25 +22,35 @@ def clopper_pearson(kept: int, runs: int, doubt: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@pytest.mark.parametrize(("kept", "runs"), [(0, 9), (9, 9), (1, 2), (368, 369)])
-def test_intervals_and_shares_of_a_pass_rate_are_exact(kept: int, runs: int) -> None:
-    for confidence in (0.5, 0.95):
-        rate = pass_rate(kept, runs, confidence)
-        # Rounding of SciPy's root.
-        expected = clopper_pearson(kept, runs, 1 - confidence)
-        assert (rate.low, rate.high) == pytest.approx(expected, abs=1e-9)
-        assert rate.rate == kept / runs
-        # So many kept are as unlikely as is allowed at the share that is shown.
-        share = rate_shown(kept, runs, confidence)
-        tail = stats.binom.sf(kept - 1, runs, share) if kept else 1 - confidence
-        assert tail == pytest.approx(1 - confidence, rel=1e-9)
-        assert (share == 0.0) == (kept == 0)
+COUNTS = pytest.mark.parametrize(("kept", "runs"), [(0, 9), (9, 9), (1, 2), (368, 369)])
+CONFIDENCES = pytest.mark.parametrize("confidence", [0.5, 0.95])
+
+
+@COUNTS
+@CONFIDENCES
+def test_the_interval_of_a_pass_rate_is_exact(kept: int, runs: int, confidence: float) -> None:
+    rate = pass_rate(kept, runs, confidence)
+    # Rounding of SciPy's root.
+    expected = clopper_pearson(kept, runs, 1 - confidence)
+    assert (rate.low, rate.high) == pytest.approx(expected, abs=1e-9)
+    assert rate.rate == kept / runs
+
+
+@COUNTS
+@CONFIDENCES
+def test_the_share_that_is_shown_is_exact(kept: int, runs: int, confidence: float) -> None:
+    # So many kept are as unlikely as is allowed at that share.
+    share = rate_shown(kept, runs, confidence)
+    tail = stats.binom.sf(kept - 1, runs, share) if kept else 1 - confidence
+    assert tail == pytest.approx(1 - confidence, rel=1e-9)
+    assert (share == 0.0) == (kept == 0)
 
 
 @pytest.mark.parametrize(("rate", "confidence"), [(1, 500), (500, 937), (500, 938), (990, 999)])
 def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
     # Exact arithmetic is the oracle.
-    share, doubt = Fraction(rate, 1000), 1 - Fraction(confidence, 1000)
+    share = Fraction(rate, 1000)
+    doubt = 1 - Fraction(confidence, 1000)
     runs = statistics.runs_needed(rate / 1000, confidence / 1000)
     assert share**runs <= doubt
     assert runs == 1 or share ** (runs - 1) > doubt
@@ -50,32 +61,34 @@ def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
 def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(runs: int, diverged: int) -> None:
     margins = np.random.default_rng(runs).integers(-9, 9, runs) * 1e5 / 3
     margins[:diverged] = -INF
-    margins = margins.tolist()
-    summary, runs = margin_summary(np.array(margins)), len(margins)
+    rising = sorted(margins.tolist())
+    summary = margin_summary(margins)
     for percent, value in zip((0, 1, 5, 50, 95), summary[:5], strict=True):
         at_least = math.ceil(Fraction(percent * runs, 100))
-        assert value == sorted(margins)[max(at_least - 1, 0)]
-    worst = sorted(margins)[: math.ceil(Fraction(runs, 20))]
+        assert value == rising[max(at_least - 1, 0)]
+
+    worst = rising[: math.ceil(Fraction(runs, 20))]
     mean = -INF if -INF in worst else math.fsum(worst) / len(worst)
     # Rounding of a sum of at most eight numbers up to 1e6.
     assert summary.cvar == pytest.approx(mean, abs=8e6 * 2.3e-16)
-    assert (summary.diverged, summary.runs) == (margins.count(-INF), runs)
+    assert (summary.diverged, summary.runs) == (rising.count(-INF), runs)
 
 
 @pytest.mark.parametrize("confidence", [0.6, 0.95])
 @pytest.mark.parametrize(("b", "c", "runs"), [(3, 7, 40), (0, 5, 9), (9, 0, 9), (0, 0, 1)])
 def test_the_difference_of_two_rates_is_exact(b: int, c: int, runs: int, confidence: float) -> None:
-    """The first law alone keeps b, the second alone c, both the rest."""
+    """The first law alone keeps b plants, the second alone c, both the others."""
     first = np.array([1.0] * b + [-1.0] * c + [1.0] * (runs - b - c))
     second = np.array([-1.0] * b + [1.0] * c + [1.0] * (runs - b - c))
     difference = paired(first, second, confidence)
-    worse, better = (clopper_pearson(count, runs, (1 - confidence) / 2) for count in (b, c))
+
+    worse_low, worse_high = clopper_pearson(b, runs, (1 - confidence) / 2)
+    better_low, better_high = clopper_pearson(c, runs, (1 - confidence) / 2)
     # Twice the tolerance of SciPy's roots, 2e-12.
-    assert difference.low == pytest.approx(better[0] - worse[1], abs=4e-12)
-    assert difference.high == pytest.approx(better[1] - worse[0], abs=4e-12)
-    assert difference.p_value == pytest.approx(
-        stats.binomtest(b, b + c).pvalue if b + c else 1.0, rel=1e-9
-    )
+    assert difference.low == pytest.approx(better_low - worse_high, abs=4e-12)
+    assert difference.high == pytest.approx(better_high - worse_low, abs=4e-12)
+    p_value = stats.binomtest(b, b + c).pvalue if b + c else 1.0
+    assert difference.p_value == pytest.approx(p_value, rel=1e-9)
 
 
 @pytest.mark.parametrize("runs", [6, 9, 60])
@@ -90,18 +103,41 @@ def test_the_median_is_covered_whatever_the_distribution(runs: int) -> None:
     assert stats.binom.pmf(covering[1:-1], runs, 0.5).sum() < 0.95
 
 
-def test_runs_that_did_not_complete_are_compared_and_exchanging_laws_turns_it_round() -> None:
-    for a, b, median in (
-        ([-INF], [-INF], 0), ([-INF], [1.0], INF), ([1.0, -INF], [-INF, 1.0], 0),
-        ([-INF, -INF, 1.0], [-INF, -3.0, 2.0], 1.0), ([0.0] * 7, [-INF, *[1.5] * 6], 1.5),
-    ):  # fmt: skip
-        one: Any = paired(np.array(a), np.array(b))
-        other: Any = paired(np.array(b), np.array(a))
-        assert (one.median, other.median) == (median, -median)
-        assert (one.low, one.high) == (-other.high, -other.low)
-        assert (one.both, one.neither, one.p_value) == (other.both, other.neither, other.p_value)
-        assert (one.only_first, one.only_second) == (other.only_second, other.only_first)
-        assert one.both + one.neither + one.only_first + one.only_second == one.runs == len(a)
+PAIRS = [
+    ([-INF], [-INF], 0),
+    ([-INF], [1.0], INF),
+    ([1.0, -INF], [-INF, 1.0], 0),
+    ([-INF, -INF, 1.0], [-INF, -3.0, 2.0], 1.0),
+    ([0.0] * 7, [-INF, *[1.5] * 6], 1.5),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "median"), PAIRS)
+def test_the_median_counts_runs_that_did_not_complete(
+    first: list[float], second: list[float], median: float
+) -> None:
+    assert paired(np.array(first), np.array(second)).median == median
+
+
+@pytest.mark.parametrize(("first", "second"), [(first, second) for first, second, _ in PAIRS])
+def test_exchanging_laws_turns_the_difference_round(
+    first: list[float], second: list[float]
+) -> None:
+    forward: Any = paired(np.array(first), np.array(second))
+    backward: Any = paired(np.array(second), np.array(first))
+    assert backward.median == -forward.median
+    assert (backward.low, backward.high) == (-forward.high, -forward.low)
+    assert backward.p_value == forward.p_value
+    assert (backward.both, backward.neither) == (forward.both, forward.neither)
+    assert backward.only_first == forward.only_second
+    assert backward.only_second == forward.only_first
+
+
+@pytest.mark.parametrize(("first", "second"), [(first, second) for first, second, _ in PAIRS])
+def test_every_plant_is_counted_once(first: list[float], second: list[float]) -> None:
+    pair = paired(np.array(first), np.array(second))
+    counted = pair.both + pair.neither + pair.only_first + pair.only_second
+    assert counted == pair.runs == len(first)
 
 
 @pytest.mark.parametrize(("runs", "bins", "sign"), [(64, 8, 1), (400, 20, -1), (4096, 32, 1)])
@@ -122,48 +158,77 @@ def test_a_few_runs_that_agree_are_no_certainty(runs: int, inner: float, sign: i
     assert (driver.low, driver.high) == pytest.approx(ends, rel=1e-12)
 
 
-def test_a_share_sees_what_is_not_monotone_and_two_independent_parameters() -> None:
+def share_beyond_chance(between: float, groups: int, runs: int) -> float:
+    """Share of the variance between groups, less what chance gives."""
+    chance = (groups - 1) / (runs - 1)
+    return (between - chance) / (1 - chance)
+
+
+def test_a_share_sees_what_is_not_monotone() -> None:
     x = np.arange(400) - 199.5
     (driver,) = sensitivities({"start angle": x}, -np.abs(x))
     assert driver.correlation == pytest.approx(0, abs=1e-12)
     # A bin of |x| has two of the same: as of the only parameter, in half as many bins.
     m, n = 20, 200
-    between, chance = 1 - (m * m - 1) / (n * n - 1), 19 / 399
-    assert driver.share == pytest.approx((between - chance) / (1 - chance), rel=1e-12)
+    between = 1 - (m * m - 1) / (n * n - 1)
+    assert driver.share == pytest.approx(share_beyond_chance(between, 20, 400), rel=1e-12)
 
+
+def test_shares_of_independent_parameters_are_those_of_their_variances() -> None:
     # Cells of a factorial plan with mean ranks 0, 1, 2, 3 apart: variances 4 : 1.
-    a, b = (np.tile(column, 25) for column in ([0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 0.0, 1.0]))
+    a = np.tile([0.0, 0.0, 1.0, 1.0], 25)
+    b = np.tile([0.0, 1.0, 0.0, 1.0], 25)
     columns = {"b": b, "a": a, "c": np.repeat([0.0, 1.0], 50)}
-    drivers, chance = sensitivities(columns, 2 * a + b), 1 / 99
+    drivers = sensitivities(columns, 2 * a + b)
     assert [driver.parameter for driver in drivers] == ["a", "b", "c"]
-    shares = [(0.8 - chance) / (1 - chance), (0.2 - chance) / (1 - chance), 0]
+    shares = [share_beyond_chance(0.8, 2, 100), share_beyond_chance(0.2, 2, 100), 0]
     assert [driver.share for driver in drivers] == pytest.approx(shares, rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_correlation_and_p_value_are_scipys(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    levels = rng.integers(0, 2, 40).astype(float) if seed % 2 else rng.normal(size=40)
-    margins = rng.normal(size=40).round(1) + levels
+def margins_driven_by(values: Array, random: np.random.Generator) -> tuple[Array, Array]:
+    """Margins of 40 runs of which three did not complete, and finite ones with their ranks."""
+    margins = random.normal(size=40).round(1) + values
     margins[:3] = -INF
-    (driver,) = sensitivities({"x": levels}, margins)
     # SciPy's own ranks know no -inf; a number below all others has the same rank.
-    finite = np.where(margins == -INF, -1e9, margins)
-    expected: Any = stats.spearmanr(levels, finite)
+    return margins, np.where(margins == -INF, -1e9, margins)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_the_correlation_is_scipy_s(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    values = random.integers(0, 2, 40).astype(float) if seed % 2 else random.normal(size=40)
+    margins, finite = margins_driven_by(values, random)
+    (driver,) = sensitivities({"x": values}, margins)
+    expected: Any = stats.spearmanr(values, finite)
     assert driver.correlation == pytest.approx(expected.statistic, abs=1e-12)
-    if seed % 2:
-        groups = [finite[levels == level] for level in (0, 1)]
-        # Next to 1 it goes by the root of H, of which the last digits are rounding.
-        statistic = stats.chi2.isf(driver.p_value, 1)
-        assert statistic == pytest.approx(stats.kruskal(*groups).statistic, rel=1e-11, abs=1e-12)
 
 
-def test_why_nothing_can_be_said_of_a_driver() -> None:
-    rising = np.arange(9.0)
-    drivers = sensitivities({"held": np.ones(9), "x": rising}, rising)
-    assert [driver.parameter for driver in drivers] == ["x", "held"]
-    assert drivers[1][1:] == (None, None, None, None, None, "the parameter does not vary")
-    (same,) = sensitivities({"x": rising}, np.full(9, -INF))
-    assert (same.share, same.note) == (None, "the margins are all the same")
-    (few,) = sensitivities({"x": np.array([1.0, 2.0])}, np.array([1.0, 2.0]))
-    assert (few.correlation, few.note) == (None, "fewer than 4 runs")
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_p_value_of_two_levels_is_scipy_s(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    levels = random.integers(0, 2, 40).astype(float)
+    margins, finite = margins_driven_by(levels, random)
+    (driver,) = sensitivities({"x": levels}, margins)
+    expected = stats.kruskal(finite[levels == 0], finite[levels == 1])
+    # Next to 1 it goes by the root of H, of which the last digits are rounding.
+    statistic = stats.chi2.isf(driver.p_value, 1)
+    assert statistic == pytest.approx(expected.statistic, rel=1e-11, abs=1e-12)
+
+
+RISING = np.arange(9.0)
+
+
+def test_a_parameter_that_does_not_vary_comes_last_with_a_note() -> None:
+    first, last = sensitivities({"held": np.ones(9), "x": RISING}, RISING)
+    assert (first.parameter, last.parameter) == ("x", "held")
+    assert last[1:] == (None, None, None, None, None, "the parameter does not vary")
+
+
+def test_equal_margins_have_no_driver() -> None:
+    (driver,) = sensitivities({"x": RISING}, np.full(9, -INF))
+    assert (driver.share, driver.note) == (None, "the margins are all the same")
+
+
+def test_few_runs_have_no_driver() -> None:
+    (driver,) = sensitivities({"x": RISING[:2]}, RISING[:2])
+    assert (driver.correlation, driver.note) == (None, "fewer than 4 runs")

@@ -1,4 +1,4 @@
-"""The folder of a campaign: the same bits from everybody, and one line about any that are not."""
+"""Folder of a campaign: the same bits from everybody, and one line about any that are not."""
 
 import errno
 import json
@@ -31,58 +31,96 @@ def copy(pairs: Folder, tmp_path: Path) -> Folder:
 
 
 def pair_shard(folder: Folder, index: int, threads: int = 0) -> Any:
-    """Run a part of the campaign that most tests are of."""
+    """Run a part of the campaign of eight servos."""
     bound_to = manifest_of(campaign(pair()))["hash"]
     return run_shard(str(folder.path), campaign(pair()).specification, bound_to, index, threads)
 
 
-def test_a_part_has_a_row_for_each_run_and_controller(pairs: Folder) -> None:
-    declared, table = campaign(pair()), pq.read_table(pairs.part(1))
-    assert table["id"].to_pylist() == [4, 5, 6, 7] * 2
-    assert table["controller"].to_pylist() == ["lqr"] * 4 + ["stiff"] * 4
-    for law in declared.laws:
-        stored = pairs.columns(declared, table.column_names, [1])[law]
-        rows = evaluate(declared, law, declared.values(range(4, 8)))
-        for name in set(stored) - {"id", "controller"}:
-            np.testing.assert_array_equal(stored[name], rows[name], err_msg=name)
-    units = {field.name: field.metadata[b"unit"] for field in table.schema if field.metadata}
+@pytest.fixture(scope="module")
+def part(pairs: Folder) -> pa.Table:
+    """The second part of eight servos."""
+    return pq.read_table(pairs.part(1))
+
+
+def test_a_part_has_a_row_for_each_run_and_controller(part: pa.Table) -> None:
+    assert part["id"].to_pylist() == [4, 5, 6, 7] * 2
+    assert part["controller"].to_pylist() == ["lqr"] * 4 + ["stiff"] * 4
+
+
+@pytest.mark.parametrize("law", ["lqr", "stiff"])
+def test_a_part_has_the_columns_of_its_runs(law: str, part: pa.Table, pairs: Folder) -> None:
+    declared = campaign(pair())
+    stored = pairs.columns(declared, part.column_names, [1])[law]
+    rows = evaluate(declared, law, declared.values(range(4, 8)))
+    for name in set(stored) - {"id", "controller"}:
+        np.testing.assert_array_equal(stored[name], rows[name], err_msg=name)
+
+
+def test_columns_of_a_part_have_units(part: pa.Table) -> None:
+    units = {field.name: field.metadata[b"unit"] for field in part.schema if field.metadata}
     assert units["deviation"] == units["margin deviation_below"] == b"rad"
     assert (units["max_input"], units["ended"]) == (b"A", b"s")
-    # Nothing of when and where.
-    noted = json.loads(table.schema.metadata[b"grosmc_mj"])
-    assert set(noted) == {"schema_version", "campaign", "part", "first", "count", "sha256"}
-    assert (noted["part"], noted["first"], noted["count"]) == (1, 4, 4)
+
+
+def test_a_part_says_nothing_of_when_and_where(part: pa.Table) -> None:
+    notes = json.loads(part.schema.metadata[b"grosmc_mj"])
+    assert set(notes) == {"schema_version", "campaign", "part", "first", "count", "sha256"}
+    assert (notes["part"], notes["first"], notes["count"]) == (1, 4, 4)
 
 
 @pytest.mark.parametrize("name", ["batch", pytest.param("processes", marks=pytest.mark.slow)])
 def test_bits_are_the_same_whoever_runs_them(name: str, pairs: Folder, tmp_path: Path) -> None:
-    declared, advances = campaign(pair()), []
-    folder, again = (begun(declared, tmp_path / name) for name in ("folder", "again"))
-    executor, advance = make_executor(name), lambda *now: advances.append(now)
-    assert store.run_missing(declared, folder, executor, print, advance) == 0
-    assert sum(runs for runs, _ in advances) == 16
+    folder = begun(campaign(pair()), tmp_path / "folder")
+    executor = make_executor(name)
+    assert store.run_missing(campaign(pair()), folder, executor, print, lambda *_: None) == 0
+    assert bits(folder) == bits(pairs)
+    assert not list((folder.path / "parts").glob(".*"))
+
+
+def test_bits_are_the_same_in_any_order_and_number_of_threads(
+    pairs: Folder, tmp_path: Path
+) -> None:
+    folder = begun(campaign(pair()), tmp_path / "folder")
+    pair_shard(folder, 1, threads=1)
+    pair_shard(folder, 0, threads=3)
+    assert bits(folder) == bits(pairs)
+    assert not list((folder.path / "parts").glob(".*"))
+
+
+def test_progress_tells_runs_and_the_share_that_keeps_everything(
+    pairs: Folder, tmp_path: Path
+) -> None:
+    declared = campaign(pair())
+    folder = begun(declared, tmp_path / "folder")
+    steps: list[tuple[int, dict[str, float]]] = []
+    executor = make_executor("batch")
+    store.run_missing(declared, folder, executor, print, lambda *step: steps.append(step))
+    assert sum(runs for runs, _ in steps) == 16
     columns = pairs.columns(declared, ["relative"], range(2))
-    assert advances[-1][1] == {law: (own["relative"] >= 0).mean() for law, own in columns.items()}
-    for index, threads in ((1, 1), (0, 3)):
-        pair_shard(again, index, threads)
-    assert bits(again) == bits(folder) == bits(pairs)
-    assert not list((again.path / "parts").glob(".*"))
+    _, shares = steps[-1]
+    assert shares == {law: (rows["relative"] >= 0).mean() for law, rows in columns.items()}
 
 
-def test_only_missing_parts_are_run(copy: Folder, pairs: Folder, monkeypatch: Patch) -> None:
+def test_only_missing_parts_are_run(copy: Folder, pairs: Folder) -> None:
     copy.part(0).unlink()
-    (copy.path / "parts" / ".part-0000000.0123456789abcdef.part.parquet").write_bytes(b"half")
-    (copy.path / "parts" / ".other.parquet").touch()
     untouched = copy.part(1).stat().st_mtime_ns
     run_campaign(campaign(pair()), copy.path, resume=True)
-    assert [file.name for file in (copy.path / "parts").glob(".*")] == [".other.parquet"]
     assert bits(copy) == bits(pairs)
     assert copy.part(1).stat().st_mtime_ns == untouched
 
+
+def test_files_of_unfinished_parts_are_removed(copy: Folder) -> None:
+    parts = copy.path / "parts"
+    (parts / ".part-0000000.0123456789abcdef.part.parquet").write_bytes(b"half")
+    (parts / ".other.parquet").touch()
+    run_campaign(campaign(pair()), copy.path, resume=True)
+    assert [file.name for file in parts.glob(".*")] == [".other.parquet"]
+
+
+def test_a_full_disk_keeps_finished_parts(copy: Folder, pairs: Folder, monkeypatch: Patch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    # A full disk keeps finished parts.
     copy.part(1).unlink()
     monkeypatch.setattr(os, "fsync", full)
     line = refusal(pair_shard, copy, 1)
@@ -91,56 +129,104 @@ def test_only_missing_parts_are_run(copy: Folder, pairs: Folder, monkeypatch: Pa
     assert bits(copy) == bits(pairs)[:1]
 
 
-def test_other_versions_read_but_add_nothing(tmp_path: Path, monkeypatch: Patch) -> None:
-    declared = campaign(pair(), runs=5)
-    folder = kept(declared, tmp_path / "campaign")
-    now = store.versions
-    monkeypatch.setattr(store, "versions", lambda names: {**now(names), "scipy": "0.1"})
-    (line,) = folder.begin(declared, resume=True)
-    _, (also,) = read_campaign(folder.path)
+def five() -> Campaign:
+    """Five servos under two LQRs: the last part is short."""
+    return campaign(pair(), runs=5)
+
+
+@pytest.fixture(scope="module")
+def fives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of five servos."""
+    return kept(five(), tmp_path_factory.mktemp("five") / "campaign").path
+
+
+@pytest.fixture
+def other_scipy(fives: Path, tmp_path: Path, monkeypatch: Patch) -> Folder:
+    """The folder of five servos, read with another version of SciPy."""
+    versions = store.versions
+    monkeypatch.setattr(store, "versions", lambda names: {**versions(names), "scipy": "0.1"})
+    return Folder(Path(shutil.copytree(fives, tmp_path / "copy")))
+
+
+def test_other_versions_are_told(other_scipy: Folder) -> None:
+    (line,) = other_scipy.begin(five(), resume=True)
     assert "versions.scipy: " in line
-    assert also.endswith("there, 0.1 now: bits may differ")
-    assert findings(declared, folder).sampled.words == "5 runs, random, seed 0"
-    # The last part is short.
-    folder.part(1).unlink()
-    assert findings(declared, folder).sampled.words == "4 of 5 runs, random, seed 0"
-    assert "install those to go on" in refusal(folder.begin, declared, resume=True)
+    _, (line,) = read_campaign(other_scipy.path)
+    assert line.endswith("there, 0.1 now: bits may differ")
+
+
+def test_other_versions_read_all_runs(other_scipy: Folder) -> None:
+    assert findings(five(), other_scipy).sampled.words == "5 runs, random, seed 0"
+    other_scipy.part(1).unlink()
+    assert findings(five(), other_scipy).sampled.words == "4 of 5 runs, random, seed 0"
+
+
+def test_other_versions_add_nothing(other_scipy: Folder) -> None:
+    other_scipy.part(1).unlink()
+    assert "install those to go on" in refusal(other_scipy.begin, five(), resume=True)
     # A worker, which has not opened the campaign yet.
-    other, bound_to = shutil.copytree(folder.path, tmp_path / "b"), read_manifest(folder.path)
-    adds = refusal(run_shard, str(other), declared.specification, bound_to["hash"], 1)
-    assert "was begun with other versions: versions.scipy: " in adds
+    bound_to = read_manifest(other_scipy.path)["hash"]
+    line = refusal(run_shard, str(other_scipy.path), five().specification, bound_to, 1)
+    assert "was begun with other versions: versions.scipy: " in line
 
 
-def test_another_campaign_in_the_folder_is_refused(copy: Folder, tmp_path: Path) -> None:
-    declared = campaign(pair())
-    for changed, difference in (
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize(
+    ("changed", "difference"),
+    [
         ({"runs": 9}, "runs: 8 there, 9 now"),
         (
             {"sampler": "corners", "runs": 4, "seed": 1},
             "runs: 8 there, 4 now; seed: 0 there, 1 now; sampler: random there, corners now",
         ),
         ({"controllers": ("lqr",)}, "controllers 2: stiff there, nothing now"),
-    ):
-        other = Campaign.of(replace(declared.specification, **changed))
-        for resume in (False, True):
-            line = refusal(copy.begin, other, resume=resume)
-            assert difference in line
-            assert line.endswith("take another --out")
-    path, bound_to = str(copy.path), read_manifest(copy.path)["hash"]
+    ],
+)
+def test_another_campaign_in_the_folder_is_refused(
+    changed: dict[str, Any], difference: str, resume: bool, copy: Folder
+) -> None:
+    other = Campaign.of(replace(campaign(pair()).specification, **changed))
+    line = refusal(copy.begin, other, resume=resume)
+    assert difference in line
+    assert line.endswith("take another --out")
+
+
+def test_a_worker_refuses_another_specification(copy: Folder) -> None:
+    bound_to = read_manifest(copy.path)["hash"]
     other = campaign(pair(), seed=1).specification
-    line = refusal(store.open_campaign, path, other, bound_to)
+    line = refusal(store.open_campaign, str(copy.path), other, bound_to)
     assert "was begun with something else: seed: 0 there, 1 now" in line
-    line = refusal(store.open_campaign, path, declared.specification, f"{bound_to}0")
+
+
+def test_a_worker_refuses_another_manifest(copy: Folder) -> None:
+    bound_to = read_manifest(copy.path)["hash"]
+    specification = campaign(pair()).specification
+    line = refusal(store.open_campaign, str(copy.path), specification, f"{bound_to}0")
     assert "has another campaign than the one" in line
-    assert "--resume runs what is missing" in refusal(copy.begin, declared, resume=False)
+
+
+def test_a_campaign_that_is_there_must_be_resumed(copy: Folder) -> None:
+    line = refusal(copy.begin, campaign(pair()), resume=False)
+    assert "--resume runs what is missing" in line
+
+
+def test_parts_without_a_manifest_are_refused(copy: Folder) -> None:
     (copy.path / "manifest.json").unlink()
-    assert "parts without a manifest.json" in refusal(copy.begin, declared, resume=False)
+    line = refusal(copy.begin, campaign(pair()), resume=False)
+    assert "parts without a manifest.json" in line
     assert "is no campaign" in refusal(pair_shard, copy, 0)
+
+
+def test_a_folder_without_runs_has_no_findings(tmp_path: Path) -> None:
+    declared = campaign(pair())
     assert "has no runs yet" in refusal(findings, declared, begun(declared, tmp_path / "empty"))
-    file = tmp_path / "file"
-    file.touch()
-    for path in (file, file / "below"):
-        assert refusal(begun, declared, path).startswith(f"cannot write {path}")
+
+
+@pytest.mark.parametrize("name", ["file", "file/below"])
+def test_a_file_is_no_folder(name: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    path = tmp_path / name
+    assert refusal(begun, campaign(pair()), path).startswith(f"cannot write {path}")
 
 
 @pytest.mark.parametrize(
@@ -159,59 +245,110 @@ def test_another_campaign_in_the_folder_is_refused(copy: Folder, tmp_path: Path)
     ],
 )
 def test_a_manifest_of_others(copy: Folder, content: bytes | dict[str, Any], words: str) -> None:
-    path, manifest = copy.path / "manifest.json", read_manifest(copy.path)
-    if isinstance(content, dict):
-        question = {**manifest["question"], **content}
-        own = content if content.keys() & manifest else {"question": question}
-        content = json.dumps({**manifest, **own}).encode()
-    path.write_bytes(content)
+    path = copy.path / "manifest.json"
+    manifest = read_manifest(copy.path)
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content.keys() & manifest:
+        path.write_text(json.dumps(manifest | content))
+    else:
+        manifest["question"] |= content
+        path.write_text(json.dumps(manifest))
     assert words in refusal(read_campaign, copy.path)
 
 
-def written(change: Callable[[pa.Table], pa.Table]) -> Callable[[Folder], None]:
-    """Other rows, with the notes of the right ones."""
-    return lambda copy: pq.write_table(change(pq.read_table(copy.part(1))), copy.part(1))
+def rewrite(copy: Folder, table: pa.Table) -> None:
+    """Write other rows, with the notes of the right ones."""
+    pq.write_table(table, copy.part(1))
 
 
-def forged_place(copy: Folder) -> None:
-    """The first part under the second one's number, with a checksum that is its own."""
+def rows_of(copy: Folder) -> pa.Table:
+    """The rows of the second part."""
+    return pq.read_table(copy.part(1))
+
+
+def move_part(copy: Folder) -> None:
+    """Put the first part under the second one's number, with a checksum that is its own."""
     shutil.copy(copy.part(0), copy.part(1))
     forged(copy.part(1), pq.read_table(copy.part(0)), part=1)
 
 
-def no_file(copy: Folder) -> None:
+def make_folder(copy: Folder) -> None:
+    """Put a folder in the place of the part."""
     copy.part(1).unlink()
     copy.part(1).mkdir()
 
 
-DEGREES = pa.field("deviation", pa.float64(), metadata={"unit": "deg"})
+def swap_runs(copy: Folder) -> None:
+    """Put two runs under each other's number."""
+    table = rows_of(copy)
+    swapped = table.take([1, 0, *range(2, 8)])
+    rewrite(copy, swapped.set_column(0, table.field("id"), table["id"]))
+
+
+def change_bit(copy: Folder) -> None:
+    """Change the lowest bit of one margin."""
+    table = rows_of(copy)
+    margin = table["relative"][3].as_py()
+    rewrite(copy, replaced(table, "relative", 3, np.nextafter(margin, 9)))
+
+
+def change_unit(copy: Folder) -> None:
+    """Write another unit."""
+    table = rows_of(copy)
+    degrees = pa.field("deviation", pa.float64(), metadata={"unit": "deg"})
+    place = table.column_names.index("deviation")
+    rewrite(copy, table.set_column(place, degrees, table["deviation"]))
+
+
+def drop_notes(copy: Folder) -> None:
+    """Write the rows without notes."""
+    rewrite(copy, rows_of(copy).replace_schema_metadata({}))
+
+
+def change_campaign(copy: Folder) -> None:
+    """Write another campaign's hash."""
+    forged(copy.part(1), rows_of(copy), campaign="0" * 64)
+
+
+def cut_off(copy: Folder) -> None:
+    """Write a file without its end."""
+    copy.part(1).write_bytes(copy.part(0).read_bytes()[:-20])
 
 
 @pytest.mark.parametrize(
     "damage",
     [
-        forged_place, no_file,
-        # Two runs under each other's number, the lowest bit of one margin, another unit.
-        written(lambda t: t.take([1, 0, *range(2, 8)]).set_column(0, t.field("id"), t["id"])),
-        written(lambda t: replaced(t, "relative", 3, np.nextafter(t["relative"][3].as_py(), 9))),
-        written(lambda t: t.set_column(t.column_names.index("deviation"), DEGREES, t["deviation"])),
-        written(lambda table: table.replace_schema_metadata({})),
-        lambda copy: forged(copy.part(1), pq.read_table(copy.part(1)), campaign="0" * 64),
-        lambda copy: copy.part(1).write_bytes(copy.part(0).read_bytes()[:-20]),
+        move_part,
+        make_folder,
+        swap_runs,
+        change_bit,
+        change_unit,
+        drop_notes,
+        change_campaign,
+        cut_off,
     ],
-)  # fmt: skip
-def test_a_part_that_was_not_written_so(copy: Folder, damage: Callable[[Folder], object]) -> None:
+)
+def test_a_part_that_was_not_written_so(copy: Folder, damage: Callable[[Folder], None]) -> None:
     declared = campaign(pair())
     damage(copy)
-    for use in (lambda: copy.begin(declared, resume=True), lambda: findings(declared, copy)):
-        assert refusal(use) == (
-            f"{copy.part(1)} is damaged, or is not part 1 of this campaign: remove it, "
-            "and --resume runs it again"
-        )
+    line = (
+        f"{copy.part(1)} is damaged, or is not part 1 of this campaign: remove it, "
+        "and --resume runs it again"
+    )
+    assert refusal(copy.begin, declared, resume=True) == line
+    assert refusal(findings, declared, copy) == line
 
 
-def test_a_checksum_survives_another_compression_whatever_the_numbers(copy: Folder) -> None:
-    table = pa.table({"x": [0.0, -0.0, float("nan"), float("inf"), 5e-324], "y": list("aßb\n ")})
-    pq.write_table(table, copy.part(0), compression="gzip", row_group_size=2)
-    assert store.checksum(pq.read_table(copy.part(0)), {}) == store.checksum(table, {})
-    assert store.checksum(table.take([1, 1, 2, 3, 4]), {}) != store.checksum(table, {})
+ANY_NUMBERS = pa.table({"x": [0.0, -0.0, float("nan"), float("inf"), 5e-324], "y": list("aßb\n ")})
+
+
+def test_a_checksum_survives_another_compression(copy: Folder) -> None:
+    pq.write_table(ANY_NUMBERS, copy.part(0), compression="gzip", row_group_size=2)
+    table = pq.read_table(copy.part(0))
+    assert store.checksum(table, {}) == store.checksum(ANY_NUMBERS, {})
+
+
+def test_a_checksum_tells_signed_zeros_apart() -> None:
+    changed = ANY_NUMBERS.take([1, 1, 2, 3, 4])
+    assert store.checksum(changed, {}) != store.checksum(ANY_NUMBERS, {})
