@@ -74,8 +74,8 @@ def generate(
     }
     unknown = sorted({str(s) for part in exact for s in part.free_symbols - set(reachable)})
     if unknown:
-        known = ", ".join(sorted(map(str, reachable)))
-        raise ModelError(f"{name}: unknown symbol {', '.join(unknown)}; known: {known}")
+        valid = ", ".join(sorted(map(str, reachable)))
+        raise ModelError(f"{name}: unknown symbol {', '.join(unknown)}; known: {valid}")
 
     file = _cached_source(name, exact, arguments, reachable)
     if file is not None:

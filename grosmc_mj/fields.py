@@ -179,7 +179,7 @@ class Reals(Check):
         if array.ndim != len(self.shape):
             return False
         sizes = zip(self.shape, array.shape, strict=True)
-        return all(wanted in (None, size) for wanted, size in sizes)
+        return all(length in (None, size) for length, size in sizes)
 
 
 @dataclass(frozen=True)

@@ -253,10 +253,10 @@ def custom_controller(
     )
 
 
-def _require_names(fields: Mapping[str, Any], taken: Sequence[str]) -> None:
-    """Refuse names that cannot be fields of a dataclass, or that are taken."""
+def _require_names(fields: Mapping[str, Any], reserved: Sequence[str]) -> None:
+    """Refuse names that cannot be fields of a dataclass, or that are reserved."""
     for name in fields:
-        if not name.isidentifier() or keyword.iskeyword(name) or name in taken:
+        if not name.isidentifier() or keyword.iskeyword(name) or name in reserved:
             raise ArgumentError(f"{name!r} cannot be the name of a number or memory")
 
 

@@ -25,13 +25,13 @@ class NoInputsError(TypeError):
 
     Attributes:
         returned: The returned value.
-        wanted: Description of a valid return value.
+        expected: Description of a valid return value.
     """
 
-    def __init__(self, returned: Any, wanted: str) -> None:
-        super().__init__(f"{returned!r} is no input, must be {wanted}")
+    def __init__(self, returned: Any, expected: str) -> None:
+        super().__init__(f"{returned!r} is no input, must be {expected}")
         self.returned = returned
-        self.wanted = wanted
+        self.expected = expected
 
 
 def around(wrapper: Any, law: Any) -> Law:
@@ -116,13 +116,13 @@ def write_inputs(u: Any, returned: Any) -> None:
     """
     m = len(u)
     if m == 1:
-        wanted = "a number"
+        expected = "a number"
         fits = _is_number(returned)
     else:
-        wanted = f"a tuple of {m} numbers"
+        expected = f"a tuple of {m} numbers"
         fits = _are_numbers(returned, m)
     if not fits:
-        raise NoInputsError(returned, wanted)
+        raise NoInputsError(returned, expected)
     u[:] = returned
 
 

@@ -77,7 +77,7 @@ class Scene(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Storyboard:
-    """All that a worker needs to draw any frame of a film; small, whatever the film's length.
+    """Data for a worker to draw any frame of a film; small, whatever the film's length.
 
     Attributes:
         model: The film's own copy of the model.

@@ -186,8 +186,8 @@ def _picture_boxes(film: Film) -> tuple[Box, ...]:
     across = (film.format.width - _GAP * (count - 1)) // count
     top = round(_ABOVE * film.format.height)
     rows = slice(top, top + round(_PICTURE * film.format.height))
-    lefts = range(0, count * (across + _GAP), across + _GAP)
-    return tuple((rows, slice(left, left + across)) for left in lefts)
+    first_columns = range(0, count * (across + _GAP), across + _GAP)
+    return tuple((rows, slice(first, first + across)) for first in first_columns)
 
 
 def _margins(film: Film, bottom: int, font: float) -> dict[str, float]:

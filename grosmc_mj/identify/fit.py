@@ -406,26 +406,26 @@ def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> U
     held = members[np.abs(direction[members]).argmax()]
     names = np.array(parameters.names)[free]
     name = str(names[held])
-    others = tuple(str(names[i]) for i in members if i != held)
+    alike = tuple(str(names[i]) for i in members if i != held)
     same_sign = bool(np.prod(np.sign(direction[members])) > 0)
-    return Unseen(name, others, _unseen_words(name, others, same_sign))
+    return Unseen(name, alike, _unseen_words(name, alike, same_sign))
 
 
-def _unseen_words(name: str, others: Sequence[str], same_sign: bool) -> str:
+def _unseen_words(name: str, alike: Sequence[str], same_sign: bool) -> str:
     """Words on a held parameter and those that it cannot be told apart from.
 
     Args:
-        name: The one that is held.
-        others: The others.
+        name: Name of the held parameter.
+        alike: Names of the other parameters.
         same_sign: Whether their changes that cancel each other have the same sign.
     """
-    if not others:
+    if not alike:
         return f"{name} is not visible in this log: give it a run that moves it more, or faster"
 
     relation = "a combination of them"
-    if len(others) == 1:
+    if len(alike) == 1:
         relation = "their ratio" if same_sign else "their sum or product"
-    listed = " and ".join([name, *others])
+    listed = " and ".join([name, *alike])
     return (
         f"{listed}: only {relation} is visible in this log; {name} is held at its value in the "
         "case. A run with a known load, or a measurement of one of them, tells them apart"

@@ -26,12 +26,12 @@ def philox(a: int, b: int, c: int, d: int, key: int, other_key: int) -> Words:
     """Four random words of 32 bits from a counter of four and a key of two."""
     for _ in range(_ROUNDS):
         # Compiled integers have 64 bits and wrap round; Python's do not: the masks make them one.
-        left = _FIRST * a
-        right = _SECOND * c
-        a = ((right >> 32) & _WORD) ^ b ^ key
-        b = right & _WORD
-        c = ((left >> 32) & _WORD) ^ d ^ other_key
-        d = left & _WORD
+        first = _FIRST * a
+        second = _SECOND * c
+        a = ((second >> 32) & _WORD) ^ b ^ key
+        b = second & _WORD
+        c = ((first >> 32) & _WORD) ^ d ^ other_key
+        d = first & _WORD
         key = (key + _GOLDEN) & _WORD
         other_key = (other_key + _ROOT) & _WORD
     return a, b, c, d

@@ -76,7 +76,7 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
     """
     if isinstance(error, NoInputsError):
         return LawError(
-            f"{name} returned {shown(error.returned)} at t = {t:g} s, must return {error.wanted}"
+            f"{name} returned {shown(error.returned)} at t = {t:g} s, must return {error.expected}"
         )
     frames = traceback.extract_tb(error.__traceback__)
     place = _users_place((frame.filename, frame.lineno) for frame in frames)

@@ -147,7 +147,7 @@ def _several(items: Any) -> tuple[Any, ...]:
     return items if isinstance(items, tuple) else (items,)
 
 
-def _timestep(plant: Plant, asked: float | None) -> float:
+def _timestep(plant: Plant, timestep: float | None) -> float:
     """Timestep of a run [s]: of a model in MuJoCo its own.
 
     Raises:
@@ -155,10 +155,11 @@ def _timestep(plant: Plant, asked: float | None) -> float:
     """
     model_timestep = plant.step_length
     if model_timestep is None:
-        return asked or ANALYTIC_TIMESTEP
-    if asked is not None and not math.isclose(asked, model_timestep, rel_tol=1e-12):
+        return timestep or ANALYTIC_TIMESTEP
+    if timestep is not None and not math.isclose(timestep, model_timestep, rel_tol=1e-12):
         raise ArgumentError(
-            f"timestep {asked:g} s is not the model's {model_timestep:g} s: load the plant with it"
+            f"timestep {timestep:g} s is not the model's {model_timestep:g} s: "
+            "load the plant with it"
         )
     return model_timestep
 
@@ -192,8 +193,8 @@ def _require_alike(
             item and item.kind for item in dict.fromkeys(meters)
         },
     }
-    for rule, found in kinds.items():
-        if len(found) > 1:
+    for rule, values in kinds.items():
+        if len(values) > 1:
             raise ArgumentError(f"all {rule}")
 
 

@@ -25,7 +25,7 @@ from grosmc_mj.versions import versions
 
 
 class Status(Enum):
-    """How a run ended; ``UNDEFINED_INPUT`` where the law returned no finite number."""
+    """End of a run; ``UNDEFINED_INPUT`` if the law returned no finite number."""
 
     COMPLETED = 0
     UNDEFINED_LAW = 1
@@ -117,8 +117,8 @@ class Trajectory:
         columns = [_Column("time", "s", self.time)]
         signals = {}
         for signal, labels, rows in self._signals(sliding_unit):
-            taken = {column.name for column in columns}
-            names = [f"{signal} {name}" if name in taken else name for name, _ in labels]
+            names_so_far = {column.name for column in columns}
+            names = [f"{signal} {name}" if name in names_so_far else name for name, _ in labels]
             signals[signal] = names, rows.shape[1:]
 
             # A signal that is held over intervals has no value at the last instant.

@@ -144,11 +144,11 @@ def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, floa
 
     needed = set(kind.needed)
     if not needed <= numbers.keys() <= needed.union(kind.allowed):
-        wanted = " and ".join(kind.needed)
+        expected = " and ".join(kind.needed)
         if kind.allowed:
-            wanted += f" and may have {' and '.join(kind.allowed)}"
+            expected += f" and may have {' and '.join(kind.allowed)}"
         present = ", ".join(numbers) or "nothing"
-        raise ArgumentError(f"{table.distribution} needs {wanted}, not {present}")
+        raise ArgumentError(f"{table.distribution} needs {expected}, not {present}")
     return numbers
 
 

@@ -112,7 +112,7 @@ def worst(
     outcome = evaluate(campaign, controller, candidates)
     margins = outcome["relative"].tolist()
     winner = int(outcome["order"].argmin())
-    found = Worst(
+    worst_plant = Worst(
         controller,
         values=candidates[winner],
         relative=margins[winner],
@@ -122,7 +122,7 @@ def worst(
         random=margins[2],
         evaluations=search.runs,
     )
-    return _with_shrunk(campaign, found) if found.fails else found
+    return _with_shrunk(campaign, worst_plant) if worst_plant.fails else worst_plant
 
 
 def _first_generation(campaign: Campaign, samples: Array) -> Array:
@@ -188,13 +188,13 @@ class _WorstOfAll:
         )
 
 
-def _with_shrunk(campaign: Campaign, found: Worst) -> Worst:
+def _with_shrunk(campaign: Campaign, worst_plant: Worst) -> Worst:
     """A failing plant with the plant that it is shrunk to."""
-    plant = shrunk(campaign, found.controller, found.values)
-    margins = evaluate(campaign, found.controller, plant[None])["relative"]
+    plant = shrunk(campaign, worst_plant.controller, worst_plant.values)
+    margins = evaluate(campaign, worst_plant.controller, plant[None])["relative"]
     pairs = zip(campaign.family.quantities, plant, strict=True)
     return replace(
-        found,
+        worst_plant,
         shrunk=plant,
         shrunk_relative=float(margins[0]),
         changed=tuple(number.name for number, value in pairs if value != number.nominal),
