@@ -216,8 +216,8 @@ def custom_controller(
     design = like.designed
     numbers = numbers or {}
     memory = memory or {}
-    _require_names(numbers, taken=_OF_THE_NOMINAL_PLANT)
-    _require_names(memory, taken=_OF_THE_RUN)
+    _require_names(numbers, reserved=_OF_THE_NOMINAL_PLANT)
+    _require_names(memory, reserved=_OF_THE_RUN)
 
     # A number's gain is worth showing; an array or an infinite limit is not.
     gains: dict[str, float] = {}
