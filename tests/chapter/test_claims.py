@@ -309,7 +309,8 @@ def test_several_choices_have_one_measurement_and_several_claims_one_verdict() -
         ("pendulum-disturbance-lqr", R, 1.5),  # at least: none comes nearer
         ("arm-rejects-d", U, 1.0),  # it turns on them: as declared
     ):
-        assert replace(finding(BY_ID[name], verdict, 1.0), trials=trials).representative.value == shown
+        representative = replace(finding(BY_ID[name], verdict, 1.0), trials=trials).representative
+        assert representative.value == shown
     for verdicts, together in (
         ([S, S, S], S), ([R, P, U, I, S], R), ([U, P, I], P), ([I, U], U), ([S, I], I)
     ):  # fmt: skip

@@ -52,7 +52,8 @@ class Measurement:
         lists = [name for name in arguments if isinstance(arguments[name], list)]
         points = list[Measured]()
         for values in itertools.product(*(arguments[name] for name in lists)):
-            point = self._at(lab, plant, arguments | dict(zip(lists, values, strict=True)))
+            combination = dict(zip(lists, values, strict=True))
+            point = self._at(lab, plant, {**arguments, **combination})
             where = " ".join(map(str, values))
             if point.value is None or point.broken:
                 return point._replace(note=f"{where}: {point.note}")
