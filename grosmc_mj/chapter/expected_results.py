@@ -41,7 +41,7 @@ def record_expected(results: Iterable[RunResult]) -> None:
 def differences(results: Sequence[RunResult]) -> list[str]:
     """Return one line for each result that is not as recorded."""
     recorded = load_expected()["runs"]
-    lines = list[str]()
+    lines = []
     for result in results:
         for difference in _differences(result, recorded.get(result.key)):
             line = f"{result.key}: {difference}".rstrip()

@@ -15,7 +15,7 @@ from grosmc_mj.results.tables import Column, Table, number, numbers, table, text
 
 def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, Any]:
     """Return the content of premises_SYSTEM.json."""
-    values = list[Value]()
+    values = []
     cells = {}
     for audit in audits:
         case = audit.case.name
@@ -112,7 +112,7 @@ def _reading_document(reading: Reading | None) -> dict[str, Any] | None:
 
 def _readings(premise: Premise) -> list[tuple[str, Reading]]:
     """The readings that the premise has, each after the words for where it was taken."""
-    readings = list[tuple[str, Reading]]()
+    readings = []
     if premise.region is not None:
         readings.append(("in the region", premise.region))
     if premise.along is not None:
@@ -168,7 +168,7 @@ def failures_table(audits: Sequence[Audit]) -> Table:
     failed = [(audit.case.name, premise) for audit in audits for premise in audit.failed()]
     failed.sort(key=lambda case_and_premise: _worst(case_and_premise[1]).margin)
 
-    rows = list[tuple[str, ...]]()
+    rows = []
     for case, premise in failed:
         margin = _margin(_worst(premise), premise.unit)
         rows.append((case, premise.name, margin, premise.restores))

@@ -220,13 +220,11 @@ def _system_row(done: Validation, system: str) -> list[str]:
     if ended_early:
         count += f" ({ended_early} early)"
 
-    errors = list[float]()
-    for agreement in done.agreements:
-        if agreement.variant == "corrected" and agreement.system == system:
-            errors.append(agreement.acceleration)
-    largest_error = max(errors, default=None)
+    corrected = [row for row in done.agreements if row.variant == "corrected"]
+    errors = [row.acceleration for row in corrected if row.system == system]
+    error = number(max(errors, default=None))
 
-    return [system, count, number(largest_error), *_verdict_cells(done.findings, system)]
+    return [system, count, error, *_verdict_cells(done.findings, system)]
 
 
 def _verdict_cells(findings: Sequence[Finding], system: str) -> list[str]:
@@ -252,11 +250,11 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
             cells.setdefault(run.case, {})[run.controller.name] = cell
 
     # In the order in which they first occur.
-    laws = dict[str, None]()
+    laws = {}
     for cells_of_case in cells.values():
         laws |= dict.fromkeys(cells_of_case)
 
-    rows = list[list[str]]()
+    rows = []
     for case, cells_of_case in cells.items():
         row = [cells_of_case.get(law, "") for law in laws]
         rows.append([f"{case.system}/{case.name}", *row])
@@ -267,7 +265,7 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
 
 def results_table(results: Sequence[RunResult]) -> Table:
     """Return the table of the runs in MuJoCo."""
-    rows = list[list[str]]()
+    rows = []
     for run in results:
         if run.plant != "physics":
             continue

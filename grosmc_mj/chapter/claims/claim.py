@@ -275,7 +275,7 @@ class Finding:
         if self.verdict is not Verdict.SUPPORTED or self.claim.holds(self.decisive.measured):
             return ""
 
-        holding = list[str]()
+        holding = []
         for name, trial in self.trials.items():
             if self.claim.holds(trial):
                 holding.append(f"{name}: {trial.note}" if trial.note else name)
@@ -287,8 +287,8 @@ class Finding:
         if self.verdict is not Verdict.UNDETERMINED:
             return ""
 
-        true = list[str]()
-        false = list[str]()
+        true = []
+        false = []
         for name, trial in self.trials.items():
             if trial.value is not None:
                 side = true if self.claim.holds(trial) else false

@@ -63,11 +63,12 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
 
 def _trials(lab: Laboratory, claim: Claim) -> dict[str, Measured]:
     """Measurements on the plant that decides, for the choices that the claim is meant for."""
-    trials = dict[str, Measured]()
+    trials = {}
     for choice in claim.choices:
         if choice.name in (*claim.every, *claim.some):
             for value in choice.values:
-                trials[choice.written(value)] = tried(lab, claim, claim.plants[-1], choice, value)
+                measured = tried(lab, claim, claim.plants[-1], choice, value)
+                trials[choice.written(value)] = measured
     return trials
 
 
@@ -147,7 +148,7 @@ def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value
 
 def verdict_differences(findings: Sequence[Finding]) -> list[str]:
     """Return one line for each verdict that is not the expected one."""
-    lines = list[str]()
+    lines = []
     for finding in findings:
         for plant, verdict in finding.unexpected.items():
             expected = finding.claim.verdicts[plant].value
@@ -176,8 +177,9 @@ def judge_claims(
         GrosmcError: As a measurement or the executor raises it.
     """
     parts = parts_of(claims)
+    judge_part = partial(_judged, lab, parts)
     findings: dict[str, Finding] = {}
-    with closing(executor.run(partial(_judged, lab, parts), range(len(parts)), notice)) as answers:
+    with closing(executor.run(judge_part, range(len(parts)), notice)) as answers:
         for part in answers:
             for claim, finding in zip(parts[part.index], part.report, strict=True):
                 # A finding from another process has a copy of the claim.
@@ -192,7 +194,7 @@ def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:
     for claim in sorted(claims, key=attrgetter("system")):
         by_system.setdefault(claim.system, []).append(claim)
 
-    parts = list[list[Claim]]()
+    parts = []
     for group in by_system.values():
         parts += [group[first : first + _PART] for first in range(0, len(group), _PART)]
     return parts

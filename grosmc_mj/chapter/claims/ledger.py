@@ -50,7 +50,7 @@ class Measurement:
     def _extreme(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
         """The extreme over all combinations of the lists, with all values in its note."""
         lists = [name for name in arguments if isinstance(arguments[name], list)]
-        points = list[Measured]()
+        points = []
         for values in itertools.product(*(arguments[name] for name in lists)):
             combination = dict(zip(lists, values, strict=True))
             point = self._at(lab, plant, {**arguments, **combination})
@@ -97,7 +97,9 @@ def _claim(
     causes: Mapping[str, str],
 ) -> Claim:
     """The claim of a table; its choices and its cause are keys of the file's own."""
-    fields = {**WORDS.get(table.get("word", ""), {}), **table, "id": name, "system": system}
+    # The limit of a word counts where the table has none.
+    limit = WORDS.get(table.get("word", ""), {})
+    fields = {**limit, **table, "id": name, "system": system}
     fields["kind"] = Kind[table.get("kind", "claim").upper()]
     fields["choices"] = [choices[key] for key in table.get("choices", ())]
     for quantifier in ("every", "some"):
@@ -132,7 +134,7 @@ def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any]
 
 def _all_claims() -> list[Claim]:
     """The claims of all systems; a system that the chapter does not treat has no file."""
-    claims = list[Claim]()
+    claims = []
     for system in SYSTEMS:
         path = Path(__file__).with_name(f"{system}.toml")
         if path.is_file():

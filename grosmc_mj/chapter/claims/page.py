@@ -36,7 +36,7 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
         SetupError: If a file cannot be written.
     """
     stories = [finding for finding in findings if is_told(finding)]
-    figures = list[Path]()
+    figures = []
     for finding in stories:
         figure = path.parent / "figures" / f"{finding.claim.id}.png"
         figures.append(write_picture(finding, lab, figure))

@@ -100,7 +100,7 @@ def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
 def claim_numbers(finding: Finding, lab: Laboratory) -> dict[str, Any]:
     """Return one claim with its measurements, and the evidence that they have converged."""
     claim = finding.claim
-    plants = dict[str, Any]()
+    plants = {}
     for plant, on_plant in finding.plants.items():
         plants[plant] = {
             "value": on_plant.measured.value,
@@ -150,8 +150,8 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: Laboratory) -> dict[st
         words=f"{len(turning)} of {len(claims)} answers turn on a choice that is not printed",
     )
 
-    values = list[Value]()
-    charts = list[LineChart]()
+    values = []
+    charts = []
     for row in sorted(rows, key=lambda row: not row["flips"]):
         values += _sweep_values(row)
         charts.append(_sweep_chart(row))

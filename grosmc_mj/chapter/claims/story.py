@@ -58,20 +58,18 @@ def is_told(finding: Finding) -> bool:
 
 def turning(finding: Finding) -> list[str]:
     """Return what can turn the verdict: a near threshold, and choices that are not printed."""
-    reasons = list[str]()
+    reasons = []
     if finding.near:
         reasons.append("within 50 % of its threshold")
 
     flips = stored_flips(finding.claim.id)
-    for choice in finding.claim.choices:
-        if not choice.printed and choice.name in flips:
-            reasons.append(f"flips {flips[choice.name]}")
-    return reasons
+    unprinted = [choice.name for choice in finding.claim.choices if not choice.printed]
+    return reasons + [f"flips {flips[name]}" for name in unprinted if name in flips]
 
 
 def counts_table(findings: Sequence[Finding]) -> Table:
     """Return the counts of sentences and statements by verdict."""
-    rows = list[list[str]]()
+    rows = []
     for kind in Kind:
         of_kind = verdicts_of(findings, kind)
         if of_kind:
@@ -89,7 +87,7 @@ def causes_table(findings: Sequence[Finding]) -> Table:
         if finding.verdict is not Verdict.SUPPORTED:
             causes.setdefault(finding.claim.cause, []).append(finding.claim.id)
 
-    rows = list[list[str]]()
+    rows = []
     for cause, claims in sorted(causes.items(), key=lambda item: -len(item[1])):
         rows.append([cause, ", ".join(claims), str(len(claims))])
     columns = [
@@ -102,7 +100,7 @@ def causes_table(findings: Sequence[Finding]) -> Table:
 
 def sentences_table(findings: Sequence[Finding]) -> Table:
     """Return each sentence of the chapter with its verdict and the claims under it."""
-    rows = list[list[str]]()
+    rows = []
     for sentence in sentences_of(findings):
         claims = "; ".join(
             f"{finding.claim.id}: {finding.verdict.value}" for finding in sentence.findings
@@ -116,7 +114,7 @@ def sentences_table(findings: Sequence[Finding]) -> Table:
 def statements_tables(findings: Sequence[Finding]) -> list[Table]:
     """Return for each kind the table of its statements, with the value on the deciding plant."""
     columns = [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")]
-    tables = list[Table]()
+    tables = []
     for kind in Kind:
         rows = [_statement(finding) for finding in findings if finding.claim.kind is kind]
         title = "claims under them" if kind is Kind.CLAIM else kind.value
@@ -210,7 +208,7 @@ def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
     Args:
         sweeps: Rows that ``sweep`` yields.
     """
-    rows = list[list[str]]()
+    rows = []
     for row in sorted(sweeps, key=lambda row: row["printed"]):
         if row["flips"]:
             choice = row["choice"]

@@ -36,8 +36,8 @@ def sweep(
     """
     for claim in claims:
         for choice in claim.choices:
-            values = list[dict[str, Any]]()
-            answers = list[bool | None]()
+            values = []
+            answers = []
             for value in choice.values:
                 measured, holds = _at(lab, claim, choice, value)
                 trial = {"choice": choice.written(value), "measured": measured, "holds": holds}
@@ -67,7 +67,8 @@ def _flips(
     lab: Laboratory, claim: Claim, choice: Choice, answers: Sequence[bool | None]
 ) -> Iterator[str]:
     """Yield where the answer changes; between two numbers it is found by bisection."""
-    judged = [pair for pair in zip(choice.values, answers, strict=True) if pair[1] is not None]
+    pairs = zip(choice.values, answers, strict=True)
+    judged = [(value, holds) for value, holds in pairs if holds is not None]
     for (low, before), (high, after) in itertools.pairwise(judged):
         if before is after:
             continue

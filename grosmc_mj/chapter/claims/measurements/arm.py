@@ -26,7 +26,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     worst_deviation,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
@@ -62,8 +61,10 @@ def tracking(
         raise NoValueError(result.ended or "the optimum is still on its way")
 
     error = comparison.z[begin:, state]
-    values = {"peak": np.abs(error).max(), "RMS": np.sqrt(np.mean(error**2))}
-    value = 100 / amplitude * float(values[statistic])
+    size = np.abs(error).max()
+    if statistic == "RMS":
+        size = np.sqrt(np.mean(error**2))
+    value = 100 / amplitude * float(size)
     return from_run(result, value, f"from {time[begin]:.3g} s on")
 
 
@@ -99,7 +100,7 @@ def worst_of_family(lab: Laboratory, plant: PlantName, *, heaviest: float) -> Me
     masses = (lightest, 1.0, heaviest)
     lengths = (shortest, 1.0, longest)
 
-    cases = list[Experiment]()
+    cases = []
     for mass, length in itertools.product(masses, lengths):
         edits = (BodyEdit("link", mass, length),)
         cases.append(trial(_SYSTEM, f"m x{mass:g}, l x{length:g}", start, 6.0, edits))

@@ -181,7 +181,7 @@ def _unmatched_model(lab: Laboratory, plant: PlantName) -> tuple[LqrDesign, Mode
 def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measured:
     """Measure by how much B+ enlarges the unmatched uncertainty, in percent of it."""
     optimum, model = _unmatched_model(lab, plant)
-    factors = dict[str, float]()
+    factors = {}
     for name, G in projections_of(optimum).items():
         factor = amplification(optimum, G, model)
         if factor is not None:
@@ -239,7 +239,7 @@ def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
     cases = [heavier.varied(x0=(0.0, -math.radians(angle), 0.0, 0.0)) for angle in _STARTS]
     _, runs = lab.batch(cases, plant, "cart-pfl")
 
-    measured = list[Measured]()
+    measured = []
     for index, angle in enumerate(_STARTS):
         if runs.status[index] is not Status.COMPLETED:
             raise NoValueError(f"not from {angle} degrees")

@@ -16,7 +16,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     within,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.laboratory import Laboratory, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum, settling_time
 from grosmc_mj.experiments.plants import PlantName
@@ -66,7 +65,7 @@ def largest_start(
     edits = ()
     if perturbed:
         edits = _LARGER
-    cases = list[Experiment]()
+    cases = []
     for angle in _ANGLES:
         x0 = (0.0, -math.radians(angle), 0.0, 0.0)
         cases.append(trial(_SYSTEM, "start", x0, 6.0, edits))
@@ -129,11 +128,15 @@ def _lagrange(
     L = p.L
     s = math.sin(theta)
     c = math.cos(theta)
-    mass = np.array([[p.M + m, -m * L * c], [-m * L * c, 4 / 3 * m * L * L]])
+    coupling = -m * L * c
+    mass = np.array([[p.M + m, coupling], [coupling, 4 / 3 * m * L * L]])
     gravity = [0.0, m * p.g * L * s]
     centrifugal = [-m * L * s * rate**2, 0.0]
-    terms = [float(np.linalg.solve(mass, force)[1]) for force in (gravity, centrifugal, [u, 0.0])]
-    return 1.0, terms
+    accelerations = []
+    for force in (gravity, centrifugal, [u, 0.0]):
+        acceleration = np.linalg.solve(mass, force)
+        accelerations.append(float(acceleration[1]))
+    return 1.0, accelerations
 
 
 def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:

@@ -89,7 +89,8 @@ def size_of(comparison: Comparison, percent_of: Size) -> float:
 
 def from_optimum(comparison: Comparison, percent_of: Size = "start") -> float:
     """Return max |y - y*| in percent of the initial error, or of the reference's amplitude."""
-    return 100 * float(np.abs(comparison.deviation).max() / size_of(comparison, percent_of))
+    largest = np.abs(comparison.deviation).max()
+    return 100 * float(largest / size_of(comparison, percent_of))
 
 
 def deviation(
@@ -260,7 +261,8 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
     if not np.all(bands > 0):
         return from_run(result, None, "the law switches the wrong way")
 
-    distances = (np.abs(s[::EVERY]).reshape(bands.shape) / bands).max(axis=1)
+    samples = np.abs(s[::EVERY]).reshape(bands.shape)
+    distances = (samples / bands).max(axis=1)
     worst = int(distances.argmax())
     note = f"at t = {points.t[worst]:.3g} s; max |s| = {np.abs(s).max():.3g}"
     return from_run(result, float(distances[worst]), note)
@@ -299,7 +301,7 @@ def equation_error(
 
 def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
     """Return the premises of the case that fail, in words; empty if none does."""
-    lines = list[str]()
+    lines = []
     for premise in audit(lab, find_experiment(system, case)).failed():
         line = (
             f"{premise.name} ({premise.source}): {premise.requirement}; margin {_margins(premise)}"
@@ -312,7 +314,7 @@ def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
 
 def _margins(premise: Premise) -> str:
     """The margins over the region and along the run."""
-    margins = list[str]()
+    margins = []
     if premise.region is not None:
         margins.append(f"{premise.region.margin:.3g} {premise.unit} over the region")
     if premise.along is not None:

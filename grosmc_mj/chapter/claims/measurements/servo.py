@@ -61,7 +61,7 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
     """
     nominal = _stability(lab, plant, "nominal")
     heavier = _stability(lab, plant, "case2")
-    words = list[str]()
+    words = []
     for name, unit in zip(_MEASURES, _UNITS, strict=True):
         words.append(
             f"{name} {heavier[name]:.3g}{unit} under 3J, {nominal[name]:.3g}{unit} nominal"
@@ -88,10 +88,14 @@ def _linearized(plant: Plant, law: Controller) -> tuple[Array, Array]:
     closed = np.empty((2, 2))
     A = np.empty((2, 2))
     for column, d in enumerate(step * np.eye(2)):
-        above = plant.derivative(rest + d, law.input_at(1.0, rest + d, memory))
-        below = plant.derivative(rest - d, law.input_at(1.0, rest - d, memory))
-        closed[:, column] = (above - below) / (2 * step)
-        A[:, column] = (plant.derivative(rest + d) - plant.derivative(rest - d)) / (2 * step)
+        above = rest + d
+        below = rest - d
+        u_above = law.input_at(1.0, above, memory)
+        u_below = law.input_at(1.0, below, memory)
+        difference = plant.derivative(above, u_above) - plant.derivative(below, u_below)
+        closed[:, column] = difference / (2 * step)
+        free_difference = plant.derivative(above) - plant.derivative(below)
+        A[:, column] = free_difference / (2 * step)
     return closed, A
 
 
@@ -116,7 +120,8 @@ def _margins(A: Array, closed: Array) -> _Margins:
 
 def _loop_gain(w: float, A: Array, closed: Array) -> complex:
     """Loop gain at a frequency [rad/s]."""
-    return np.trace(np.linalg.solve(1j * w * np.eye(2) - A, A - closed))
+    resolvent = 1j * w * np.eye(2) - A
+    return np.trace(np.linalg.solve(resolvent, A - closed))
 
 
 def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
@@ -130,7 +135,7 @@ def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
     design = law.designed.lqr
     random = np.random.default_rng(0)
 
-    poles = list[float]()
+    poles = []
     for angle in random.uniform(-math.pi / 2, math.pi / 2, 100):
         q = np.array([math.cos(angle), math.sin(angle)])
         optimum = lqr(design.A, design.B, np.outer(q, q), design.R)
@@ -154,11 +159,13 @@ def undercut(lab: Laboratory, plant: PlantName) -> Measured:
     design = law.designed.lqr
     p = law.parameters
     gamma1 = p.gamma1 + float(np.linalg.norm(p.K))
-    by_switching = replace(law, parameters=replace(p, K=0 * p.K, gamma1=gamma1))
+    without_K = replace(p, K=0 * p.K, gamma1=gamma1)
+    by_switching = replace(law, parameters=without_K)
     result = lab.once(("undercut", plant), lambda: lab.run_with(case, plant, by_switching))
 
     z = result.comparison.z
-    J = 0.5 * float(np.trapezoid(np.sum(z @ design.Q * z, axis=1), result.comparison.time))
+    integrand = np.sum(z @ design.Q * z, axis=1)
+    J = 0.5 * float(np.trapezoid(integrand, result.comparison.time))
     x0 = np.array([1.0, 0.0])
     least = design.optimal_cost(x0)
     W = scipy.linalg.solve_continuous_lyapunov(design.closed_loop.T, -design.Q)
@@ -191,7 +198,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     B_true = -(derivative(rest, 1.0) - derivative(rest))[1]
 
     # Largest difference of z2' from the nominal one on the unit circle, under u_c.
-    differences = list[float]()
+    differences = []
     for angle in np.linspace(0, np.pi, 181):
         z = np.array([np.cos(angle), np.sin(angle)])
         u_c = -float(design.K[0] @ z)

@@ -149,7 +149,11 @@ def _slowest_approach(
         if rate is None:
             eta = law.parameters.eta
 
-        places = [(random.uniform(-1, 1, 2) * region, random.uniform(0, 2)) for _ in range(_STATES)]
+        places = []
+        for _ in range(_STATES):
+            z = random.uniform(-1, 1, 2) * region
+            t = random.uniform(0, 2)
+            places.append((z, t))
         derivative = lab.plant(case, plant).derivative
         worst = max(worst, approach(law, derivative, places, wrench))
 
@@ -200,7 +204,8 @@ def approach(
             memory.t = t
             u = law.input_at(t, x, memory)
             dz = error.sign * (slope @ derivative(x, u, push * wrench) - raised)
-            worst = max(worst, float((sides * (p.G @ dz - p.S @ z)).max()))
+            ds = p.G @ dz - p.S @ z
+            worst = max(worst, float((sides * ds).max()))
     return worst
 
 
@@ -257,7 +262,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
     loads = (-1, 1)
     if not family.wrench.any():
         loads = (0,)
-    returns = list[Measured]()
+    returns = []
     for mass, length, load, share in itertools.product(masses, lengths, loads, _SHARES):
         still = perturbed(system, "kick", _KICKED + 2, mass, length)
         case = _kicked(lab, still, plant, share, load * family.wrench[-6:])
@@ -293,7 +298,8 @@ def _impulse(lab: Laboratory, still: Experiment, plant: PlantName) -> float:
     derivative = lab.plant(still, plant).derivative
     system = law.coordinates.system
     x = law.coordinates.place(_KICKED, np.zeros(2), law.parameters)
-    change = derivative(x, 0.0, np.eye(6 * len(system.bodies))[-2]) - derivative(x)
+    torque = np.eye(6 * len(system.bodies))[-2]
+    change = derivative(x, 0.0, torque) - derivative(x)
     rate = change[system.output + system.degrees_of_freedom]
     return _region(lab, still)[1] / float(rate)
 
@@ -333,7 +339,7 @@ def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
     body = find_system(system).uncertain_body
     wrench = tuple(family.wrench[-6:].tolist())
     random = np.random.default_rng(2)
-    cases = list[Experiment]()
+    cases = []
     for _ in range(16):
         mass = float(random.uniform(*family.mass))
         length = float(random.uniform(*family.length))
@@ -362,7 +368,7 @@ def worst_start(
     experiment = find_experiment(system, case)
     output = find_system(system).output
     random = np.random.default_rng(3)
-    cases = list[Experiment]()
+    cases = []
     for _ in range(8):
         start = random.uniform(-bound, bound, len(experiment.case.x0))
         start[output] = random.choice([-1, 1]) * random.uniform(bound / 2, bound)
@@ -398,7 +404,8 @@ def proof_three(lab: Laboratory, _: PlantName) -> Measured:
     law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
     k = law.parameters.k
     s = np.linspace(-1, 1, 201)
-    return Measured(float(np.abs(-k * s * s + k * np.abs(s)).max()))
+    difference = -k * s * s + k * np.abs(s)
+    return Measured(float(np.abs(difference).max()))
 
 
 def optimal_gain(A: Array, B: Array, Q: Array) -> tuple[Array, Array]:
@@ -482,7 +489,8 @@ def approach_under_equality(lab: Laboratory, plant: PlantName) -> Measured:
     for t in np.linspace(0.1, 2.0, 20).tolist():
         x = law.coordinates.place(t, z, law.parameters)
         acceleration = (derivative(x, 0.0, torque) - derivative(x))[1]
-        largest = max(largest, approach(law, derivative, [(z, t)], epsilon / acceleration * torque))
+        equal = epsilon / acceleration * torque
+        largest = max(largest, approach(law, derivative, [(z, t)], equal))
     return Measured(-100 * largest / epsilon, "the least of 40 states")
 
 
@@ -505,11 +513,13 @@ def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2
 
 def _largest_push(law: Controller, true: AnalyticPlant, bounds: Array) -> float:
     """The largest rate that the mismatch gives s on a grid within bounds of z, (2,)."""
-    states = list[Array]()
+    states = []
     sides = np.linspace(-1, 1, 9)
     for z in itertools.product(sides, sides):
         x = law.coordinates.place(0.0, bounds * z, law.parameters)
         if true.system.linearizable(x):
             states.append(x)
-    points = balances(law, true, [0.0] * len(states), np.array(states), np.zeros((len(states), 12)))
+
+    count = len(states)
+    points = balances(law, true, [0.0] * count, np.array(states), np.zeros((count, 12)))
     return float(points.push.max())

@@ -122,10 +122,14 @@ def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     low, high = declared.scales["mp"]
 
     worst = -np.inf
-    for mass in (low, high, *random.uniform(low, high, _PLANTS - 2).tolist()):
+    masses = random.uniform(low, high, _PLANTS - 2).tolist()
+    for mass in (low, high, *masses):
         derivative = lab.plant(_payload(mass, nominal), plant).derivative
         # At any time but the start, where the law takes z for its own z(0).
-        places = [(random.uniform(-1, 1, 4) * declared.region, 1.0) for _ in range(_STATES)]
+        places = []
+        for _ in range(_STATES):
+            z = random.uniform(-1, 1, 4) * declared.region
+            places.append((z, 1.0))
         worst = max(worst, approach(law, derivative, places, wrench))
 
     eta = float(getattr(law.parameters, "eta", 0.0))
@@ -147,7 +151,8 @@ def off_the_circle(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
 def elbow_bend(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     """Measure the least |sin q2| along the run of GROSMC."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
-    return from_run(result, float(np.abs(np.sin(result.trajectory.state[:, 1])).min()))
+    bend = np.abs(np.sin(result.trajectory.state[:, 1]))
+    return from_run(result, float(bend.min()))
 
 
 def unknown_kinematics(lab: Laboratory) -> str:
