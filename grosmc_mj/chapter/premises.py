@@ -59,7 +59,7 @@ def _cell(premise: Premise) -> tuple[float, str, str]:
 
 
 def _answer(audits: Sequence[Audit]) -> Answer:
-    """How many premises fail in all cases."""
+    """The number of premises that fail, over all cases."""
     law = audits[0].controller
     failed = sum(len(audit.failed()) for audit in audits)
     total = sum(len(audit.premises) for audit in audits)

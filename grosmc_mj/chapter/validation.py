@@ -34,7 +34,7 @@ _COLUMNS = {
     "settled": "settling_time",
     "max |s|": "max_sliding",
     "J(u_c) / J*": "continuous",
-    "J(u_d) / J* per s": "rest",
+    "J(u_d) / J* per s": "switching",
     "max |u|": "max_input",
     "cart travel": "cart_travel",
 }
@@ -269,8 +269,8 @@ def results_table(results: Sequence[RunResult]) -> Table:
     for run in results:
         if run.plant != "physics":
             continue
-        continuous, rest = run.cost_shares
-        metrics = {**run.metrics, "continuous": continuous, "rest": rest}
+        continuous, switching = run.cost_shares
+        metrics = {**run.metrics, "continuous": continuous, "switching": switching}
         cells = [_cell(metrics.get(name)) for name in _COLUMNS.values()]
         rows.append([run.case.system, run.case.name, run.controller.name, *cells])
 

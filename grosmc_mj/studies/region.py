@@ -152,13 +152,14 @@ class RegionLoop:
     def sensitivity(self) -> Array:
         """C of the error state at the start, z = C x + c: 1, -1 or 0, (errors, n)."""
         n = len(self.system.states)
-        return (self.errors(0.0, np.eye(n)) - self.errors(0.0, np.zeros((1, n)))).T
+        at_origin = self.errors(0.0, np.zeros((1, n)))
+        return (self.errors(0.0, np.eye(n)) - at_origin).T
 
     @property
     def equilibrium(self) -> Array:
         """State without error at t = 0; states that the law does not regulate are zero, (n,)."""
-        offset = self.errors(0.0, np.zeros((1, len(self.system.states))))[0]
-        return -np.linalg.pinv(self.sensitivity) @ offset
+        origin = np.zeros((1, len(self.system.states)))
+        return -np.linalg.pinv(self.sensitivity) @ self.errors(0.0, origin)[0]
 
     @property
     def regulated(self) -> list[int]:
@@ -617,8 +618,8 @@ def _edited_cases(experiment: Experiment) -> str:
     """Names of the cases of an experiment's system that edit the plant."""
     if not experiment.nominal.shipped:
         return ""
-    others = find_experiments(experiment.case.system)
-    return ", ".join(other.case.name for other in others if _is_edited(other))
+    experiments = find_experiments(experiment.case.system)
+    return ", ".join(edited.case.name for edited in experiments if _is_edited(edited))
 
 
 # The answer: table, charts, figure, document
@@ -626,14 +627,14 @@ def _edited_cases(experiment: Experiment) -> str:
 
 def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
     """Return the table of the maps, from the fewest starts that converge on, with its legend."""
-    others = [outcome for outcome in Outcome if outcome is not Outcome.CONVERGED]
+    failures = [outcome for outcome in Outcome if outcome is not Outcome.CONVERGED]
     rows = []
     for law_map in sorted(maps, key=lambda law_map: law_map.converged):
-        counts = [str(law_map.counts[outcome]) for outcome in others]
+        counts = [str(law_map.counts[outcome]) for outcome in failures]
         converged = f"{law_map.converged:.1f}"
         rows.append([law_map.case.name, law_map.controller, converged, *counts])
 
-    headers = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in others]
+    headers = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in failures]
     columns = [*words("plant", "law"), *numbers("converged\n%", *headers)]
     title = f"{region.system.title}: outcomes of the starts"
     return table(title, columns, rows, legend=_legend(region, maps))
@@ -663,11 +664,11 @@ def _legend(region: Region, maps: Sequence[RegionMap]) -> str:
 
 def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
     """Return a row of charts for each plant, a map for each law."""
-    across, up = ((axis.title, shown(axis.signal, axis.limit)[0]) for axis in region.plane)
-    legend = [
-        Letter(letter=outcome.letter, name=outcome.title, colour=outcome.colour)
-        for outcome in Outcome
-    ]
+    first, second = region.plane
+    across = (first.title, shown(first.signal, first.limit)[0])
+    up = (second.title, shown(second.signal, second.limit)[0])
+    legend = [Letter(letter=x.letter, name=x.title, colour=x.colour) for x in Outcome]
+
     rows: dict[str, list[GridChart]] = {}
     for law_map in maps:
         law = f"{label_of(law_map.controller)}, {law_map.case.name}"

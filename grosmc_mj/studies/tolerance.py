@@ -603,7 +603,7 @@ class Trials:
         experiment = condition.experiment
         law: str | Controller = self.law.controller
         if control_period is not None:
-            # The law by its name: it is sampled, and its discrete surface designed, once more.
+            # By its name the law, and its discrete surface, are designed for this period.
             experiment = experiment.with_settings(control_period=control_period, **self.law.sampled)
             law = self.law.base
 

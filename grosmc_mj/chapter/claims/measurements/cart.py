@@ -236,7 +236,8 @@ def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
         NoValueError: If a run ended early.
     """
     heavier = _pole("4m, 4L")
-    cases = [heavier.varied(x0=(0.0, -math.radians(angle), 0.0, 0.0)) for angle in _STARTS]
+    starts = [(0.0, -math.radians(angle), 0.0, 0.0) for angle in _STARTS]
+    cases = [heavier.varied(x0=start) for start in starts]
     _, runs = lab.batch(cases, plant, "cart-pfl")
 
     measured = []
