@@ -1,5 +1,4 @@
-"""What the chapter says and what is recorded of it.
+"""The chapter's claims and figures, and the results that the repository records.
 
-``claims`` has its claims with the expected verdicts and measures them; the rest are the claims as
-document, tables, figures and page, the chapter's figures, and the expected results.
+``claims`` holds the claims with their expected verdicts, and the measurements that judge them.
 """

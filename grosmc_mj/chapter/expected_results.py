@@ -1,4 +1,4 @@
-"""What the repository records as expected, and how closely a run must repeat it.
+"""The recorded results, and how closely a run must repeat them.
 
 ``expected_results.json`` is written by ``grosmc-mj validate --record`` and reviewed like code. It
 is not a source of results: a run is measured first and compared afterwards.
@@ -21,49 +21,64 @@ EXPECTED_FILE = Path(__file__).with_name("expected_results.json")
 
 
 def load_expected() -> dict[str, Any]:
-    """The recorded results by the runs' keys, and the settings that they hold for."""
+    """Return the recorded results by the runs' keys, and the settings that they hold for."""
     return json.loads(EXPECTED_FILE.read_text(encoding="utf-8"))
 
 
 def record_expected(results: Iterable[RunResult]) -> None:
     """Record these results as expected; runs that are not among them stay recorded."""
     runs = load_expected()["runs"]
-    # The engines agree to the last bit.
-    settings = {name: value for name, value in asdict(Settings()).items() if name != "engine"}
     for result in results:
-        values = {name: metric.value for name, metric in result.metrics.items()}
-        runs[result.key] = {"status": result.status.name.lower(), "metrics": values}
-    content = {"settings": settings, "runs": dict(sorted(runs.items()))}
-    write_json(EXPECTED_FILE, content)
+        metrics = {name: metric.value for name, metric in result.metrics.items()}
+        runs[result.key] = {"status": result.status.name.lower(), "metrics": metrics}
+
+    # The engines agree to the last bit: the record holds for both.
+    settings = asdict(Settings())
+    del settings["engine"]
+    write_json(EXPECTED_FILE, {"settings": settings, "runs": dict(sorted(runs.items()))})
 
 
 def differences(results: Sequence[RunResult]) -> list[str]:
-    """One line for each result that is not as recorded."""
-    runs = load_expected()["runs"]
-    return [
-        f"{result.key}: {line}".rstrip()
-        for result in results
-        for line in _differences(result, runs.get(result.key))
-    ]
+    """Return one line for each result that is not as recorded."""
+    recorded = load_expected()["runs"]
+    lines = []
+    for result in results:
+        for difference in _differences(result, recorded.get(result.key)):
+            line = f"{result.key}: {difference}".rstrip()
+            lines.append(line)
+    return lines
 
 
 def _differences(result: RunResult, recorded: dict[str, Any] | None) -> Iterator[str]:
-    """The same of one run and its record, within the tolerance of its law."""
-    status = result.status.name.lower()
+    """Compare one run with its record, within the tolerances of its law."""
     if recorded is None:
         yield "not recorded"
         return
+
+    status = result.status.name.lower()
     if status != recorded["status"]:
         yield f"{status}, recorded {recorded['status']}"
         return
+
     switched = result.trajectory.sliding is not None
     for name, metric in result.metrics.items():
-        now, before = metric.value, recorded["metrics"].get(name)
-        relative, absolute = tolerance_of(name, switched=switched)
-        if now is None or before is None:
-            repeats = now is before
-        else:
-            repeats = math.isclose(now, before, rel_tol=relative, abs_tol=absolute)
-        if not repeats:
-            values = ("none" if value is None else f"{value:.6g}" for value in (now, before))
-            yield f"{name} is {', recorded '.join(values)} {metric.unit}"
+        before = recorded["metrics"].get(name)
+        tolerance = tolerance_of(name, switched=switched)
+        if not _repeats(metric.value, before, tolerance):
+            now = _written(metric.value)
+            yield f"{name} is {now}, recorded {_written(before)} {metric.unit}"
+
+
+def _repeats(now: float | None, before: float | None, tolerance: tuple[float, float]) -> bool:
+    """Whether a value is the recorded one within a relative and an absolute tolerance."""
+    if now is None or before is None:
+        return now is before
+
+    relative, absolute = tolerance
+    return math.isclose(now, before, rel_tol=relative, abs_tol=absolute)
+
+
+def _written(value: float | None) -> str:
+    if value is None:
+        return "none"
+    return f"{value:.6g}"

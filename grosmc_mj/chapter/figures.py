@@ -29,7 +29,7 @@ from grosmc_mj.results.palette import (
 )
 
 _SIZE = (7.2, 6.4)
-# How the chatter of a plant is drawn: thin enough to show its density.
+# Style of a chattering curve on each plant: thin enough to show its density.
 _CHATTER: Mapping[str, Mapping[str, Any]] = {
     "physics": {"lw": 0.35},
     "corrected": {"lw": 0, "marker": ".", "ms": 0.6, "color": OPTIMUM},
@@ -43,13 +43,13 @@ class Panel(NamedTuple):
     """Curves of runs over time, physics thick and the equations thin on top.
 
     Attributes:
-        label: Of the second axis.
-        curve: Of each run, one of ``_CURVES``.
-        laws: Whose runs.
-        styles: By plant; those that are not named are not drawn.
+        label: Label of the vertical axis.
+        curve: The curve that is drawn of each run, a key of ``_CURVES``.
+        laws: Laws whose runs are drawn.
+        styles: Line style by plant; a plant without one is not drawn.
         dotted: A curve of GROSMC's run on physics that is drawn dotted, and its label.
-        both_scales: Whether the axis is linear within 1 and logarithmic beyond.
-        limit: Of the second axis, to both sides.
+        both_scales: Whether the vertical axis is linear within 1 and logarithmic beyond.
+        limit: Limit of the vertical axis, to both sides.
     """
 
     label: str
@@ -61,16 +61,20 @@ class Panel(NamedTuple):
     limit: float | None = None
 
     def draw(self, axes: Axes, runs: Runs) -> None:
-        """Draw the curves of the runs that are there."""
+        """Draw the curves of those runs that exist."""
         for law in self.laws:
             for plant, style in self.styles.items():
-                if (result := runs.get((plant, law))) is not None:
+                if (plant, law) in runs:
+                    time, values = _curve(self.curve, runs[plant, law])
                     label = f"{label_of(law)}, {PLANTS[plant]}"
-                    look: dict[str, Any] = {"color": COLOURS[law], **style}
-                    axes.plot(*_curve(self.curve, result), label=label, rasterized=True, **look)
+                    line: dict[str, Any] = {"color": COLOURS[law], **style}
+                    axes.plot(time, values, label=label, rasterized=True, **line)
+
         if self.dotted is not None and ("physics", "grosmc") in runs:
             curve, label = self.dotted
-            axes.plot(*_curve(curve, runs["physics", "grosmc"]), label=label, **REFERENCE)
+            time, values = _curve(curve, runs["physics", "grosmc"])
+            axes.plot(time, values, label=label, **REFERENCE)
+
         if self.both_scales:
             axes.set_yscale("symlog", linthresh=1.0)
             axes.axhline(0, color="#999999", lw=0.6)
@@ -80,18 +84,25 @@ class Panel(NamedTuple):
 
 
 def _output(result: RunResult, order: int = 0) -> Array:
-    """The controlled coordinate or its rate."""
+    """The controlled coordinate, or its rate for order 1."""
     system = result.trajectory.system
     return result.trajectory.state[:, system.output + order * system.degrees_of_freedom]
 
 
 def _reference(result: RunResult, order: int = 0) -> Array:
-    """Its reference or that of its rate."""
+    """Reference of the controlled coordinate, or of its rate for order 1."""
     return _output(result, order) - result.comparison.z[:, order]
 
 
-# By name, what is drawn over the instants that it has a value at; with 1e3 in thousandths.
-_CURVES: Mapping[str, Callable[[RunResult], Array | None]] = {
+def _sliding(result: RunResult) -> Array:
+    """1000 s."""
+    s = result.trajectory.sliding
+    assert s is not None
+    return 1e3 * s
+
+
+# Curves by name, over the instants at which they have a value; with 1e3 in thousandths.
+_CURVES: Mapping[str, Callable[[RunResult], Array]] = {
     "output": _output,
     "rate": partial(_output, order=1),
     "reference": _reference,
@@ -101,30 +112,29 @@ _CURVES: Mapping[str, Callable[[RunResult], Array | None]] = {
     "error": lambda run: 1e3 * run.comparison.error,
     "deviation": lambda run: 1e3 * run.comparison.deviation,
     "optimum": lambda run: run.comparison.optimum[:, 0],
-    "s": lambda run: None if run.trajectory.sliding is None else 1e3 * run.trajectory.sliding,
+    "s": _sliding,
     "input": lambda run: run.trajectory.input,
     "cart": lambda run: run.trajectory.state[:, 0],
 }
 
 
 def _curve(name: str, result: RunResult) -> tuple[Array, Array]:
-    """A curve of a run over time; its law has what is asked for."""
+    """Instants and values of a curve; the run's law must have the quantity."""
     values = _CURVES[name](result)
-    assert values is not None
     return result.trajectory.time[: len(values)], values
 
 
 def claim_panel(
     lab: Laboratory, system: str, panel: str, case: str, laws: Sequence[str] = ()
 ) -> tuple[Panel, Runs]:
-    """A panel of one case that shows a claim, and its runs.
+    """Return a panel of one case that shows a claim, and its runs.
 
     Args:
-        lab: Where the runs are.
+        lab: Cache of the runs.
         system: The system.
-        panel: Such as ``output``.
+        panel: Name of the panel, such as ``output``.
         case: The case.
-        laws: Whose runs; the panel's own by default.
+        laws: Laws whose runs are drawn; the panel's own by default.
     """
     output = find_system(system).positions[find_system(system).output]
     panels = {
@@ -135,46 +145,58 @@ def claim_panel(
         "s": Panel("s, in thousandths", "s", ("grosmc",), _CHATTER),
         "u": Panel("input", "input", ("grosmc",), _CHATTER),
     }
-    chosen = panels[panel]._replace(laws=tuple(laws) or panels[panel].laws)
-    plants: Sequence[PlantName] = ("physics", "corrected")
-    runs = {
-        (plant, law): lab.case(system, case, plant, law) for plant in plants for law in chosen.laws
-    }
+    chosen = panels[panel]
+    if laws:
+        chosen = chosen._replace(laws=tuple(laws))
+
+    runs = {}
+    for plant in _PLANTS:
+        for law in chosen.laws:
+            runs[plant, law] = lab.case(system, case, plant, law)
     return chosen, runs
 
 
-def _stacked(*panels: Panel) -> Callable[[Figure, Runs], None]:
-    """Panels over the time of a case, one below the other, with one legend."""
-
-    def draw(figure: Figure, runs: Runs) -> None:
-        axes = list(figure.subplots(len(panels), 1, sharex=True))
-        for where, panel in zip(axes, panels, strict=True):
-            panel.draw(where, runs)
-            shade_disturbances(where, runs["physics", "grosmc"].case)
-        axes[-1].set_xlabel("time t [s]")
-        labelled_below(figure, axes)
-
-    return draw
+def _stacked(panels: Sequence[Panel], figure: Figure, runs: Runs) -> None:
+    """Draw panels over the time of a case, one below the other, with one legend."""
+    rows = list(figure.subplots(len(panels), 1, sharex=True))
+    for axes, panel in zip(rows, panels, strict=True):
+        panel.draw(axes, runs)
+        shade_disturbances(axes, runs["physics", "grosmc"].case)
+    rows[-1].set_xlabel("time t [s]")
+    labelled_below(figure, rows)
 
 
 def _tracking(figure: Figure, runs: Runs) -> None:
-    """The path in the plane, and the deviation over time."""
+    """Draw the path in the plane, and the deviation over time."""
     plane, distance = figure.subplots(2, 1, height_ratios=(1.6, 1))
     for index, law in enumerate(("lqr", "pd", "grosmc")):
-        if (result := runs.get(("physics", law))) is not None:
-            style: dict[str, Any] = {"color": colour_of(law, index), "label": label_of(law)}
-            style |= {"lw": 2.2 if law == "grosmc" else 1.2, "rasterized": True}
-            plane.plot(*true_tip(result).T, **style)
-            distance.plot(*_curve("deviation", result), **style)
+        result = runs.get(("physics", law))
+        if result is None:
+            continue
+        style: dict[str, Any] = {
+            "color": colour_of(law, index),
+            "label": label_of(law),
+            "lw": 2.2 if law == "grosmc" else 1.2,
+            "rasterized": True,
+        }
+        x, z = true_tip(result).T
+        plane.plot(x, z, **style)
+        time, deviation = _curve("deviation", result)
+        distance.plot(time, deviation, **style)
+
     result = runs["physics", "grosmc"]
-    last = result.comparison
-    plane.plot(*last.reference[last.time <= 2.0].T, label="reference", **REFERENCE)
-    plane.plot(*true_tip(result)[0], "o", color=OPTIMUM, ms=4)
+    comparison = result.comparison
+    # The circle closes after 2 s.
+    x, z = comparison.reference[comparison.time <= 2.0].T
+    plane.plot(x, z, label="reference", **REFERENCE)
+    x, z = true_tip(result)[0]
+    plane.plot(x, z, "o", color=OPTIMUM, ms=4)
     plane.set_aspect("equal", adjustable="datalim")
     plane.set(xlabel="tip x [m]", ylabel="tip z [m]")
+
     distance.set_yscale("symlog", linthresh=1.0)
     distance.set(xlabel="time t [s]", ylabel="|h(x) − y*| as believed [mm]")
-    distance.set(xlim=(0, float(last.time[-1])), ylim=(0, None))
+    distance.set(xlim=(0, float(comparison.time[-1])), ylim=(0, None))
     labelled_below(figure, (plane, distance), columns=4)
 
 
@@ -184,9 +206,9 @@ class Picture(NamedTuple):
     Attributes:
         name: File name without its ending.
         title: Title.
-        system: System that it is about.
-        case: Its case.
-        draw: Draws on an empty figure.
+        system: System of the case.
+        case: The case.
+        draw: Function that draws on an empty figure.
     """
 
     name: str
@@ -196,93 +218,125 @@ class Picture(NamedTuple):
     draw: Callable[[Figure, Runs], None]
 
 
-_SERVO = _stacked(
+_PLANTS: Sequence[PlantName] = ("physics", "corrected")
+_VARIATION_LAWS = ("lqr", "fl-lqr", "grosmc")
+_SERVO_PANELS = (
     Panel("rotor angle θ [rad]", "output", dotted=("optimum", "nominal optimum x*")),
     Panel("x₁ − x₁* [mrad]", "deviation", both_scales=True),
 )
-_VARIATION_LAWS = ("lqr", "fl-lqr", "grosmc")
-_PENDULUM_OPTIMUM = ("optimum", "nominal optimum of GROSMC")
-_PLANTS: Sequence[PlantName] = ("physics", "corrected")
+_VARIATION_PANELS = (
+    Panel(
+        "pole angle θ [rad]",
+        "output",
+        _VARIATION_LAWS,
+        dotted=("optimum", "nominal optimum of GROSMC"),
+    ),
+    Panel("θ − θ* of each law [mrad]", "deviation", _VARIATION_LAWS, both_scales=True),
+)
+_DISTURBANCE_PANELS = (
+    Panel("pole angle θ [rad]", "output"),
+    Panel("close-up: θ [mrad]", "error", limit=0.6),
+)
+_SLIDING_PANELS = (
+    Panel("s [mrad/s]", "s", ("grosmc",), {"physics": _CHATTER["physics"]}),
+    Panel("s [mrad/s]", "s", ("grosmc",), {"corrected": _CHATTER["corrected"]}),
+)
+_ARM_POSITION_PANELS = (
+    Panel("joint angle q [rad]", "output", dotted=("reference", "reference")),
+    Panel("error [rad]", "e1"),
+)
+_ARM_RATE_PANELS = (
+    Panel("joint rate q̇ [rad/s]", "rate", dotted=("reference rate", "reference")),
+    Panel("error [rad/s]", "e2"),
+)
+_ARM_TORQUE_PANELS = (
+    Panel("torque τ [N m]", "input", ("grosmc",), _CHATTER),
+    Panel("torque τ [N m]", "input", ("lqr",)),
+)
 
 PICTURES = (
     Picture(
-        "fig1_servo_load_torque", "Fig. 1  Servo, case 1: load torque of 1 N m",
-        "servo", "case1", _SERVO,
+        name="fig1_servo_load_torque",
+        title="Fig. 1  Servo, case 1: load torque of 1 N m",
+        system="servo",
+        case="case1",
+        draw=partial(_stacked, _SERVO_PANELS),
     ),
     Picture(
-        "fig2_servo_inertia", "Fig. 2  Servo, case 2: three times the inertia",
-        "servo", "case2", _SERVO,
+        name="fig2_servo_inertia",
+        title="Fig. 2  Servo, case 2: three times the inertia",
+        system="servo",
+        case="case2",
+        draw=partial(_stacked, _SERVO_PANELS),
     ),
     Picture(
-        "fig3_pendulum_variation",
-        "Fig. 3  Cart-pendulum, case 1: four times the mass and the length",
-        "cart_pendulum", "case1",
-        _stacked(
-            Panel("pole angle θ [rad]", "output", _VARIATION_LAWS, dotted=_PENDULUM_OPTIMUM),
-            Panel("θ − θ* of each law [mrad]", "deviation", _VARIATION_LAWS, both_scales=True),
-        ),
+        name="fig3_pendulum_variation",
+        title="Fig. 3  Cart-pendulum, case 1: four times the mass and the length",
+        system="cart_pendulum",
+        case="case1",
+        draw=partial(_stacked, _VARIATION_PANELS),
     ),
     Picture(
-        "fig4_pendulum_disturbance",
-        "Fig. 4  Cart-pendulum, case 2: d(t) = 0.01 sin 2t rad/s² from t = 9 s",
-        "cart_pendulum", "case2",
-        _stacked(
-            Panel("pole angle θ [rad]", "output"),
-            Panel("close-up: θ [mrad]", "error", limit=0.6),
-        ),
+        name="fig4_pendulum_disturbance",
+        title="Fig. 4  Cart-pendulum, case 2: d(t) = 0.01 sin 2t rad/s² from t = 9 s",
+        system="cart_pendulum",
+        case="case2",
+        draw=partial(_stacked, _DISTURBANCE_PANELS),
     ),
     Picture(
-        "fig5_pendulum_sliding", "Fig. 5  Cart-pendulum, case 1: the switching function",
-        "cart_pendulum", "case1",
-        _stacked(
-            *(
-                Panel("s [mrad/s]", "s", ("grosmc",), {plant: _CHATTER[plant]})
-                for plant in _PLANTS
-            )
-        ),
+        name="fig5_pendulum_sliding",
+        title="Fig. 5  Cart-pendulum, case 1: the switching function",
+        system="cart_pendulum",
+        case="case1",
+        draw=partial(_stacked, _SLIDING_PANELS),
     ),
     Picture(
-        "fig6_arm_position", "Fig. 6  Arm, case 1: tracking of the joint angle", "arm", "case1",
-        _stacked(
-            Panel("joint angle q [rad]", "output", dotted=("reference", "reference")),
-            Panel("error [rad]", "e1"),
-        ),
+        name="fig6_arm_position",
+        title="Fig. 6  Arm, case 1: tracking of the joint angle",
+        system="arm",
+        case="case1",
+        draw=partial(_stacked, _ARM_POSITION_PANELS),
     ),
     Picture(
-        "fig7_arm_rate", "Fig. 7  Arm, case 1: tracking of the joint rate", "arm", "case1",
-        _stacked(
-            Panel("joint rate q̇ [rad/s]", "rate", dotted=("reference rate", "reference")),
-            Panel("error [rad/s]", "e2"),
-        ),
+        name="fig7_arm_rate",
+        title="Fig. 7  Arm, case 1: tracking of the joint rate",
+        system="arm",
+        case="case1",
+        draw=partial(_stacked, _ARM_RATE_PANELS),
     ),
     Picture(
-        "fig8_arm_torque", "Fig. 8  Arm, case 1: the control input", "arm", "case1",
-        _stacked(
-            Panel("torque τ [N m]", "input", ("grosmc",), _CHATTER),
-            Panel("torque τ [N m]", "input", ("lqr",)),
-        ),
+        name="fig8_arm_torque",
+        title="Fig. 8  Arm, case 1: the control input",
+        system="arm",
+        case="case1",
+        draw=partial(_stacked, _ARM_TORQUE_PANELS),
     ),
     Picture(
-        "two_link_disturbance", "Two-link arm, case 1: a circle under forces on tip and link",
-        "two_link_arm", "case1", _tracking,
+        name="two_link_disturbance",
+        title="Two-link arm, case 1: a circle under forces on tip and link",
+        system="two_link_arm",
+        case="case1",
+        draw=_tracking,
     ),
     Picture(
-        "two_link_variation",
-        "Two-link arm, case 2: 1 kg at the tip, links 5 % longer than believed\n"
+        name="two_link_variation",
+        title="Two-link arm, case 2: 1 kg at the tip, links 5 % longer than believed\n"
         "(above the true tip, below what the law regulates)",
-        "two_link_arm", "case2", _tracking,
+        system="two_link_arm",
+        case="case2",
+        draw=_tracking,
     ),
-)  # fmt: skip
+)
 
 
 def drawable(selected: Sequence[Case]) -> list[Picture]:
-    """The figures that these cases suffice for."""
-    there = {(case.system, case.name) for case in selected}
-    return [picture for picture in PICTURES if (picture.system, picture.case) in there]
+    """Return the figures that these cases suffice for."""
+    cases = {(case.system, case.name) for case in selected}
+    return [picture for picture in PICTURES if (picture.system, picture.case) in cases]
 
 
 def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
-    """Write every figure whose runs are there, one by one.
+    """Write every figure whose runs exist, one by one.
 
     Yields:
         The PNG of each figure; the SVG lies beside it.
@@ -290,14 +344,14 @@ def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
     Raises:
         SetupError: If a file cannot be written.
     """
+    runs: dict[tuple[str, str], dict[tuple[str, str], RunResult]] = {}
+    for result in results:
+        runs_of_case = runs.setdefault((result.case.system, result.case.name), {})
+        runs_of_case[result.plant, result.controller.name] = result
+
     for picture in drawable([result.case for result in results]):
-        runs = {
-            (result.plant, result.controller.name): result
-            for result in results
-            if (result.case.system, result.case.name) == (picture.system, picture.case)
-        }
         path = folder / f"{picture.name}.png"
         with figure_written(path, _SIZE) as figure:
             figure.suptitle(picture.title, fontsize=TITLE_SIZE)
-            picture.draw(figure, runs)
+            picture.draw(figure, runs[picture.system, picture.case])
         yield path

@@ -14,133 +14,196 @@ from grosmc_mj.results.tables import Column, Table, number, numbers, table, text
 
 
 def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, Any]:
-    """The content of premises_SYSTEM.json."""
-    values, cells, law = list[Value](), {}, audits[0].controller
+    """Return the content of premises_SYSTEM.json."""
+    values = []
+    cells = {}
     for audit in audits:
+        case = audit.case.name
+        law = f"{audit.case.system}/{case} {audit.controller}"
         for premise in audit.premises:
-            name = f"{audit.case.system}/{audit.case.name} {audit.controller}: {premise.name}"
-            values.append(Value(name=name, value="holds" if premise.holds else "fails"))
-            values += [
-                Value(name=f"{name}, margin {where}", value=plain(reading.margin),
-                      unit=premise.unit, better=1, relative=0.1)
-                for where, reading in _readings(premise)
-            ]  # fmt: skip
-            cell = "✓" if premise.holds else f"✗ {number(_worst(premise).margin)}"
-            why = premise.restores and f"restored by {premise.restores}"
-            cells[f"{audit.case.name}, {audit.controller}", premise.name] = (
-                -1.0 if premise.holds else 1.0, cell, why or premise.requirement
-            )  # fmt: skip
-    failed = sum(len(audit.failed()) for audit in audits)
-    all_of_them = sum(len(audit.premises) for audit in audits)
-    answer = Answer(
-        question=f"Premises of {law} on {audits[0].case.system}",
-        verdict=NOT_KEPT if failed else KEPT,
-        words=f"{failed} of {all_of_them} premises of {law} fail"
-        if failed
-        else f"All {all_of_them} premises of {law} hold",
-    )
+            values += _values(f"{law}: {premise.name}", premise)
+            cells[f"{case}, {audit.controller}", premise.name] = _cell(premise)
+
+    chart = CellChart.of("premises", cells, 2.0)
+    sheets = [Sheet(table=failures_table(audits), charts=[chart])]
+    sheets += [Sheet(table=audit_table(audit)) for audit in audits]
     return result(
-        "premises", asdict(settings), answers=[answer], values=values,
-        sheets=[
-            Sheet(table=failures_table(audits), charts=[CellChart.of("premises", cells, 2.0)]),
-            *(Sheet(table=audit_table(audit)) for audit in audits),
-        ],
+        "premises",
+        asdict(settings),
+        answers=[_answer(audits)],
+        values=values,
+        sheets=sheets,
         premises=[audit_document(audit) for audit in audits],
-    )  # fmt: skip
+    )
+
+
+def _values(name: str, premise: Premise) -> Iterator[Value]:
+    """Verdict and margins of a premise."""
+    yield Value(name=name, value="holds" if premise.holds else "fails")
+    for where, reading in _readings(premise):
+        yield Value(
+            name=f"{name}, margin {where}",
+            value=plain(reading.margin),
+            unit=premise.unit,
+            better=1,
+            relative=0.1,
+        )
+
+
+def _cell(premise: Premise) -> tuple[float, str, str]:
+    """Cell of the chart of all premises: its number, its text and the text on hovering."""
+    details = _restored(premise) or premise.requirement
+    if premise.holds:
+        return -1.0, "✓", details
+    return 1.0, f"✗ {number(_worst(premise).margin)}", details
+
+
+def _answer(audits: Sequence[Audit]) -> Answer:
+    """The number of premises that fail, over all cases."""
+    law = audits[0].controller
+    failed = sum(len(audit.failed()) for audit in audits)
+    total = sum(len(audit.premises) for audit in audits)
+
+    verdict = KEPT
+    sentence = f"All {total} premises of {law} hold"
+    if failed:
+        verdict = NOT_KEPT
+        sentence = f"{failed} of {total} premises of {law} fail"
+    return Answer(
+        question=f"Premises of {law} on {audits[0].case.system}",
+        verdict=verdict,
+        words=sentence,
+    )
 
 
 def audit_document(audit: Audit) -> dict[str, Any]:
-    """The premises of one law in one case, as plain values."""
-    premises = []
-    for premise in audit.premises:
-        own = {
-            where: {
-                "margin": at.margin,
-                "violated": at.violated,
-                "worst": {"t": at.worst.t, "x": list(at.worst.x)},
-            }
-            for where, at in _readings(premise)
-        }
-        premises.append(
-            {
-                "name": premise.name,
-                "source": premise.source,
-                "requirement": premise.requirement,
-                "unit": premise.unit,
-                "holds": premise.holds,
-                "region": own.get("in the region"),
-                "along_run": own.get("in the run"),
-                "restored_by": premise.restores,
-                "note": premise.note,
-            }
-        )
+    """Return the premises of one law in one case as plain values."""
     return {
         "system": audit.case.system,
         "case": audit.case.name,
         "controller": audit.controller,
-        "premises": premises,
+        "premises": [_premise_document(premise) for premise in audit.premises],
+    }
+
+
+def _premise_document(premise: Premise) -> dict[str, Any]:
+    return {
+        "name": premise.name,
+        "source": premise.source,
+        "requirement": premise.requirement,
+        "unit": premise.unit,
+        "holds": premise.holds,
+        "region": _reading_document(premise.region),
+        "along_run": _reading_document(premise.along),
+        "restored_by": premise.restores,
+        "note": premise.note,
+    }
+
+
+def _reading_document(reading: Reading | None) -> dict[str, Any] | None:
+    if reading is None:
+        return None
+    return {
+        "margin": reading.margin,
+        "violated": reading.violated,
+        "worst": {"t": reading.worst.t, "x": list(reading.worst.x)},
     }
 
 
 def _readings(premise: Premise) -> list[tuple[str, Reading]]:
-    both = (("in the region", premise.region), ("in the run", premise.along))
-    return [(where, reading) for where, reading in both if reading is not None]
+    """The readings that the premise has, each after the words for where it was taken."""
+    readings = []
+    if premise.region is not None:
+        readings.append(("in the region", premise.region))
+    if premise.along is not None:
+        readings.append(("in the run", premise.along))
+    return readings
 
 
 def _worst(premise: Premise) -> Reading:
-    return min((reading for _, reading in _readings(premise)), key=lambda at: at.margin)
+    """The reading with the least margin."""
+    readings = [reading for _, reading in _readings(premise)]
+    return min(readings, key=lambda reading: reading.margin)
+
+
+def _restored(premise: Premise) -> str:
+    """The gain that restores a premise, in words; empty if there is none."""
+    if not premise.restores:
+        return ""
+    return f"restored by {premise.restores}"
 
 
 def audit_table(audit: Audit) -> Table:
-    """The premises of one law in one case."""
-    rows = []
-    for premise in audit.premises:
-        restored = premise.restores and f"restored by {premise.restores}"
-        story = [f"{premise.requirement} [{premise.source}]", premise.note, restored]
-        margins = (_margin(at, premise.unit) for at in (premise.region, premise.along))
-        holds = "holds" if premise.holds else "FAILS"
-        rows.append((premise.name, *margins, holds, "; ".join(filter(None, story))))
+    """Return the table of the premises of one law in one case."""
+    columns = [
+        *words("premise"),
+        *numbers("region", "along run"),
+        *verdicts(),
+        *text("what is required, and what was found"),
+    ]
     return table(
         f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}",
-        [
-            *words("premise"), *numbers("region", "along run"), *verdicts(),
-            *text("what is required, and what was found"),
-        ],
-        rows,
-    )  # fmt: skip
+        columns,
+        [_audit_row(premise) for premise in audit.premises],
+    )
+
+
+def _audit_row(premise: Premise) -> tuple[str, ...]:
+    details = [
+        f"{premise.requirement} [{premise.source}]",
+        premise.note,
+        _restored(premise),
+    ]
+    return (
+        premise.name,
+        _margin(premise.region, premise.unit),
+        _margin(premise.along, premise.unit),
+        "holds" if premise.holds else "FAILS",
+        "; ".join(filter(None, details)),
+    )
 
 
 def failures_table(audits: Sequence[Audit]) -> Table:
-    """The premises that fail, a line each, the largest shortfall first."""
+    """Return the table of the premises that fail, the largest shortfall first."""
     failed = [(audit.case.name, premise) for audit in audits for premise in audit.failed()]
-    rows = [
-        (case, premise.name, _margin(_worst(premise), premise.unit), premise.restores)
-        for case, premise in sorted(failed, key=lambda own: _worst(own[1]).margin)
+    failed.sort(key=lambda case_and_premise: _worst(case_and_premise[1]).margin)
+
+    rows = []
+    for case, premise in failed:
+        margin = _margin(_worst(premise), premise.unit)
+        rows.append((case, premise.name, margin, premise.restores))
+
+    columns = [
+        *words("case", "FAILS"),
+        *numbers("least margin"),
+        Column(header="restored by", width=45),
     ]
     return table(
         "Premises of the theorems",
-        [
-            *words("case", "FAILS"), *numbers("least margin"),
-            Column(header="restored by", width=45),
-        ],
+        columns,
         rows,
         legend="Margins are positive where a premise holds, in the declared region and the run.",
-    )  # fmt: skip
+    )
 
 
 def _margin(reading: Reading | None, unit: str) -> str:
-    """The least margin, and how often it is violated."""
+    """The least margin, and the share of points that violate the premise."""
     if reading is None:
         return ""
-    margin = f"{reading.margin:.3g}" + (f" {unit}" if unit != "1" else "")
-    return margin + (f" ({100 * reading.violated:.0f} %)" if reading.violated else "")
+
+    margin = f"{reading.margin:.3g}"
+    if unit != "1":
+        margin += f" {unit}"
+    if reading.violated:
+        margin += f" ({100 * reading.violated:.0f} %)"
+    return margin
 
 
 def worst_points(audit: Audit) -> Iterator[str]:
-    """Where the premises that fail are worst."""
+    """Yield a line for each place where a premise that fails is worst."""
     for premise in audit.failed():
         for where, reading in _readings(premise):
             if reading.margin < 0 and reading.worst.x:
                 x = ", ".join(f"{value:.3g}" for value in reading.worst.x)
-                at = f"t = {reading.worst.t:.3g} s, x = [{x}]"
-                yield f"{premise.name}: worst {where} at {at}"
+                point = f"t = {reading.worst.t:.3g} s, x = [{x}]"
+                yield f"{premise.name}: worst {where} at {point}"

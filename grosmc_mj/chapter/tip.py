@@ -8,7 +8,11 @@ from grosmc_mj.experiments.runs import RunResult
 
 
 def true_tip(result: RunResult) -> Array:
-    """Where the tip truly is, by the plant's own lengths: (x, z) from the shoulder [m], (N, 2)."""
+    """Return the true path of the tip, by the plant's own lengths.
+
+    Returns:
+        (x, z) from the shoulder [m], (N, 2).
+    """
     error = result.controller.designed.error
     assert isinstance(error, ErrorCoordinates)
     z = error.outputs_along(result.trajectory.state, result.plant_parameters)

@@ -1,4 +1,4 @@
-"""validation.json: all that was measured, and the table of results in the documentation."""
+"""validation.json: all measurements, and the table of results in the documentation."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Standi
 from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.sweep.agreement import Agreement, agreement_table, disagreements
 
+# Columns of the table of results, and the metric in each.
 _COLUMNS = {
     "max |x1 − x1*|": "deviation",
     "settled": "settling_time",
     "max |s|": "max_sliding",
     "J(u_c) / J*": "continuous",
-    "J(u_d) / J* per s": "rest",
+    "J(u_d) / J* per s": "switching",
     "max |u|": "max_input",
     "cart travel": "cart_travel",
 }
@@ -42,15 +43,15 @@ _TITLE = "Runs in MuJoCo"
 
 @dataclass
 class Validation:
-    """All that is computed of the selected cases, as far as it is.
+    """Results of the selected cases, as far as they are computed.
 
     Attributes:
         selected: The cases.
-        seed: Of the random states of the agreements.
+        seed: Seed of the random states at which accelerations are compared.
         results: Runs.
         agreements: Analytic plants against physics.
-        findings: Claims.
-        complete: Whether everything is there.
+        findings: Judged claims.
+        complete: Whether everything is computed.
         differing: Results that are not as recorded, a line each.
     """
 
@@ -63,160 +64,237 @@ class Validation:
     differing: list[str] = field(default_factory=list)
 
     def compare(self) -> None:
-        """Compare with the record; everything is there."""
+        """Compare with the record, once everything is computed."""
         self.differing = expected_results.differences(self.results)
         self.complete = True
 
     @property
     def differences(self) -> list[str]:
-        """All that is not as the repository has it, a line each.
+        """Differences from what the repository has, a line each.
 
         Results, equations that differ from MuJoCo, and verdicts that are not the expected ones.
         """
         if not self.complete:
             return []
-        judged = [*disagreements(self.agreements), *verdict_differences(self.findings)]
-        return [*self.differing, *judged]
+        return [
+            *self.differing,
+            *disagreements(self.agreements),
+            *verdict_differences(self.findings),
+        ]
+
+    @property
+    def words(self) -> str:
+        """One sentence: whether the results are as recorded."""
+        if not self.complete:
+            return f"Not complete: {len(self.results)} runs are done."
+        if self.differences:
+            return f"{len(self.differences)} results differ from the recorded ones."
+
+        sentence = f"All {len(self.results)} runs are as recorded."
+        if self.findings:
+            sentence += f" All {len(self.findings)} verdicts of the claims are as expected."
+        return sentence
 
     def document(self, lab: Laboratory) -> dict[str, Any]:
-        """The content of validation.json."""
-        verdict = OPEN if not self.complete else NOT_KEPT if self.differences else KEPT
-        tables = [
-            systems_table(self), deviations_table(self.results), results_table(self.results)
-        ]  # fmt: skip
-        if self.agreements:
-            tables.append(agreement_table(self.agreements))
-        answer = Answer(
-            question=f"Validation: {len(self.results)} runs, {len(self.findings)} claims",
-            verdict=verdict,
-            words=self.words,
-            more=counts_words(self.findings),
-        )
+        """Return the content of validation.json."""
+        differences = self.differences
+        configuration = asdict(lab.settings)
+        configuration["cases"] = [case_document(case) for case in self.selected]
         return result(
             "validation",
-            {**asdict(lab.settings), "cases": [case_document(case) for case in self.selected]},
+            configuration,
             seed=self.seed,
             complete=self.complete,
-            answers=[answer],
+            answers=[self._answer()],
             standings=self._standings(),
-            sheets=[*(Sheet(table=one) for one in tables), *claims_sheets(self.findings)],
+            sheets=self._sheets(),
             values=[*self._values(), *claims_values(self.findings)],
-            as_recorded=not self.differences if self.complete else None,
-            differences=self.differences,
+            as_recorded=not differences if self.complete else None,
+            differences=differences,
             runs=[run_document(run) for run in self.results],
             agreement=[agreement._asdict() for agreement in self.agreements],
             claims=[claim_numbers(finding, lab) for finding in self.findings],
         )
 
-    @property
-    def words(self) -> str:
-        """Whether the results are as recorded."""
+    def _answer(self) -> Answer:
+        verdict = KEPT
         if not self.complete:
-            return f"Not complete: {len(self.results)} runs are done."
-        if self.differences:
-            return f"{len(self.differences)} results differ from the recorded ones."
-        words = f"All {len(self.results)} runs are as recorded."
-        if self.findings:
-            words += f" All {len(self.findings)} verdicts of the claims are as expected."
-        return words
+            verdict = OPEN
+        elif self.differences:
+            verdict = NOT_KEPT
+        return Answer(
+            question=f"Validation: {len(self.results)} runs, {len(self.findings)} claims",
+            verdict=verdict,
+            words=self.words,
+            more=counts_words(self.findings),
+        )
+
+    def _sheets(self) -> list[Sheet]:
+        tables = [
+            systems_table(self),
+            deviations_table(self.results),
+            results_table(self.results),
+        ]
+        if self.agreements:
+            tables.append(agreement_table(self.agreements))
+        return [Sheet(table=rows) for rows in tables] + claims_sheets(self.findings)
 
     def _standings(self) -> Iterator[Standing]:
-        """How each law stands in each case: by what is required of it, else by its run on record.
-
-        On record is the run in MuJoCo; its number is how far the law strays from its optimum.
-        """
+        """Standing of each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
-        other = {line.partition(": ")[0] for line in self.differing}
-        for target, group in groupby(self.results, lambda run: run.key.rsplit("/", 2)[0]):
+        differing = {line.partition(": ")[0] for line in self.differing}
+        for target, group in groupby(self.results, _target):
             runs = list(group)
-            judged = [item for run in runs for item in run.requirements]
-            yield from standings(target, runs, judged, complete=self.complete)
-            required = {item.controller for item in judged}
+            judgements = [judgement for run in runs for judgement in run.requirements]
+            yield from standings(target, runs, judgements, complete=self.complete)
+
+            required = {judgement.controller for judgement in judgements}
             for run in runs:
-                if run.plant != "physics" or run.controller.name in required:
-                    continue
-                before = recorded.get(run.key, {"metrics": {}})["metrics"].get("deviation")
-                now = _cell(run.metrics["deviation"])
-                yield Standing(
-                    case=target,
-                    law=run.controller.name,
-                    breaks_at="record" if run.key in other else "",
-                    words=f"deviation: {now}, recorded {number(before)}",
-                    complete=self.complete,
-                    required=False,
-                )
+                if run.plant == "physics" and run.controller.name not in required:
+                    yield self._by_record(target, run, recorded, differing)
+
+    def _by_record(
+        self, target: str, run: RunResult, recorded: Mapping[str, Any], differing: set[str]
+    ) -> Standing:
+        """Standing of a law by its run in MuJoCo: its deviation beside the recorded one."""
+        before = None
+        if run.key in recorded:
+            before = recorded[run.key]["metrics"].get("deviation")
+        now = _cell(run.metrics["deviation"])
+        return Standing(
+            case=target,
+            law=run.controller.name,
+            breaks_at="record" if run.key in differing else "",
+            words=f"deviation: {now}, recorded {number(before)}",
+            complete=self.complete,
+            required=False,
+        )
 
     def _values(self) -> Iterator[Value]:
-        """How each run ended, and its metrics."""
+        """Status and metrics of each run."""
         if self.complete:
             words = "not as recorded" if self.differences else "as recorded"
             yield Value(name="all runs", value=words)
+
         for run in self.results:
             name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
             yield Value(name=f"{name}: status", value=run.status.name.lower())
+
             switched = run.trajectory.sliding is not None
             for key, metric in run.metrics.items():
                 relative, absolute = tolerance_of(key, switched=switched)
                 yield Value(
-                    name=f"{name}: {key}", value=plain(metric.value), unit=metric.unit,
-                    relative=relative, absolute=absolute,
-                )  # fmt: skip
+                    name=f"{name}: {key}",
+                    value=plain(metric.value),
+                    unit=metric.unit,
+                    relative=relative,
+                    absolute=absolute,
+                )
+
+
+def _target(run: RunResult) -> str:
+    """SYSTEM/CASE of a run."""
+    return run.key.rsplit("/", 2)[0]
 
 
 def systems_table(done: Validation) -> Table:
-    """Of each system: runs, those that ended early, accelerations against MuJoCo's, verdicts."""
-    rows = []
-    for system in dict.fromkeys(case.system for case in done.selected):
-        runs = [run for run in done.results if run.case.system == system]
-        ended = sum(bool(run.ended) for run in runs)
-        corrected = [row for row in done.agreements if row.variant == "corrected"]
-        errors = [row.acceleration for row in corrected if row.system == system]
-        own = [finding for finding in done.findings if finding.claim.system == system]
-        kinds = [kind for kind in Kind if kind is not Kind.QUESTION]
-        counts = Counter(verdict for kind in kinds for verdict in verdicts_of(own, kind))
-        cells = [str(counts[verdict]) if counts else "-" for verdict in Verdict]
-        count = f"{len(runs)}" + (f" ({ended} early)" if ended else "")
-        rows.append((system, count, number(max(errors, default=None)), *cells))
-    headers = ("runs", "to MuJoCo", *(verdict.value for verdict in Verdict))
-    legend = "Verdicts of the chapter's sentences, equations and proofs: grosmc-mj claims has all."
-    return table("Systems", [*words("system"), *numbers(*headers)], rows, legend=legend)
+    """Return the table of the systems.
+
+    Runs, runs that ended early, accelerations against MuJoCo's, and verdicts.
+    """
+    systems = dict.fromkeys(case.system for case in done.selected)
+    headers = ["runs", "to MuJoCo", *(verdict.value for verdict in Verdict)]
+    return table(
+        "Systems",
+        [*words("system"), *numbers(*headers)],
+        [_system_row(done, system) for system in systems],
+        legend="Verdicts of the chapter's sentences, equations and proofs: grosmc-mj claims has "
+        "all.",
+    )
+
+
+def _system_row(done: Validation, system: str) -> list[str]:
+    runs = [run for run in done.results if run.case.system == system]
+    ended_early = sum(bool(run.ended) for run in runs)
+    count = str(len(runs))
+    if ended_early:
+        count += f" ({ended_early} early)"
+
+    corrected = [row for row in done.agreements if row.variant == "corrected"]
+    errors = [row.acceleration for row in corrected if row.system == system]
+    error = number(max(errors, default=None))
+
+    return [system, count, error, *_verdict_cells(done.findings, system)]
+
+
+def _verdict_cells(findings: Sequence[Finding], system: str) -> list[str]:
+    """Counts of a system's verdicts; the questions of this project are not counted."""
+    findings = [finding for finding in findings if finding.claim.system == system]
+    counts = Counter[Verdict]()
+    for kind in Kind:
+        if kind is not Kind.QUESTION:
+            counts.update(verdicts_of(findings, kind))
+    if not counts:
+        return ["-"] * len(Verdict)
+    return [str(counts[verdict]) for verdict in Verdict]
 
 
 def deviations_table(results: Sequence[RunResult]) -> Table:
-    """How far each law strays from its nominal optimum in MuJoCo."""
+    """Return the table of each law's deviation from its nominal optimum in MuJoCo."""
     cells: dict[Case, dict[str, str]] = {}
     for run in results:
         if run.plant == "physics":
-            cell = metric_cell(run.metrics.get("deviation")) + (" (!)" if run.ended else "")
+            cell = metric_cell(run.metrics.get("deviation"))
+            if run.ended:
+                cell += " (!)"
             cells.setdefault(run.case, {})[run.controller.name] = cell
-    laws = list(dict.fromkeys(law for own in cells.values() for law in own))
-    rows = [
-        (f"{case.system}/{case.name}", *(own.get(law, "") for law in laws))
-        for case, own in cells.items()
-    ]
+
+    # In the order in which they first occur.
+    laws = {}
+    for cells_of_case in cells.values():
+        laws |= dict.fromkeys(cells_of_case)
+
+    rows = []
+    for case, cells_of_case in cells.items():
+        row = [cells_of_case.get(law, "") for law in laws]
+        rows.append([f"{case.system}/{case.name}", *row])
+
     title = "In MuJoCo, max|x1-x1*|: how far each law strays from its nominal optimum"
     return table(title, [*words("case"), *numbers(*laws)], rows)
 
 
 def results_table(results: Sequence[RunResult]) -> Table:
-    """The runs on physics."""
+    """Return the table of the runs in MuJoCo."""
     rows = []
-    for run in (run for run in results if run.plant == "physics"):
-        shares = dict(zip(("continuous", "rest"), run.cost_shares, strict=True))
-        metrics = {**run.metrics, **shares}
-        cells = (_cell(metrics.get(name)) for name in _COLUMNS.values())
-        rows.append((run.case.system, run.case.name, run.controller.name, *cells))
-    return table(_TITLE, [*words("system", "case", "law"), *numbers(*_COLUMNS)], rows)
+    for run in results:
+        if run.plant != "physics":
+            continue
+        continuous, switching = run.cost_shares
+        metrics = {**run.metrics, "continuous": continuous, "switching": switching}
+        cells = [_cell(metrics.get(name)) for name in _COLUMNS.values()]
+        rows.append([run.case.system, run.case.name, run.controller.name, *cells])
+
+    columns = [*words("system", "case", "law"), *numbers(*_COLUMNS)]
+    return table(_TITLE, columns, rows)
 
 
 def results_markdown(document: Mapping[str, Any]) -> str:
-    """The table of the runs on physics in a validation.json, in Markdown."""
-    tables = (Table.model_validate(sheet["table"]) for sheet in document["sheets"])
-    return "\n".join(next(one for one in tables if one.title == _TITLE).markdown())
+    """Return the table of the runs in MuJoCo of a validation.json, in Markdown."""
+    for sheet in document["sheets"]:
+        rows = Table.model_validate(sheet["table"])
+        if rows.title == _TITLE:
+            return "\n".join(rows.markdown())
+    raise LookupError(f"there is no table {_TITLE!r}")
 
 
 def _cell(metric: Metric | None) -> str:
     """A value with its unit."""
-    if metric is None or metric.value is None:
-        return "not reached" if metric is not None and metric.note == "not reached" else ""
-    return number(metric.value) + ("" if metric.unit in ("1", "1/s") else f" {metric.unit}")
+    if metric is None:
+        return ""
+    if metric.value is None:
+        return "not reached" if metric.note == "not reached" else ""
+
+    cell = number(metric.value)
+    if metric.unit not in ("1", "1/s"):
+        cell += f" {metric.unit}"
+    return cell

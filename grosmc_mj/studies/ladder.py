@@ -1,14 +1,14 @@
-"""Where each law breaks on the way from its equations to the machine as built."""
+"""The rung on which each law breaks, from its equations up to the machine as built."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -70,7 +70,7 @@ from grosmc_mj.versions import source_digest, versions
 
 # The case of a system whose loop and machine are those that one can buy.
 MACHINE = "machine"
-# What breaks first of a run that ended early.
+# Stands for the requirement that breaks first of a run that ended early.
 ENDED = "the run ended"
 STANDS = "stands"
 LEGEND = (
@@ -89,7 +89,7 @@ _TITLES = {
 # Decades beyond a limit in a chart.
 _MOST = 2.0
 _COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
-# The numbers of each rung: tables of a case file, and which of their keys; None for all of them.
+# The numbers of each rung: tables of a case file, and the keys in them; None for all keys.
 _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     "sensors": (("sensor", "estimator"), None),
     **{name: (("computing",), (key,)) for key, name in _COMPUTING.items()},
@@ -101,30 +101,34 @@ _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     "loads": (("swinging_load", "sliding_load"), None),
     "stops": (("stop", "wall"), None),
 }
+# Keys of a case file's tables that name the owner of a part.
 _OWNERS = ("of", "joint", "input", "body")
-# The part of a run that is its end; fewer swings than these are no cycle.
-_END, _SWINGS = 0.2, 3
+# Share of a run that is its end.
+_END = 0.2
+# Fewer swings than these are no cycle.
+_SWINGS = 3
 # A number that may be infinite, for which JSON has null.
 Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 
 
 class Climb(BaseModel):
-    """A law on a rung; None for what there is not.
+    """Result of a law on a rung; None for a number that the run does not have.
 
     Attributes:
-        law: Its name.
+        law: Name of the law.
         rung: Name of the rung.
-        together: Whether all rungs below are there too.
+        together: Whether all rungs below count too.
         condition: Name of the condition.
         share_of_the_tightest_limit: Above 1 it is not kept; infinite with nothing to measure.
-        tightest: The requirement that it is of, or how the run ended.
+        tightest: The requirement with the tightest limit, or how the run ended.
         shares: The share used of each limit.
         amplitude: Half of the range of the error in the end, in its unit.
         frequency: Its swings a second [Hz].
         variation: Total variation of the input a second.
         deviation: Largest distance from the nominal optimum of a law that follows it.
-        optimum_settles: Where the law does not settle in time: when the nominal optimum does [s].
-        impossible: Why there is no such run.
+        optimum_settles: Settling time of the nominal optimum, if the law does not settle in time
+            [s].
+        impossible: Why such a run cannot exist.
         claims: The share used of the limits of each claim about this law, by its id; above 1 it has
             fallen.
     """
@@ -148,38 +152,46 @@ class Climb(BaseModel):
     @computed_field
     @property
     def kept(self) -> bool:
-        """Whether everything is kept."""
+        """Whether all requirements are kept."""
         return self.share_of_the_tightest_limit <= 1 and not self.impossible
 
     @property
     def key(self) -> tuple[str, str, str, bool]:
-        """Its key among the others: law, rung, condition, together."""
+        """Key among all rows: law, rung, condition, together."""
         return self.law, self.rung, self.condition, self.together
 
     @property
     def share_text(self) -> str:
-        """How much of the tightest limit is used, or why there is no number."""
+        """The share of the tightest limit that is used, or why there is no number."""
         if self.impossible:
             return "-"
         if self.tightest == ENDED:
             return "ended"
-        used = self.share_of_the_tightest_limit
-        if math.isinf(used):
+        share = self.share_of_the_tightest_limit
+        if math.isinf(share):
             return "never"
-        return f"{number(used)}x" if used > 1 else number(used)
+        if share > 1:
+            return f"{number(share)}x"
+        return number(share)
 
     @property
     def reason(self) -> str:
         """The requirement that breaks, and by how much, in words."""
-        if self.impossible or self.tightest == ENDED:
-            return self.impossible or ENDED
-        used = self.share_of_the_tightest_limit
-        often = "never" if math.isinf(used) else f"{number(used)} times"
-        if number(used) == "1":
-            often = "at its limit"
-        optimum = self.optimum_settles
-        needs = "" if optimum is None else f" (the nominal optimum needs {number(optimum)} s)"
-        return f"{self.tightest.replace('_', ' ')}: {often}{needs}"
+        if self.impossible:
+            return self.impossible
+        if self.tightest == ENDED:
+            return ENDED
+
+        share = self.share_of_the_tightest_limit
+        excess = f"{number(share)} times"
+        if math.isinf(share):
+            excess = "never"
+        if number(share) == "1":
+            excess = "at its limit"
+        words = f"{self.tightest.replace('_', ' ')}: {excess}"
+        if self.optimum_settles is not None:
+            words += f" (the nominal optimum needs {number(self.optimum_settles)} s)"
+        return words
 
 
 # The design: rungs
@@ -190,12 +202,12 @@ class Rung:
     """A plant with a part of the loop and of the machine.
 
     Attributes:
-        name: For people.
+        name: Name for people.
         plant: ``printed``, ``corrected`` or ``physics``.
         sampled: Whether the law has its own control period; else it runs at every timestep.
         loop: Part of the loop as built.
         parts: Parts of the machine as built.
-        assumed: Which numbers that this rung adds nobody has published, in words.
+        assumed: Numbers that this rung adds and that nobody has published, in words.
     """
 
     name: str
@@ -207,7 +219,7 @@ class Rung:
 
     @property
     def looped(self) -> bool:
-        """Whether there is anything of the loop."""
+        """Whether any part of the loop is not ideal."""
         return self.loop != Loop(seed=self.loop.seed)
 
     @property
@@ -216,74 +228,108 @@ class Rung:
         return f"{self.name}*" if self.assumed else self.name
 
     def document(self) -> dict[str, Any]:
-        """It as plain values."""
+        """Return it as plain values."""
         loop = asdict(self.loop) if self.looped else None
         parts = [{"kind": part.kind, **asdict(part)} for part in self.parts]
         return {**vars(self), "loop": loop, "parts": parts}
 
 
 def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
-    """The rungs of a machine: one on top of the other, and each part alone.
+    """Return the rungs of a machine: one on top of the other, and each part alone.
 
     Args:
-        machine: A case with its loop and the parts of its machine; what it lacks makes no rung.
+        machine: A case with its loop and the parts of its machine; a missing part makes no rung.
     """
-    names = machine.nominal.names
-    climbing = [*(Rung(name, name, sampled=False) for name in names), Rung("sampled", names[-1])]
+    plants = machine.nominal.names
+    climbing = [Rung(plant, plant, sampled=False) for plant in plants]
+    climbing.append(Rung("sampled", plants[-1]))
+
     alone: list[Rung] = []
     for name, loop, parts in _additions(machine):
-        below, new = climbing[-1], {(type(part), part.of) for part in parts}
-        kept = tuple(part for part in below.parts if (type(part), part.of) not in new)
-        rung = Rung(name, names[-1], True, loop or Loop(), parts, tuple(_assumed(machine, name)))
-        on_top = below.loop if loop is None else _merged(below.loop, loop)
-        climbing.append(replace(rung, loop=on_top, parts=(*kept, *parts)))
+        rung = Rung(
+            name,
+            plants[-1],
+            loop=loop or Loop(),
+            parts=parts,
+            assumed=tuple(_assumed(machine, name)),
+        )
         alone.append(rung)
+
+        # On top, a part replaces the part of its type on the same joint or input.
+        below = climbing[-1]
+        replaced = {(type(part), part.of) for part in parts}
+        kept = [part for part in below.parts if (type(part), part.of) not in replaced]
+        all_of_loop = below.loop
+        if loop is not None:
+            all_of_loop = _merged(below.loop, loop)
+        climbing.append(replace(rung, loop=all_of_loop, parts=(*kept, *parts)))
     return climbing, alone
 
 
 def _assumed(machine: Experiment, rung: str) -> Iterator[str]:
-    """The numbers that a rung adds and nobody has published, by the part that has them."""
-    kinds, numbers = _TABLES[rung]
+    """Yield the numbers that a rung adds and nobody has published, by the part that has them."""
+    kinds, keys = _TABLES[rung]
     for kind in kinds:
         tables = getattr(machine.file, kind)
-        for entry in tables if isinstance(tables, list) else [tables]:
-            own = [name for name in entry.assumed if numbers is None or name in numbers]
-            if own:
-                of = next((getattr(entry, key) for key in _OWNERS if hasattr(entry, key)), kind)
-                yield f"{' and '.join([of] if isinstance(of, str) else of)}: {', '.join(own)}"
+        if not isinstance(tables, list):
+            tables = [tables]
+        for entry in tables:
+            assumed = [name for name in entry.assumed if keys is None or name in keys]
+            if assumed:
+                yield f"{_owner(entry, kind)}: {', '.join(assumed)}"
+
+
+def _owner(entry: Any, kind: str) -> str:
+    """The state, joint, input or body that a part of the file is of; else its kind."""
+    for key in _OWNERS:
+        if hasattr(entry, key):
+            owner = getattr(entry, key)
+            if isinstance(owner, str):
+                return owner
+            return " and ".join(owner)
+    return kind
 
 
 def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[MachinePart, ...]]]:
-    """What is added, in the order of the ladder: a name, and a part of loop or machine."""
-    if loop := machine.case.loop:
-        seed = loop.seed
-        if loop.sensors or loop.estimators:
-            yield "sensors", Loop(sensors=loop.sensors, estimators=loop.estimators, seed=seed), ()
-        for key, name in _COMPUTING.items():
-            if amount := getattr(loop.computing, key):
-                yield name, Loop(Computing(**{key: amount}), seed=seed), ()
-        if loop.actuators:
-            yield "actuator", Loop(actuators=loop.actuators, seed=seed), ()
-    parts = machine.case.parts
+    """Yield the additions in the order of the ladder: a name, and a part of loop or machine."""
+    loop = machine.case.loop
+    if loop:
+        for name, part in _loop_additions(loop):
+            yield name, part, ()
+    for name, parts in _machine_additions(machine.case.parts):
+        if parts:
+            yield name, None, tuple(parts)
+
+
+def _loop_additions(loop: Loop) -> Iterator[tuple[str, Loop]]:
+    """Yield the parts of a loop that are not ideal, each as a loop."""
+    seed = loop.seed
+    if loop.sensors or loop.estimators:
+        yield "sensors", Loop(sensors=loop.sensors, estimators=loop.estimators, seed=seed)
+    for key, name in _COMPUTING.items():
+        amount = getattr(loop.computing, key)
+        if amount:
+            yield name, Loop(Computing(**{key: amount}), seed=seed)
+    if loop.actuators:
+        yield "actuator", Loop(actuators=loop.actuators, seed=seed)
+
+
+def _machine_additions(parts: Sequence[MachinePart]) -> Iterator[tuple[str, list[MachinePart]]]:
+    """Yield the parts of a machine by rung; a transmission is rigid on the rung of its backlash."""
     gears = [part for part in parts if isinstance(part, Transmission)]
-    loads, stops = (SwingingLoad, SlidingLoad), (Stop, Wall)
-    for name, own in (
-        ("motor", [part for part in parts if isinstance(part, Motor)]),
-        ("friction", [part for part in parts if isinstance(part, LuGre)]),
-        ("backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]),
-        ("flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]),
-        ("loads", [part for part in parts if isinstance(part, loads)]),
-        ("stops", [part for part in parts if isinstance(part, stops)]),
-    ):
-        if own:
-            yield name, None, tuple(own)
+    yield "motor", [part for part in parts if isinstance(part, Motor)]
+    yield "friction", [part for part in parts if isinstance(part, LuGre)]
+    yield "backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]
+    yield "flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]
+    yield "loads", [part for part in parts if isinstance(part, (SwingingLoad, SlidingLoad))]
+    yield "stops", [part for part in parts if isinstance(part, (Stop, Wall))]
 
 
 def _merged(below: Loop, added: Loop) -> Loop:
     """Two loops that have different kinds of parts, as one."""
-    late = {name: value for name, value in vars(added.computing).items() if value}
+    computing = {name: value for name, value in vars(added.computing).items() if value}
     return Loop(
-        replace(below.computing, **late),
+        replace(below.computing, **computing),
         below.sensors or added.sensors,
         below.estimators or added.estimators,
         below.actuators or added.actuators,
@@ -296,12 +342,12 @@ class Ladder:
     """A target, ready to be climbed.
 
     Attributes:
-        experiment: The target's, without loop and machine.
-        machine: The same with both.
-        laws: Those that climb.
-        climbing: Rungs, each with all that is below it.
-        alone: What is added, each alone on a sampled plant.
-        conditions: The one that the file asks for first.
+        experiment: Experiment of the target, without loop and machine.
+        machine: Experiment of the target, with both.
+        laws: Laws that climb.
+        climbing: Rungs, each with all rungs below it.
+        alone: Rungs, each alone on a sampled plant.
+        conditions: Plants and loads, the file's own first.
         statements: Statements of the chapter, by the ids of the file's claims.
     """
 
@@ -314,12 +360,14 @@ class Ladder:
     statements: Mapping[str, str] = field(default_factory=dict)
 
     def steps(self) -> Iterator[tuple[StudiedLaw, Rung, Condition, bool]]:
-        """All that is to be run; the last tells whether all rungs below are there too."""
+        """Yield all runs; the last entry says whether all rungs below count too."""
         for law in self.laws:
             for condition in self.conditions:
-                yield from ((law, rung, condition, True) for rung in self.climbing)
+                for rung in self.climbing:
+                    yield law, rung, condition, True
                 if condition is self.conditions[0]:
-                    yield from ((law, rung, condition, False) for rung in self.alone)
+                    for rung in self.alone:
+                        yield law, rung, condition, False
 
     @property
     def target(self) -> str:
@@ -330,11 +378,13 @@ class Ladder:
     def units(self) -> tuple[str, str]:
         """Units of the output and of the input."""
         error = self.laws[0].controller.designed.error
-        return error.units[error.output_rows[0]], self.experiment.nominal.system.input.unit
+        output = error.units[error.output_rows[0]]
+        return output, self.experiment.nominal.system.input.unit
 
     def configuration(self) -> dict[str, Any]:
-        """What rows depend on, in its result."""
-        settings, file = self.experiment.settings, self.machine.file
+        """Return the configuration that rows depend on, as the result has it."""
+        settings = self.experiment.settings
+        file = self.machine.file
         named = [*named_in(file), *(file.law(law.base).law for law in self.laws)]
         return {
             "target": self.target,
@@ -351,22 +401,22 @@ class Ladder:
 def ladder(
     target: str, chosen: Sequence[str] = (), *, loaded: bool = False, rivals: bool = False
 ) -> Ladder:
-    """The ladder of a target.
+    """Return the ladder of a target.
 
     Args:
         target: A system, which means its machine, ``SYSTEM/CASE``, or the path of a case file.
         chosen: Names of laws; all by default.
         loaded: Whether laws climb under every condition; else as the file says, with its own edits
             and disturbances.
-        rivals: Whether all includes the rivals.
+        rivals: Whether the default includes the rivals.
 
     Raises:
         ArgumentError: If there is no such target or law, neither loop nor machine, or nothing is
             required.
     """
     machine = case_for(target, MACHINE)
-    own = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
-    bare = machine.varied(loop=None, edits=own)
+    edits = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
+    bare = machine.varied(loop=None, edits=edits)
     climbing, alone = rungs_of(machine)
     if not alone:
         raise ArgumentError(
@@ -374,14 +424,17 @@ def ladder(
             "[[sensor]], [[actuator]]) or a machine ([[motor]], [[lugre]], [[transmission]], "
             "[[stop]])"
         )
+
     conditions = sorted(conditions_of(bare), key=lambda condition: condition.name != UNDER_LOAD)
+    if not loaded:
+        conditions = conditions[:1]
     return Ladder(
         experiment=bare,
         machine=machine,
         laws=chosen_laws(bare, chosen, rivals=rivals),
         climbing=climbing,
         alone=alone,
-        conditions=conditions if loaded else conditions[:1],
+        conditions=conditions,
     )
 
 
@@ -389,11 +442,11 @@ def ladder(
 class Cells:
     """Finished rows of a ladder, a file each, so that a killed ladder goes on where it was.
 
-    A file is named by all that its row depends on: that of another case, law, version or code of
-    the package is another.
+    The name of a file is a hash of all that its row depends on: case, law, versions and the code of
+    the package.
 
     Attributes:
-        folder: Where they lie.
+        folder: Folder of the files.
         ladder: Configuration of the ladder and versions, as JSON.
     """
 
@@ -402,19 +455,21 @@ class Cells:
 
     @classmethod
     def of(cls, studied: Ladder, folder: Path) -> Cells:
-        """The cells of a ladder in a folder."""
-        conditions = [
-            [case_document(condition.experiment.case), condition.experiment.document()]
-            for condition in studied.conditions
-        ]
-        own = [studied.configuration(), conditions, versions(), source_digest()]
-        return cls(folder, json_text(own))
+        """Return the cells of a ladder in a folder."""
+        conditions = []
+        for condition in studied.conditions:
+            experiment = condition.experiment
+            conditions.append([case_document(experiment.case), experiment.document()])
+        content = [studied.configuration(), conditions, versions(), source_digest()]
+        return cls(folder, json_text(content))
 
     def read(self, *key: str | bool) -> Climb | None:
-        """The row with a key; None if it is not there, or cannot be read."""
-        with contextlib.suppress(OSError, ValueError):
-            return Climb.model_validate(json.loads(self._path(key).read_text(encoding="utf-8")))
-        return None
+        """Return the row with a key; None if it is missing or cannot be read."""
+        try:
+            content = json.loads(self._path(key).read_text(encoding="utf-8"))
+            return Climb.model_validate(content)
+        except (OSError, ValueError):
+            return None
 
     def write(self, row: Climb) -> None:
         """Write a row aside and rename it.
@@ -423,7 +478,7 @@ class Cells:
             SetupError: If it cannot be written.
         """
         with written_aside(self._path(row.key)) as part:
-            # Not by `json_text`: what is infinite must come back as it was.
+            # Not by `json_text`, which writes infinite numbers as null.
             part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
 
     def _path(self, key: tuple[str | bool, ...]) -> Path:
@@ -431,20 +486,25 @@ class Cells:
         return self.folder / f"{name[:32]}.json"
 
 
-# The reduction: a run as a row
+# Runs: each gives a row
 
 
 def climb(
     studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition, *, together: bool
 ) -> Climb:
-    """How a law stands on a rung."""
+    """Run a law on a rung and judge the run.
+
+    Raises:
+        SetupError: If the computer, not the law, is at fault.
+    """
     row = Climb(law=law.name, rung=rung.name, together=together, condition=condition.name)
     try:
         run = run_of(studied, law, rung, condition)
-    except SetupError:  # of this computer, not of the law
+    except SetupError:
         raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
+
     limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
     limits = judgeable_in(limits, rung.loop, studied.machine.case.loop)
     shares = {limit.key: judge(limit, run).share for limit in limits if limit.value}
@@ -452,26 +512,32 @@ def climb(
     row = row.model_copy(update={"shares": shares, "claims": claims, "tightest": ENDED})
     if run.ended:
         return row
-    worst = max(shares, key=lambda key: shares[key], default="")
-    used, comparison = shares.get(worst, 0.0), run.comparison
-    amplitude, frequency = oscillation(comparison.time, comparison.error)
-    follows = law.controller.designed.follows_optimum
-    slow = next((limit for limit in limits if limit.key == worst and used > 1), None)
-    return row.model_copy(
-        update={
-            "share_of_the_tightest_limit": used,
-            "tightest": worst,
-            "amplitude": amplitude,
-            "frequency": frequency,
-            "variation": run.metrics["total_variation"].value,
-            "deviation": run.metrics["deviation"].value if follows else None,
-            "optimum_settles": _optimum_settles(run, slow) if slow else None,
-        }
-    )
+
+    tightest = max(shares, key=lambda key: shares[key], default="")
+    share = shares.get(tightest, 0.0)
+    optimum_settles = None
+    if share > 1:
+        broken = next(limit for limit in limits if limit.key == tightest)
+        optimum_settles = _optimum_settles(run, broken)
+    deviation = None
+    if law.controller.designed.follows_optimum:
+        deviation = run.metrics["deviation"].value
+
+    amplitude, frequency = oscillation(run.comparison.time, run.comparison.error)
+    measured = {
+        "share_of_the_tightest_limit": share,
+        "tightest": tightest,
+        "amplitude": amplitude,
+        "frequency": frequency,
+        "variation": run.metrics["total_variation"].value,
+        "deviation": deviation,
+        "optimum_settles": optimum_settles,
+    }
+    return row.model_copy(update=measured)
 
 
 def _optimum_settles(run: RunResult, limit: Limit) -> float | None:
-    """When the nominal optimum of a run's law settles as a limit means it [s]."""
+    """Settling time of the nominal optimum of a run's law, by the band of a limit [s]."""
     if limit.kind != "settles_within":
         return None
     optimum = run.comparison._replace(z=run.comparison.optimal)
@@ -479,23 +545,28 @@ def _optimum_settles(run: RunResult, limit: Limit) -> float | None:
 
 
 def run_of(studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition) -> RunResult:
-    """The run of a law on a rung.
+    """Run a law on a rung.
 
     Raises:
         GrosmcError: If the law cannot be designed or put into the loop.
     """
     bare = condition.experiment
-    h = bare.settings.timestep
+    timestep = bare.settings.timestep
     if not rung.sampled:
-        bare = bare.with_settings(control_period=h)
+        bare = bare.with_settings(control_period=timestep)
+
     controller = bare.with_settings(**law.sampled).law(rung.plant, law.base)
-    here = bare.varied(edits=(*bare.case.edits, *rung.parts))
     if rung.looped:
         controller = in_loop(
-            controller, rung.loop, bare.nominal.system, timestep=h, predict=law.predict,
+            controller,
+            rung.loop,
+            bare.nominal.system,
+            timestep=timestep,
+            predict=law.predict,
             control_period=bare.settings.control_period,
-        )  # fmt: skip
-    return run_on(here, rung.plant, controller, here.plant(rung.plant))
+        )
+    built = bare.varied(edits=(*bare.case.edits, *rung.parts))
+    return run_on(built, rung.plant, controller, built.plant(rung.plant))
 
 
 def _shares_of_claims(
@@ -503,31 +574,32 @@ def _shares_of_claims(
 ) -> dict[str, float]:
     """The largest share of each claim's limits that a run uses, infinite if it ended early.
 
-    Claims about other laws or conditions, and what a run of this length does not tell, are left
-    out.
+    Claims about other laws or conditions, and those that a run of this length cannot decide, are
+    left out.
     """
     shares: dict[str, float] = {}
     for claim in machine.file.claim:
-        if claim.under == condition.name and _is_about(machine, claim, law):
-            for limit in limits_in([claim], law, condition, [result.plant]):
-                share = judge(limit, result).share
-                shares[claim.id] = max(share, shares.get(claim.id, share))
+        if claim.under != condition.name or not _is_about(machine, claim, law):
+            continue
+        for limit in limits_in([claim], law, condition, [result.plant]):
+            share = judge(limit, result).share
+            shares[claim.id] = max(share, shares.get(claim.id, share))
     return shares
 
 
 def _is_about(machine: Experiment, claim: ClaimTable, law: StudiedLaw) -> bool:
     """Whether a claim is about a law, however that law switches."""
-    written = {controller.called: controller.law for controller in machine.file.controller}
-    named = claim.of or machine.controllers
-    return law.base in {*named, *(written.get(name, name) for name in named)}
+    bases = {controller.called: controller.law for controller in machine.file.controller}
+    names = claim.of or machine.controllers
+    return law.base in names or law.base in [bases.get(name, name) for name in names]
 
 
 def oscillation(time: Array, signal: Array) -> tuple[float, float | None]:
-    """How a signal swings in the end of a run.
+    """Return amplitude and frequency of a signal in the end of a run.
 
     Args:
         time: Equally spaced instants [s], (N,).
-        signal: (N,).
+        signal: The signal, (N,).
 
     Returns:
         Half of its range, in its unit, and its swings a second [Hz]; None for no cycle.
@@ -535,72 +607,75 @@ def oscillation(time: Array, signal: Array) -> tuple[float, float | None]:
     tail = signal[-max(2, round(_END * len(signal))) :]
     about = tail - tail.mean()
     amplitude = float(np.ptp(tail) / 2)
+
     # A crossing of the mean counts once it is left by a tenth of the amplitude.
     side = np.sign(about)[np.abs(about) > 0.1 * amplitude]
     crossings = int(np.count_nonzero(np.diff(side)))
     if amplitude == 0 or crossings < 2 * _SWINGS:
         return amplitude, None
-    return amplitude, crossings / 2 / (len(tail) * float(time[1] - time[0]))
+    duration = len(tail) * float(time[1] - time[0])
+    return amplitude, crossings / 2 / duration
 
 
 # The answer: words, tables, charts, document, film
 
 
 def way(rows: Iterable[Climb], law: str, condition: str) -> list[Climb]:
-    """A law's way up, rung by rung, from equations that are true."""
-    return [
-        row
-        for row in rows
-        if row.together and row.rung != "printed" and (row.law, row.condition) == (law, condition)
-    ]
+    """Return a law's rows rung by rung, from equations that are true."""
+    of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
+    return [row for row in of_law if row.together and row.rung != "printed"]
 
 
 def ways(rows: Sequence[Climb], condition: str) -> dict[str, list[Climb]]:
-    """The way of each law that has begun to climb under a condition."""
+    """Return the way of each law that has begun to climb under a condition."""
     climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
     return {law: rungs for law, rungs in climbs.items() if rungs}
 
 
 def first_failed(climbs: Sequence[Climb]) -> Climb | None:
-    """The first rung on which something is not kept; None if all is kept on all."""
-    return next((row for row in climbs if not row.kept), None)
+    """Return the first rung on which a requirement is not kept; None if all are kept."""
+    for row in climbs:
+        if not row.kept:
+            return row
+    return None
 
 
 def fallen(climbs: Sequence[Climb], claim: str) -> Climb | None:
-    """The first rung on which a claim is not kept; None if it is kept wherever it is judged."""
-    return next((row for row in climbs if row.claims.get(claim, 0.0) > 1), None)
+    """Return the first rung on which a claim is not kept; None if it is kept wherever judged."""
+    for row in climbs:
+        if row.claims.get(claim, 0.0) > 1:
+            return row
+    return None
 
 
 def verdict(studied: Ladder, rows: Sequence[Climb], condition: str) -> str:
-    """How many laws pass, and what breaks most of them."""
-    climbed, top = ways(rows, condition).values(), studied.climbing[-1].name
-    failed = [row.rung for rungs in climbed if (row := first_failed(rungs))]
-    complete = [rungs for rungs in climbed if rungs[-1].rung == top and rungs[-1].kept]
-    every = sum(first_failed(rungs) is None for rungs in complete)
-    answer = f"{every} of {len(climbed)} laws pass every rung, {len(complete)} the complete machine"
-    breaks = ", ".join(f"{name} breaks {n}" for name, n in Counter(failed).most_common(3))
-    return f"{answer}; {breaks}." if breaks else f"{answer}."
+    """Return one sentence: how many laws pass, and which rungs break most of them."""
+    climbed = ways(rows, condition).values()
+    top = studied.climbing[-1].name
+    complete = 0
+    every = 0
+    broken_by = Counter[str]()
+    for rungs in climbed:
+        failed = first_failed(rungs)
+        last = rungs[-1]
+        if failed is not None:
+            broken_by[failed.rung] += 1
+        if last.rung == top and last.kept:
+            complete += 1
+            every += failed is None
+
+    answer = f"{every} of {len(climbed)} laws pass every rung, {complete} the complete machine"
+    breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
+    if breaks:
+        answer += f"; {breaks}"
+    return f"{answer}."
 
 
 def answer_table(studied: Ladder, rows: Sequence[Climb], condition: Condition) -> Table:
-    """Which laws pass every rung and which the complete machine, and where each breaks first."""
-    climbed, top = ways(rows, condition.name), studied.climbing[-1].name
-
-    def height(law: str) -> int:
-        row = first_failed(climbed[law])
-        return len(climbed[law]) if row is None else climbed[law].index(row)
-
-    cells = []
-    for law in sorted(climbed, key=height, reverse=True):
-        row, last = first_failed(climbed[law]), climbed[law][-1]
-        shown, complete = row or last, last.rung == top
-        every = "no" if row else "yes" if complete else ""
-        machine = f"{'yes' if last.kept else 'no'} ({last.share_text})" if complete else ""
-        breaks = f"{row.rung}: {row.reason}" if row else ""
-        measured = (shown.amplitude, shown.frequency, shown.variation)
-        cells.append(
-            [law, every, machine, breaks, *("" if x is None else number(x) for x in measured)]
-        )
+    """Return which laws pass every rung and the complete machine, and where each breaks first."""
+    climbed = ways(rows, condition.name)
+    top = studied.climbing[-1].name
+    ordered = sorted(climbed, key=lambda law: _height(climbed[law]), reverse=True)
     output, input_unit = studied.units
     columns = [
         *names("law"),
@@ -608,7 +683,36 @@ def answer_table(studied: Ladder, rows: Sequence[Climb], condition: Condition) -
         *text("breaks first at"),
         *numbers(f"swings by\n[{output}]", "at\n[Hz]", f"variation\n[{input_unit}/s]"),
     ]
-    return table(condition.title, columns, cells)
+    return table(condition.title, columns, [_answer_row(law, climbed[law], top) for law in ordered])
+
+
+def _height(rungs: Sequence[Climb]) -> int:
+    """Number of rungs below the first that is not kept."""
+    failed = first_failed(rungs)
+    if failed is None:
+        return len(rungs)
+    return rungs.index(failed)
+
+
+def _answer_row(law: str, rungs: Sequence[Climb], top: str) -> list[str]:
+    """The row of one law, with the swings on the rung where it breaks or on its last."""
+    failed = first_failed(rungs)
+    last = rungs[-1]
+    every = ""
+    machine = ""
+    if last.rung == top:
+        every = "yes"
+        machine = f"{'yes' if last.kept else 'no'} ({last.share_text})"
+
+    breaks = ""
+    measured = last
+    if failed is not None:
+        every = "no"
+        breaks = f"{failed.rung}: {failed.reason}"
+        measured = failed
+    values = (measured.amplitude, measured.frequency, measured.variation)
+    swings = ["" if value is None else number(value) for value in values]
+    return [law, every, machine, breaks, *swings]
 
 
 def _by_law(
@@ -618,91 +722,120 @@ def _by_law(
     column_of: Callable[[Climb], str],
     cell: Callable[[Climb], str] = lambda row: row.share_text,
 ) -> Table:
-    """A row for each law, a column for each key of its header; a cell says something of a row."""
-    known = {(row.law, column_of(row)): cell(row) for row in rows}
+    """A row for each law, a column for each key of its header; a cell is the text of a row."""
+    texts = {(row.law, column_of(row)): cell(row) for row in rows}
     laws = dict.fromkeys(row.law for row in rows)
-    cells = [[law, *(known.get((law, key), "") for key in columns)] for law in laws]
+    cells = [[law, *(texts.get((law, key), "") for key in columns)] for law in laws]
     return table(title, [*words("law"), *numbers(*columns.values())], cells)
 
 
 def share_table(studied: Ladder, rows: Sequence[Climb], condition: str, *, together: bool) -> Table:
-    """Laws by rungs: how much of the tightest limit is used."""
-    own = [x for x in rows if (x.condition, x.together) == (condition, together)]
-    rungs = {rung.name: rung.title for rung in (studied.climbing if together else studied.alone)}
-    return _by_law(_TITLES[together], own, rungs, lambda row: row.rung)
+    """Return laws by rungs: the share of the tightest limit that is used."""
+    selected = [row for row in rows if (row.condition, row.together) == (condition, together)]
+    rungs = studied.climbing if together else studied.alone
+    titles = {rung.name: rung.title for rung in rungs}
+    return _by_law(_TITLES[together], selected, titles, lambda row: row.rung)
 
 
 def load_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
-    """Laws by conditions: the complete machine."""
-    own = [row for row in rows if row.together and row.rung == studied.climbing[-1].name]
-    loads = "; ".join(f"{c.name}: {c.title}" for c in studied.conditions[1:])
+    """Return laws by conditions: the share on the complete machine."""
+    top = studied.climbing[-1].name
+    selected = [row for row in rows if row.together and row.rung == top]
+    loads = "; ".join(f"{load.name}: {load.title}" for load in studied.conditions[1:])
     title = f"The complete machine, nominally and under load ({loads})"
-    return _by_law(
-        title, own, {c.name: c.name for c in studied.conditions}, lambda row: row.condition
-    )
+    columns = {condition.name: condition.name for condition in studied.conditions}
+    return _by_law(title, selected, columns, lambda row: row.condition)
 
 
 def deviation_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
-    """How far each law that follows the nominal optimum is from it, climbing."""
-    first, unit = studied.conditions[0].name, studied.units[0]
-    unit, scale = (f"m{unit}", 1e3) if unit in ("rad", "m") else (unit, 1.0)
-    follow = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
-    own = [x for x in rows if x.together and x.condition == first and x.law in follow]
+    """Return laws by rungs: the distance from the nominal optimum, of laws that follow it."""
+    condition = studied.conditions[0].name
+    laws = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
+    climbed = [row for row in rows if row.together and row.condition == condition]
+    selected = [row for row in climbed if row.law in laws]
 
-    def cell(row: Climb) -> str:
-        if row.deviation is not None:
-            return number(row.deviation * scale)
-        return "ended" if row.tightest == ENDED else "-"
-
+    unit, _ = studied.units
+    scale = 1.0
+    if unit in ("rad", "m"):
+        unit = f"m{unit}"
+        scale = 1e3
     title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it"
     rungs = {rung.name: rung.name for rung in studied.climbing}
-    return _by_law(title, own, rungs, lambda row: row.rung, cell)
+    cell = partial(_deviation_text, scale=scale)
+    return _by_law(title, selected, rungs, lambda row: row.rung, cell)
+
+
+def _deviation_text(row: Climb, scale: float) -> str:
+    if row.deviation is not None:
+        return number(row.deviation * scale)
+    if row.tightest == ENDED:
+        return "ended"
+    return "-"
 
 
 def claims_table(studied: Ladder, rows: Sequence[Climb], condition: str) -> Table | None:
-    """On which rung each claim falls for each law that it is about; None without a claim."""
-    climbed = {law: x for law, x in ways(rows, condition).items() if any(row.claims for row in x)}
-    claims = list(
-        dict.fromkeys(x for rungs in climbed.values() for row in rungs for x in row.claims)
-    )
+    """Return the rung on which each claim falls, for each law that it is about; None without."""
+    climbed: dict[str, list[Climb]] = {}
+    claims: dict[str, None] = {}
+    for law, rungs in ways(rows, condition).items():
+        for row in rungs:
+            if row.claims:
+                climbed[law] = rungs
+                claims |= dict.fromkeys(row.claims)
     if not claims:
         return None
 
-    def cell(rungs: Sequence[Climb], claim: str) -> str:
-        row = fallen(rungs, claim)
-        judged = any(claim in row.claims for row in rungs)
-        return row.rung if row else STANDS if judged else ""
-
-    cells = [[law, *(cell(rungs, claim) for claim in claims)] for law, rungs in climbed.items()]
+    cells = [[law, *(_fate(rungs, claim) for claim in claims)] for law, rungs in climbed.items()]
     columns = words("law", *(f"`{claim}`" for claim in claims))
     legend = "; ".join(f"`{claim}`: {studied.statements.get(claim, '')}" for claim in claims)
-    where = "" if condition == studied.conditions[0].name else f" ({condition})"
-    return table(CLAIMS + where, columns, cells, legend=f"{legend}.")
+    title = CLAIMS
+    if condition != studied.conditions[0].name:
+        title += f" ({condition})"
+    return table(title, columns, cells, legend=f"{legend}.")
+
+
+def _fate(rungs: Sequence[Climb], claim: str) -> str:
+    """The rung on which a claim falls, or that it stands; empty if it is not judged."""
+    row = fallen(rungs, claim)
+    if row is not None:
+        return row.rung
+    if any(claim in row.claims for row in rungs):
+        return STANDS
+    return ""
 
 
 def assumed_text(studied: Ladder) -> str:
-    """Which numbers nobody has published, by the rung that adds them; empty if there is none."""
-    rungs = [f"{x.name} ({'; '.join(x.assumed)})" for x in studied.climbing if x.assumed]
-    return f"* rests on numbers that are assumed: {', '.join(rungs)}." if rungs else ""
+    """Return the numbers that nobody has published, by rung; empty if there are none."""
+    assumed = [rung for rung in studied.climbing if rung.assumed]
+    if not assumed:
+        return ""
+    words = ", ".join(f"{rung.name} ({'; '.join(rung.assumed)})" for rung in assumed)
+    return f"* rests on numbers that are assumed: {words}."
 
 
 def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[str, CellChart]:
-    """A map for each condition, climbing and alone: below zero is kept, then decades beyond."""
+    """Return a map for each condition, climbing and alone: below zero is kept, then decades."""
     rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
     cells = []
     for row in rows:
         if not row.impossible:
-            beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
-            redness = 0.1 * _MOST + 0.9 * min(beyond, _MOST)
-            value = -0.5 * _MOST if row.kept else redness
             place = (_map_key(row.condition, row.together), row.law, rungs[row.rung])
-            cells.append((*place, value, row.share_text, row.reason))
-    titles = {
-        _map_key(condition.name, together): f"{title} ({condition.name}: {condition.title})"
-        for condition in studied.conditions
-        for together, title in _TITLES.items()
-    }
+            cells.append((*place, _redness(row), row.share_text, row.reason))
+
+    titles = {}
+    for condition in studied.conditions:
+        for together, title in _TITLES.items():
+            key = _map_key(condition.name, together)
+            titles[key] = f"{title} ({condition.name}: {condition.title})"
     return cell_charts(titles, cells, _MOST)
+
+
+def _redness(row: Climb) -> float:
+    """Colour of a row in a map: negative if it is kept, else by the decades beyond its limit."""
+    if row.kept:
+        return -0.5 * _MOST
+    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
+    return 0.1 * _MOST + 0.9 * min(beyond, _MOST)
 
 
 def _map_key(condition: str, together: bool) -> str:
@@ -710,32 +843,47 @@ def _map_key(condition: str, together: bool) -> str:
 
 
 def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
-    """Every table with its charts: shares, the machine under load, distances, claims."""
-    maps, (first, *loads) = charts(studied, rows), studied.conditions
-    shares = [
-        Sheet(table=share_table(studied, rows, first.name, together=together), charts=[chart])
-        for together in (True, False)
-        if (chart := maps.get(_map_key(first.name, together)))
-    ]
-    tables = [deviation_table(studied, rows)]
-    tables += [x for c in studied.conditions if (x := claims_table(studied, rows, c.name))]
-    under = [chart for c in loads if (chart := maps.get(_map_key(c.name, True)))]
-    loaded = [Sheet(table=load_table(studied, rows), charts=under)] if loads else []
-    return [*shares, *loaded, *(Sheet(table=x) for x in tables)]
+    """Return every table with its charts: shares, the machine under load, distances, claims."""
+    maps = charts(studied, rows)
+    first, *loads = studied.conditions
+    parts: list[Sheet] = []
+    for together in (True, False):
+        chart = maps.get(_map_key(first.name, together))
+        if chart is not None:
+            shares = share_table(studied, rows, first.name, together=together)
+            parts.append(Sheet(table=shares, charts=[chart]))
+
+    if loads:
+        keys = [_map_key(load.name, True) for load in loads]
+        under_load = [maps[key] for key in keys if key in maps]
+        parts.append(Sheet(table=load_table(studied, rows), charts=under_load))
+
+    parts.append(Sheet(table=deviation_table(studied, rows)))
+    for condition in studied.conditions:
+        claims = claims_table(studied, rows, condition.name)
+        if claims is not None:
+            parts.append(Sheet(table=claims))
+    return parts
 
 
 def _standings(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Iterator[Standing]:
-    """The first rung on which each law breaks, under the first condition."""
+    """Yield the first rung on which each law breaks, under the first condition."""
     condition = studied.conditions[0].name
     for law, rungs in ways(rows, condition).items():
-        row = first_failed(rungs)
-        stands = "stands on every rung" if complete else "stands on every rung so far"
+        failed = first_failed(rungs)
+        breaks_at = ""
+        answer = "stands on every rung"
+        if failed is not None:
+            breaks_at = failed.rung
+            answer = f"{failed.reason} ({condition})"
+        elif not complete:
+            answer += " so far"
         yield Standing(
             case=studied.target,
             law=law,
-            breaks_at=row.rung if row else "",
-            words=f"{row.reason} ({condition})" if row else stands,
-            complete=complete or row is not None,
+            breaks_at=breaks_at,
+            words=answer,
+            complete=complete or failed is not None,
         )
 
 
@@ -750,75 +898,93 @@ def _values(target: str, rows: Sequence[Climb]) -> Iterator[Value]:
 
 
 def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> dict[str, Any]:
-    """The content of ladder_NAME.json.
+    """Return the content of ladder_NAME.json.
 
     Args:
         studied: The target.
-        rows: What was climbed.
+        rows: Finished rows.
         complete: Whether nothing was interrupted.
     """
-    case, top = studied.machine.case, studied.climbing[-1].name
-    conditions = [c.name for c in studied.conditions if ways(rows, c.name)]
-    lasts = [rungs[-1] for name in conditions for rungs in ways(rows, name).values()]
-    passed = all(row.rung == top and row.kept for row in lasts)
-    answer = "; ".join(f"{name}: {verdict(studied, rows, name)}" for name in conditions)
+    case = studied.machine.case
     return result(
         "ladder",
         studied.configuration(),
         seed=case.loop.seed if case.loop else None,
         complete=complete,
-        answers=[
-            Answer(
-                question=f"Ladder of {studied.target}",
-                verdict=(KEPT if passed else NOT_KEPT) if complete else OPEN,
-                words=answer if complete else f"{answer} Interrupted: not complete.",
-            )
-        ],
+        answers=[_document_answer(studied, rows, complete=complete)],
         standings=_standings(studied, rows, complete=complete),
         sheets=sheets(studied, rows),
         values=_values(studied.target, rows),
         target=studied.target,
         title=case.title,
         units=studied.units,
-        conditions=[{"name": c.name, "title": c.title} for c in studied.conditions],
-        laws=[
-            {"name": law.name, "predicts": law.predict, "sampled": law.sampled}
-            for law in studied.laws
-        ],
+        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
+        laws=[_law_document(law) for law in studied.laws],
         climbing=[rung.document() for rung in studied.climbing],
         alone=[rung.document() for rung in studied.alone],
         assumed=assumed_text(studied),
-        claims=[
-            {"claim": claim.id, "statement": studied.statements.get(claim.id, ""),
-             "under": claim.under, "of": list(claim.of or studied.machine.controllers)}
-            for claim in studied.machine.file.claim
-        ],
+        claims=[_claim_document(studied, claim) for claim in studied.machine.file.claim],
         climbs=[row.model_dump() for row in rows],
-    )  # fmt: skip
+    )
+
+
+def _document_answer(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Answer:
+    """The verdict under each condition, and whether all laws pass the complete machine."""
+    top = studied.climbing[-1].name
+    verdicts = []
+    passed = True
+    for condition in studied.conditions:
+        climbed = ways(rows, condition.name)
+        if climbed:
+            verdicts.append(f"{condition.name}: {verdict(studied, rows, condition.name)}")
+        for rungs in climbed.values():
+            passed = passed and rungs[-1].rung == top and rungs[-1].kept
+
+    answer = "; ".join(verdicts)
+    judgement = KEPT if passed else NOT_KEPT
+    if not complete:
+        judgement = OPEN
+        answer += " Interrupted: not complete."
+    return Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=answer)
+
+
+def _law_document(law: StudiedLaw) -> dict[str, Any]:
+    return {"name": law.name, "predicts": law.predict, "sampled": law.sampled}
+
+
+def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:
+    return {
+        "claim": claim.id,
+        "statement": studied.statements.get(claim.id, ""),
+        "under": claim.under,
+        "of": list(claim.of or studied.machine.controllers),
+    }
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Headings and tables of each document, for ``docs/ladder_tables.md``."""
+    """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
     parts: list[str] = []
     for document in documents:
         tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
         parts.append(f"**{document['target']}**: {document['title']}")
-        parts += [_titled(shown) for shown in tables if not shown.legend]
-        # A star would begin a list.
-        parts += [f"\\{document['assumed']}"] if document["assumed"] else []
-        for claims in (shown for shown in tables if shown.title == CLAIMS):
-            parts += [_titled(claims), claims.legend]
+        parts += [_titled(part) for part in tables if not part.legend]
+        if document["assumed"]:
+            # A star would begin a list.
+            parts.append(f"\\{document['assumed']}")
+        for part in tables:
+            if part.title == CLAIMS:
+                parts += [_titled(part), part.legend]
     return "\n\n".join(parts)
 
 
-def _titled(shown: Table) -> str:
-    return "\n".join([f"{shown.title}:", "", *shown.markdown()])
+def _titled(part: Table) -> str:
+    return "\n".join([f"{part.title}:", "", *part.markdown()])
 
 
 def ladder_film(
     studied: Ladder, law: StudiedLaw, rows: Sequence[Climb], form: Format | None = None
 ) -> Film:
-    """A law on MuJoCo's ideal plant, around where it breaks first, and on the whole machine.
+    """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
 
     The rigid machine is drawn: motors behind their transmissions are not seen.
 
@@ -826,30 +992,43 @@ def ladder_film(
         studied: The target.
         law: One of its laws.
         rows: Its rows.
-        form: How the film is cut.
+        form: Format of the film.
 
     Raises:
-        ArgumentError: If nothing of it runs in MuJoCo.
+        ArgumentError: If no rung runs in MuJoCo.
     """
     condition = studied.conditions[0]
     rungs = [rung for rung in studied.climbing if rung.plant == "physics"]
     if not rungs:
         raise ArgumentError("a film is of runs in MuJoCo: this target has none")
-    failed, last = first_failed(way(rows, law.name, condition.name)), len(rungs) - 1
-    at = next((i for i, rung in enumerate(rungs) if failed and rung.name == failed.rung), last)
-    chosen = [rungs[i] for i in sorted({0, max(at - 1, 0), at, last})[:MOST_TAKES]]
+
+    last = len(rungs) - 1
+    breaks_at = last
+    failed = first_failed(way(rows, law.name, condition.name))
+    for index, rung in enumerate(rungs):
+        if failed is not None and rung.name == failed.rung:
+            breaks_at = index
+
+    # The ideal plant, the rung before the law breaks, that rung, and the complete machine.
+    indices = sorted({0, max(breaks_at - 1, 0), breaks_at, last})
+    chosen = [rungs[index] for index in indices[:MOST_TAKES]]
     results = [_rigid(run_of(studied, law, rung, condition)) for rung in chosen]
     return film_of(results, form, [rung.name for rung in chosen])
 
 
 def _rigid(run: RunResult) -> RunResult:
-    """The same run, without the states that the rigid plant does not have."""
-    plant, trajectory = run.true, run.trajectory
+    """The run without the states that the rigid plant does not have."""
+    plant = run.true
+    trajectory = run.trajectory
     assert isinstance(plant, MujocoPlant)
     assert trajectory.physics is not None
-    n, model, rigid = plant.system.degrees_of_freedom, plant.undrawn_model, plant.rigid
-    columns = [0, *range(1, 1 + n), *range(1 + model.nq, 1 + model.nq + n)]
+
+    # Time, positions and velocities of the rigid joints, which come first.
+    n = plant.system.degrees_of_freedom
+    velocities = 1 + plant.undrawn_model.nq
+    columns = [0, *range(1, 1 + n), *range(velocities, velocities + n)]
+    rigid = plant.rigid
     size = mujoco.mj_stateSize(rigid.undrawn_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     assert len(columns) == size
-    seen = np.ascontiguousarray(trajectory.physics[:, columns])
-    return replace(run, true=rigid, trajectory=replace(trajectory, physics=seen))
+    physics = np.ascontiguousarray(trajectory.physics[:, columns])
+    return replace(run, true=rigid, trajectory=replace(trajectory, physics=physics))

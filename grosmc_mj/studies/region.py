@@ -1,4 +1,4 @@
-"""From which starts a law converges: maps of two axes to outcomes, confirmed in MuJoCo."""
+"""Starts from which a law converges: maps of two axes to outcomes, confirmed in MuJoCo."""
 
 from __future__ import annotations
 
@@ -47,24 +47,24 @@ from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]
 
-# Where starts end on an axis, by its unit.
+# Largest start on an axis, by its unit.
 LIMITS: Mapping[str, float] = {"rad": math.pi / 2, "rad/s": 10.0, "m": 1.0, "m/s": 2.0}
-# How near zero every regulated error must be at the end, by its unit. It is far above the chatter
-# that a switching law leaves at a control period of 1 ms (below 0.2 degrees and 0.01 rad/s) and
-# some hundredth of the default starts. Position and rate count together: what only swings through
+# Largest size of a regulated error at the end that counts as none, by its unit. It is far above the
+# chatter that a switching law leaves at a control period of 1 ms (below 0.2 degrees and 0.01 rad/s)
+# and about a hundredth of the default starts. Position and rate count together: a swing through
 # zero is fast there.
 TOLERANCES: Mapping[str, float] = {"rad": math.radians(1.0), "rad/s": 0.1, "m": 0.02, "m/s": 0.1}
 # Starts in one batch: bounds memory and the wait between two advances of the progress bar.
 BATCH = 1000
-# Runs are looked at after these parts of the duration; those that have been decided end there.
-# Most that leave the region do so in the first look.
+# Parts of the duration after which runs are judged; those that are decided end there. Most that
+# leave the region do so in the first part.
 _LOOKS = (1 / 16, 1 / 4, 1.0)
 # To count as converged before the end, errors must be within this part of their tolerances.
 _EARLY = 0.25
 # Of the starts away from boundaries this part is confirmed, drawn at random.
 _RANDOM = 0.02
 # An implicit step evaluates the physics once, RK4 four times. On 256 starts of each map of the
-# pendulum both give the same outcome but for up to two on a boundary.
+# pendulum both give the same outcomes, but for up to two on a boundary.
 INTEGRATOR = "implicitfast"
 
 
@@ -81,11 +81,13 @@ class Outcome(Enum):
     DIVERGED = ("d", "diverged", BLACK)
 
     def __init__(self, letter: str, title: str, colour: str) -> None:
-        self.letter, self.title, self.colour = letter, title, colour
+        self.letter = letter
+        self.title = title
+        self.colour = colour
 
 
-# By the status of a run. No law of the package ends with an undefined input while its state is
-# bounded.
+# Outcomes by the status of a run. No law of the package ends with an undefined input while its
+# state is bounded.
 _ENDED_EARLY = {
     "undefined_law": Outcome.LEFT,
     "singular_plant": Outcome.SINGULAR,
@@ -95,16 +97,20 @@ _ENDED_EARLY = {
 
 
 def judge(status: Iterable[str], errors: Array, tolerance: ArrayLike) -> Letters:
-    """The outcomes of runs of a guarded law, as letters.
+    """Return the outcomes of runs of a guarded law, as letters.
 
     Args:
-        status: How each run ended, as of ``Outcomes``, (nsim,).
+        status: How each run ended, a status of ``Outcomes``, (nsim,).
         errors: Error states at the end, (nsim, errors).
         tolerance: Largest size of each error that counts as none, (errors,).
     """
     near = np.all(np.abs(errors) <= np.asarray(tolerance), axis=1)
-    ends = [Outcome.CONVERGED if x else Outcome.NOT_CONVERGED for x in near]
-    return np.array([_ENDED_EARLY.get(s, end).letter for s, end in zip(status, ends, strict=True)])
+    letters = []
+    for name, is_near in zip(status, near, strict=True):
+        at_end = Outcome.CONVERGED if is_near else Outcome.NOT_CONVERGED
+        outcome = _ENDED_EARLY.get(name, at_end)
+        letters.append(outcome.letter)
+    return np.array(letters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +118,7 @@ class RegionLoop:
     """A law on the physics of an experiment, stopped where it leaves the region of the laws.
 
     Attributes:
-        experiment: Its case, and how it is run.
+        experiment: Its case and settings.
         controller: The law, guarded; designed for the nominal plant.
         plant: The experiment's plant, or its equations, which take steps of RK4.
     """
@@ -123,9 +129,9 @@ class RegionLoop:
 
     @classmethod
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
-        """The loop of a named controller."""
-        law = experiment.law("physics", controller)
-        return cls(experiment, guarded(law, experiment.nominal.system), experiment.plant("physics"))
+        """Return the loop of a named controller."""
+        law = guarded(experiment.law("physics", controller), experiment.nominal.system)
+        return cls(experiment, law, experiment.plant("physics"))
 
     @property
     def system(self) -> System:
@@ -133,26 +139,27 @@ class RegionLoop:
         return self.experiment.nominal.system
 
     def run(self, starts: Array, duration: float) -> Outcomes:
-        """The runs from the starts (nsim, n)."""
+        """Return the runs from the starts (nsim, n)."""
         # The guard is around the law in its loop.
         case = replace(self.experiment.case, loop=None, duration=duration)
-        rows = [
-            Row(self.controller, case=replace(case, x0=tuple(start)), plant=self.plant)
-            for start in starts.tolist()
-        ]
+        rows = []
+        for start in starts.tolist():
+            row = Row(self.controller, case=replace(case, x0=tuple(start)), plant=self.plant)
+            rows.append(row)
         return run_rows(self.experiment, rows, ())
 
-    @cached_property
+    @property
     def sensitivity(self) -> Array:
         """C of the error state at the start, z = C x + c: 1, -1 or 0, (errors, n)."""
         n = len(self.system.states)
-        return (self.errors(0.0, np.eye(n)) - self.errors(0.0, np.zeros((1, n)))).T
+        at_origin = self.errors(0.0, np.zeros((1, n)))
+        return (self.errors(0.0, np.eye(n)) - at_origin).T
 
-    @cached_property
+    @property
     def equilibrium(self) -> Array:
-        """The state without error at t = 0; what the law does not regulate is zero there, (n,)."""
-        offset = self.errors(0.0, np.zeros((1, len(self.system.states))))[0]
-        return -np.linalg.pinv(self.sensitivity) @ offset
+        """State without error at t = 0; states that the law does not regulate are zero, (n,)."""
+        origin = np.zeros((1, len(self.system.states)))
+        return -np.linalg.pinv(self.sensitivity) @ self.errors(0.0, origin)[0]
 
     @property
     def regulated(self) -> list[int]:
@@ -161,17 +168,19 @@ class RegionLoop:
 
     @property
     def tolerances(self) -> dict[str, tuple[float, str]]:
-        """The largest size of each regulated error that counts as none: by state, with unit."""
-        states = [self.system.states[state] for state in self.regulated]
-        for state in states:
+        """Largest size of each regulated error that counts as none: by state, with unit."""
+        tolerances = {}
+        for index in self.regulated:
+            state = self.system.states[index]
             require_known("unit of an error with a tolerance", state.unit, TOLERANCES)
-        return {state.symbol: (TOLERANCES[state.unit], state.unit) for state in states}
+            tolerances[state.symbol] = (TOLERANCES[state.unit], state.unit)
+        return tolerances
 
     def errors(self, time: float, states: Array) -> Array:
-        """Error states at one time [s] of states (nsim, n); returns (nsim, errors).
+        """Return the error states (nsim, errors) of states (nsim, n) at one time [s].
 
         Raises:
-            ArgumentError: If the law regulates something that is no state.
+            ArgumentError: If the law regulates outputs that are no states.
         """
         error = self.controller.designed.error
         if error.outputs is not None:
@@ -183,7 +192,7 @@ class RegionLoop:
 
 
 def guarded(controller: Controller, system: System) -> Controller:
-    """The same controller, whose run ends at the first sample outside the region.
+    """Return the controller with runs that end at the first sample outside the region.
 
     The Jacobian LQR is defined everywhere and could swing the pole right round; its run ends
     where those of the linearizing laws do.
@@ -191,10 +200,13 @@ def guarded(controller: Controller, system: System) -> Controller:
     return replace(controller, law=_guarded_law(controller.law, system))
 
 
+# Cached since each law that is made here is compiled once.
 @cache
 def _guarded_law(law: Law, system: System) -> Law:
-    inner, linearizable = jitable(law), system.linearizable
+    inner = jitable(law)
+    linearizable = system.linearizable
 
+    # numba compiles the law with both functions as constants.
     def guarded_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         inner(t, x, memory, p, u)
         if not linearizable(x):
@@ -206,7 +218,7 @@ def _guarded_law(law: Law, system: System) -> Law:
 def outcomes(
     loop: RegionLoop, starts: Array, duration: float, looks: Sequence[float] = _LOOKS
 ) -> Letters:
-    """The outcome of each start (nsim, n), as letters.
+    """Return the outcome of each start (nsim, n), as letters.
 
     A run ends at a look if it has left the region, met a singularity or diverged. It also ends
     there as converged if it began beyond a tolerance and is well within all of them, unless a
@@ -215,21 +227,25 @@ def outcomes(
     Args:
         loop: The law on its plant.
         starts: Starts.
-        duration: Of a run that is not decided before [s].
-        looks: Parts of it after which to look, ending with 1.
+        duration: Duration of a run that is not decided before [s].
+        looks: Parts of it after which runs are judged, ending with 1.
     """
     tolerance = np.array([value for value, _ in loop.tolerances.values()])
     away = np.any(np.abs(loop.errors(0.0, starts)) > tolerance, axis=1)
-    early = away & (not loop.experiment.case.disturbances)
+    may_end_early = away & (not loop.experiment.case.disturbances)
+
     letters = np.full(len(starts), Outcome.NOT_CONVERGED.letter)
     for look in looks:
         undecided = np.flatnonzero(letters == Outcome.NOT_CONVERGED.letter)
         if not len(undecided):
             break
-        runs, last = loop.run(starts[undecided], look * duration), look == looks[-1]
+        last = look == looks[-1]
+        bound = tolerance if last else _EARLY * tolerance
+        runs = loop.run(starts[undecided], look * duration)
         errors = loop.errors(look * duration, runs["last"])
-        ends = judge(runs["status"], errors, tolerance if last else _EARLY * tolerance)
-        decided = (ends != Outcome.CONVERGED.letter) | last | early[undecided]
+        ends = judge(runs["status"], errors, bound)
+
+        decided = (ends != Outcome.CONVERGED.letter) | last | may_end_early[undecided]
         letters[undecided[decided]] = ends[decided]
     return letters
 
@@ -244,8 +260,8 @@ class Axis:
     Attributes:
         state: Index of the state.
         signal: The state's name, symbol and unit.
-        limit: Starts lie between minus this and this, in the state's unit.
-        direction: How the state moves with the axis: -1 for an error y_r - y.
+        limit: Largest start to both sides, in the state's unit.
+        direction: Change of the state along the axis: -1 for an error y_r - y.
         origin: Value of the state at zero of the axis.
         is_error: Whether zero of the axis is zero error of a regulated state.
     """
@@ -259,32 +275,41 @@ class Axis:
 
     @property
     def title(self) -> str:
-        """With symbol and unit; degrees for angles."""
-        name = f"error of {self.signal.name}" if self.is_error else self.signal.name
-        return f"start {name} {self.signal.symbol} [{shown(self.signal, 0.0)[1]}]"
+        """Title with symbol and unit; degrees for angles."""
+        name = self.signal.name
+        if self.is_error:
+            name = f"error of {name}"
+        _, unit = shown(self.signal, 0.0)
+        return f"start {name} {self.signal.symbol} [{unit}]"
 
     def cells(self, count: int) -> Array:
-        """Centres of equal cells from minus to plus the limit."""
+        """Return the centres of equal cells from minus to plus the limit, (count,)."""
         return self.limit * ((2 * np.arange(count) + 1) / count - 1)
 
 
 def shown(signal: Signal, value: float) -> tuple[float, str]:
-    """A value of a signal for people, and its unit: degrees for angles."""
-    return (math.degrees(value), "°") if signal.unit == "rad" else (value, signal.unit)
+    """Return a value of a signal for people, and its unit: degrees for angles."""
+    if signal.unit == "rad":
+        return math.degrees(value), "°"
+    return value, signal.unit
 
 
 def ascii_symbol(signal: Signal) -> str:
-    """The symbol as on the command line: θ̇ as theta_dot, q₁ as q1."""
-    words, dots = "", ""
+    """Return the symbol that the command line has: theta_dot for θ̇, q1 for q₁."""
+    symbol = ""
+    suffix = ""
     for character in unicodedata.normalize("NFD", signal.symbol):
         name = unicodedata.name(character)
         if name == "COMBINING DOT ABOVE":
-            dots = "_dot"
+            suffix = "_dot"
         elif character.isdigit():
-            words += str(unicodedata.digit(character))
+            symbol += str(unicodedata.digit(character))
+        elif character.isascii():
+            symbol += character
         else:
-            words += character if character.isascii() else name.split()[-1].lower()
-    return words + dots
+            # GREEK SMALL LETTER THETA
+            symbol += name.split()[-1].lower()
+    return symbol + suffix
 
 
 def choose_axes(
@@ -292,59 +317,79 @@ def choose_axes(
     names: tuple[str, str] | None = None,
     limits: tuple[float, float] | None = None,
 ) -> tuple[Axis, Axis]:
-    """Two axes: the named states, or the first regulated state and its rate.
+    """Return two axes: the named states, or the first regulated state and its rate.
 
     Args:
-        loop: Whose errors the axes are.
-        names: Two states by symbol, as ``theta`` and ``theta_dot``.
+        loop: Loop whose errors the axes measure.
+        names: Two states by symbol, such as ``theta`` and ``theta_dot``.
         limits: Largest start on each axis, in degrees or the state's unit; instead of ``LIMITS``.
 
     Raises:
         ArgumentError: If a state is unknown or named twice, or of a unit without a limit.
     """
-    system, keys = loop.system, [ascii_symbol(state) for state in loop.system.states]
-    for name in names or ():
-        require_known(f"state of {system.name}", name, dict.fromkeys(keys))
+    system = loop.system
+    symbols = [ascii_symbol(state) for state in system.states]
     first = loop.regulated[0]
-    chosen = [keys.index(x) for x in names] if names else [first, first + system.degrees_of_freedom]
-    if chosen[0] == chosen[1]:
+    second = first + system.degrees_of_freedom
+    if names is not None:
+        for name in names:
+            require_known(f"state of {system.name}", name, dict.fromkeys(symbols))
+        first = symbols.index(names[0])
+        second = symbols.index(names[1])
+
+    if first == second:
         raise ArgumentError(
-            f"axes {', '.join(keys[i] for i in chosen)} must be two different states of "
-            f"{system.name}: {', '.join(keys)}"
+            f"axes {symbols[first]}, {symbols[second]} must be two different states of "
+            f"{system.name}: {', '.join(symbols)}"
         )
-
-    def axis(state: int, limit: float | None) -> Axis:
-        signal, is_error = system.states[state], state in loop.regulated
-        if limit is None:
-            require_known(f"unit of an axis, of {keys[state]},", signal.unit, LIMITS)
-            limit = LIMITS[signal.unit]
-        elif signal.unit == "rad":
-            limit = math.radians(limit)
-        row = loop.sensitivity[loop.regulated.index(state)] if is_error else np.ones(state + 1)
-        return Axis(
-            state, signal, limit, float(row[state]), float(loop.equilibrium[state]), is_error
-        )
-
     across, up = limits or (None, None)
-    return axis(chosen[0], across), axis(chosen[1], up)
+    return _axis(loop, first, across), _axis(loop, second, up)
+
+
+def _axis(loop: RegionLoop, state: int, limit: float | None) -> Axis:
+    """The axis of a state, up to a limit in degrees or its unit; by default that of ``LIMITS``."""
+    signal = loop.system.states[state]
+    if limit is None:
+        require_known(f"unit of an axis, of {ascii_symbol(signal)},", signal.unit, LIMITS)
+        limit = LIMITS[signal.unit]
+    elif signal.unit == "rad":
+        limit = math.radians(limit)
+
+    is_error = state in loop.regulated
+    direction = 1.0
+    if is_error:
+        error = loop.regulated.index(state)
+        direction = float(loop.sensitivity[error, state])
+    origin = float(loop.equilibrium[state])
+    return Axis(state, signal, limit, direction, origin, is_error)
 
 
 def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
-    """States (nsim, n) at pairs of values on the axes, (nsim,) each; the rest at equilibrium.
+    """Return states (nsim, n) at pairs of values on the axes, else at the equilibrium.
+
+    Args:
+        loop: Loop whose equilibrium counts.
+        axes: The axes.
+        first: Values on the first axis, (nsim,).
+        second: Values on the second axis, (nsim,).
 
     Raises:
         ArgumentError: If one lies where the plant is singular or the laws are undefined.
     """
-    system, starts = loop.system, np.tile(loop.equilibrium, (len(first), 1))
+    system = loop.system
+    starts = np.tile(loop.equilibrium, (len(first), 1))
     for axis, values in zip(axes, (first, second), strict=True):
         starts[:, axis.state] += axis.direction * values
-    wrong = [x for x in starts if system.singular(x) or not system.linearizable(x)]
-    if wrong:
-        pairs = [(axis.signal, *shown(axis.signal, wrong[0][axis.state])) for axis in axes]
-        values = ", ".join(f"{signal.symbol} = {value:.4g} {unit}" for signal, value, unit in pairs)
+
+    outside = [x for x in starts if system.singular(x) or not system.linearizable(x)]
+    if outside:
+        words = []
+        for axis in axes:
+            value, unit = shown(axis.signal, outside[0][axis.state])
+            words.append(f"{axis.signal.symbol} = {value:.4g} {unit}")
         raise ArgumentError(
-            f"{len(wrong)} of {len(starts)} starts, as {values}, lie outside {system.region}, "
-            "where law and plant are defined: lower the limits of the axes"
+            f"{len(outside)} of {len(starts)} starts, as {', '.join(words)}, lie outside "
+            f"{system.region}, where law and plant are defined: lower the limits of the axes"
         )
     return starts
 
@@ -353,33 +398,40 @@ def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: A
 
 
 def confirmed_map(first: Letters, confirm: Callable[[Mask], Letters]) -> tuple[Letters, int]:
-    """Confirm every start beside another outcome, and some of the others.
+    """Confirm every start beside another outcome, and some of the other starts.
 
-    Of an outcome that MuJoCo overturns every neighbour is confirmed: one that the equations told
-    apart from it was beside another outcome before, any other one is beside another outcome now.
+    Around a start that MuJoCo overturns, every neighbour is confirmed too. A neighbour that had
+    another outcome by the equations was beside another outcome before; one that had the same is
+    beside another outcome now.
 
     Args:
         first: Outcomes by the equations, (rows, columns).
-        confirm: The outcomes in MuJoCo of some starts, in the order of the map.
+        confirm: Function that returns the outcomes in MuJoCo of some starts, in the map's order.
 
     Returns:
-        The outcomes, (rows, columns), and how many of them are MuJoCo's.
+        The outcomes, (rows, columns), and the number of those by MuJoCo.
     """
-    letters, confirmed = first.copy(), np.zeros(first.shape, bool)
+    letters = first.copy()
+    confirmed = np.zeros(first.shape, bool)
+    count = math.ceil(_RANDOM * first.size)
+    drawn = np.random.default_rng(0).permutation(first.size)[:count]
+
     chosen = beside_another(first)
-    drawn = np.random.default_rng(0).permutation(first.size)[: math.ceil(_RANDOM * first.size)]
     chosen.reshape(-1)[drawn] = True
-    while np.any(new := chosen & ~confirmed):
-        letters[new] = confirm(new)
-        confirmed |= new
-        chosen = beside_another(letters)
+    missing = chosen & ~confirmed
+    while np.any(missing):
+        letters[missing] = confirm(missing)
+        confirmed |= missing
+        missing = beside_another(letters) & ~confirmed
     return letters, int(confirmed.sum())
 
 
 def beside_another(letters: Letters) -> Mask:
-    """Which places have another letter among the eight around them."""
+    """Return which places have another letter among the eight around them, (rows, columns)."""
     codes = np.unique(letters, return_inverse=True)[1].reshape(letters.shape)
-    return maximum_filter(codes, 3, mode="nearest") != minimum_filter(codes, 3, mode="nearest")
+    largest = maximum_filter(codes, 3, mode="nearest")
+    smallest = minimum_filter(codes, 3, mode="nearest")
+    return largest != smallest
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,8 +442,8 @@ class RegionMap:
         case: The case of the plant.
         controller: Name of the law.
         grid: Letters of ``Outcome``, (second axis, first axis).
-        confirmed: Starts that MuJoCo judged, of all.
-        overturned: Those of them for which the equations gave another outcome.
+        confirmed: Number of starts that MuJoCo judged.
+        overturned: Number of those for which the equations gave another outcome.
     """
 
     case: Case
@@ -402,7 +454,7 @@ class RegionMap:
 
     @property
     def counts(self) -> dict[Outcome, int]:
-        """Starts with each outcome."""
+        """Number of starts with each outcome."""
         letters = Counter(self.grid.ravel().tolist())
         return {outcome: letters[outcome.letter] for outcome in Outcome}
 
@@ -413,7 +465,7 @@ class RegionMap:
 
     @property
     def rows(self) -> list[str]:
-        """A string for each value of the second axis, from the lowest."""
+        """One string for each value of the second axis, from the lowest."""
         return ["".join(row) for row in self.grid.tolist()]
 
 
@@ -424,10 +476,10 @@ class Region:
     Attributes:
         target: Name of the system; or an experiment, ``SYSTEM/CASE`` or the path of a case file.
         points: Starts along each axis.
-        duration: Of each run [s].
+        duration: Duration of each run [s].
         axes: Two states by symbol; None for the controlled position and its rate.
         limits: Largest start on each axis, in degrees or the state's unit; None for the default.
-        controllers: Laws by name; none for those that validate runs.
+        controllers: Names of laws; none for those that ``validate`` runs.
 
     Raises:
         ModelError: If the system is unknown.
@@ -442,7 +494,7 @@ class Region:
     controllers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Lay out the starts at once, so that a mistake is told before the first run."""
+        """Lay out the starts at once, to refuse a mistake before the first run."""
         physics = self.experiments[1].plant("physics")
         try:
             for start in self.starts:
@@ -450,17 +502,15 @@ class Region:
         except ArgumentError as error:
             raise ArgumentError(f"{error}, or lower the limits of the axes") from error
 
+    # Cached: each of these is asked for many times, and reads files, designs laws or runs a check.
     @cached_property
     def experiments(self) -> list[Experiment]:
-        """With the nominal plant, and with the perturbed one."""
+        """The experiment with the nominal plant, and with the perturbed one."""
         perturbed = _perturbed(self.target, self.duration).with_settings(integrator=INTEGRATOR)
-        calm = {"name": "nominal", "title": "nothing is changed", "edits": (), "disturbances": ()}
-        return [perturbed.varied(**calm), perturbed]
-
-    @property
-    def system(self) -> System:
-        """Whose starts they are."""
-        return self.experiments[1].nominal.system
+        nominal = perturbed.varied(
+            name="nominal", title="nothing is changed", edits=(), disturbances=()
+        )
+        return [nominal, perturbed]
 
     @cached_property
     def loops(self) -> list[RegionLoop]:
@@ -469,38 +519,52 @@ class Region:
         return [RegionLoop.of(experiment, law) for experiment in self.experiments for law in laws]
 
     @cached_property
+    def starts(self) -> Array:
+        """The starts of a map row by row, (nsim, n)."""
+        across, up = self.plane
+        first, second = np.meshgrid(across.cells(self.points), up.cells(self.points))
+        return starts_on(self.loops[0], self.plane, first.ravel(), second.ravel())
+
+    @cached_property
+    def why_not(self) -> dict[str, str]:
+        """Reason for making no map of a case on equations, by its name; empty where they are."""
+        reasons = {}
+        for experiment in self.experiments:
+            reasons[experiment.case.name] = model_mismatch(experiment.plant("physics"))
+        return reasons
+
+    @property
+    def system(self) -> System:
+        """System of the starts."""
+        return self.experiments[1].nominal.system
+
+    @property
     def plane(self) -> tuple[Axis, Axis]:
         """The two axes."""
         return choose_axes(self.loops[0], self.axes, self.limits)
 
-    @cached_property
-    def starts(self) -> Array:
-        """The starts of a map row by row, (nsim, n)."""
-        first, second = np.meshgrid(*(axis.cells(self.points) for axis in self.plane))
-        return starts_on(self.loops[0], self.plane, first.ravel(), second.ravel())
-
     @property
     def batches(self) -> int:
-        """Batches of all maps, for a progress bar."""
+        """Number of batches of all maps, for a progress bar."""
         return len(self.loops) * math.ceil(len(self.starts) / BATCH)
-
-    @cached_property
-    def why_not(self) -> dict[str, str]:
-        """Why no map of a case is made on equations, by its name; empty where they are."""
-        return {x.case.name: model_mismatch(x.plant("physics")) for x in self.experiments}
 
     def maps(self, advance: Callable[[str], object] = lambda _: None) -> Iterator[RegionMap]:
         """Compute the maps, one by one; ``advance`` is called after each batch."""
-        for physics in self.loops:
-            case, law, loop = physics.experiment.case, physics.controller.name, physics
-            if screened := not self.why_not[case.name]:
-                loop = replace(physics, plant=physics.plant.analytic())
-            letters = self._outcomes(loop, self.starts, partial(advance, f"{case.name}/{law}"))
-            grid = first = letters.reshape(self.points, -1)
-            confirmed = grid.size
-            if screened:
-                grid, confirmed = confirmed_map(first, partial(self._some_outcomes, physics))
-            yield RegionMap(case, law, grid, confirmed, int((grid != first).sum()))
+        for loop in self.loops:
+            case = loop.experiment.case
+            law = loop.controller.name
+            advance_batch = partial(advance, f"{case.name}/{law}")
+            if self.why_not[case.name]:
+                grid = self._outcomes(loop, self.starts, advance_batch)
+                yield RegionMap(case, law, grid.reshape(self.points, -1), grid.size)
+                continue
+
+            on_equations = replace(loop, plant=loop.plant.analytic())
+            letters = self._outcomes(on_equations, self.starts, advance_batch)
+            first = letters.reshape(self.points, -1)
+            grid, confirmed = confirmed_map(first, partial(self._some_outcomes, loop))
+            overturned = int((grid != first).sum())
+            yield RegionMap(case, law, grid, confirmed, overturned)
 
     def _some_outcomes(self, loop: RegionLoop, chosen: Mask) -> Letters:
         """The outcomes of some starts of a map."""
@@ -512,7 +576,8 @@ class Region:
         """The outcome of each start, a batch at a time."""
         parts = []
         for first in range(0, len(starts), BATCH):
-            parts.append(outcomes(loop, starts[first : first + BATCH], self.duration))
+            batch = starts[first : first + BATCH]
+            parts.append(outcomes(loop, batch, self.duration))
             advance()
         return np.concatenate(parts)
 
@@ -530,73 +595,91 @@ def _perturbed(target: str, duration: float) -> Experiment:
         ArgumentError: If it is unknown, does not run in MuJoCo, or nothing differs from the
             nominal plant.
     """
-    known = find_experiments(target)
-    if len(known) > 1:
-        return next(experiment for experiment in known if _is_edited(experiment))
-    (experiment,) = known
+    experiments = find_experiments(target)
+    if len(experiments) > 1:
+        return next(experiment for experiment in experiments if _is_edited(experiment))
+
+    (experiment,) = experiments
     case = experiment.case
     if "physics" not in experiment.nominal.names:
         raise ArgumentError(f"{target}: it does not run in MuJoCo, where maps are made")
     if not case.edits and case.onset >= duration:
-        why = f"disturbed from {case.onset:g} s on" if case.disturbances else "not changed"
-        others = find_experiments(case.system) if experiment.nominal.shipped else []
-        names = ", ".join(x.case.name for x in others if _is_edited(x)) or "one with an edit"
+        why = "not changed"
+        if case.disturbances:
+            why = f"disturbed from {case.onset:g} s on"
         raise ArgumentError(
             f"{case.name} of {case.system} is the nominal plant, {why}, and a run takes "
-            f"{duration:g} s: take {names}"
+            f"{duration:g} s: take {_edited_cases(experiment) or 'one with an edit'}"
         )
     return experiment
+
+
+def _edited_cases(experiment: Experiment) -> str:
+    """Names of the cases of an experiment's system that edit the plant."""
+    if not experiment.nominal.shipped:
+        return ""
+    experiments = find_experiments(experiment.case.system)
+    return ", ".join(edited.case.name for edited in experiments if _is_edited(edited))
 
 
 # The answer: table, charts, figure, document
 
 
 def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
-    """A row a map, from the fewest starts that converge on, with what its words mean."""
+    """Return the table of the maps, from the fewest starts that converge on, with its legend."""
+    failures = [outcome for outcome in Outcome if outcome is not Outcome.CONVERGED]
     rows = []
     for law_map in sorted(maps, key=lambda law_map: law_map.converged):
-        _, *others = law_map.counts.values()
-        name = (law_map.case.name, law_map.controller)
-        rows.append([*name, f"{law_map.converged:.1f}", *map(str, others)])
-    titles = ("\n".join(outcome.title.rsplit(" ", 1)) for outcome in list(Outcome)[1:])
-    columns = [*words("plant", "law"), *numbers("converged\n%", *titles)]
+        counts = [str(law_map.counts[outcome]) for outcome in failures]
+        converged = f"{law_map.converged:.1f}"
+        rows.append([law_map.case.name, law_map.controller, converged, *counts])
+
+    headers = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in failures]
+    columns = [*words("plant", "law"), *numbers("converged\n%", *headers)]
     title = f"{region.system.title}: outcomes of the starts"
     return table(title, columns, rows, legend=_legend(region, maps))
 
 
 def _legend(region: Region, maps: Sequence[RegionMap]) -> str:
-    """Which engine judged the starts, and what the words of the table mean."""
-    starts, confirmed = (sum(x.grid.size for x in maps), sum(x.confirmed for x in maps))
-    bounds = sorted(
-        {
-            f"|error of {symbol}| <= {value:.3g} {unit}"
-            for loop in region.loops
-            for symbol, (value, unit) in loop.tolerances.items()
-        }
-    )
-    judged = (
-        f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
-        f"MuJoCo, all beside another outcome among them; it overturned "
-        f"{sum(x.overturned for x in maps)}. "
-    )
-    return (judged if confirmed < starts else "") + (
-        f"converged: {' and '.join(bounds)} after {region.duration:g} s; left the "
+    """Which engine judged the starts, and the meaning of the table's words."""
+    bounds = set()
+    for loop in region.loops:
+        for symbol, (value, unit) in loop.tolerances.items():
+            bounds.add(f"|error of {symbol}| <= {value:.3g} {unit}")
+    meaning = (
+        f"converged: {' and '.join(sorted(bounds))} after {region.duration:g} s; left the "
         f"region: a sample of the law not in the region ({region.system.region})."
+    )
+
+    starts = sum(law_map.grid.size for law_map in maps)
+    confirmed = sum(law_map.confirmed for law_map in maps)
+    overturned = sum(law_map.overturned for law_map in maps)
+    if confirmed == starts:
+        return meaning
+    return (
+        f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
+        f"MuJoCo, all beside another outcome among them; it overturned {overturned}. {meaning}"
     )
 
 
 def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
-    """A row for each plant, a map for each law."""
-    across, up = ((axis.title, shown(axis.signal, axis.limit)[0]) for axis in region.plane)
-    letters = [Letter(letter=x.letter, name=x.title, colour=x.colour) for x in Outcome]
+    """Return a row of charts for each plant, a map for each law."""
+    first, second = region.plane
+    across = (first.title, shown(first.signal, first.limit)[0])
+    up = (second.title, shown(second.signal, second.limit)[0])
+    legend = [Letter(letter=x.letter, name=x.title, colour=x.colour) for x in Outcome]
 
-    def chart(law_map: RegionMap) -> GridChart:
+    rows: dict[str, list[GridChart]] = {}
+    for law_map in maps:
         law = f"{label_of(law_map.controller)}, {law_map.case.name}"
-        name = f"{law}: {law_map.converged:.1f} % converge"
-        return GridChart(name=name, axes=(across, up), grid=law_map.rows, legend=letters)
-
-    cases = dict.fromkeys(law_map.case.name for law_map in maps)
-    return [[chart(x) for x in maps if x.case.name == case] for case in cases]
+        chart = GridChart(
+            name=f"{law}: {law_map.converged:.1f} % converge",
+            axes=(across, up),
+            grid=law_map.rows,
+            legend=legend,
+        )
+        rows.setdefault(law_map.case.name, []).append(chart)
+    return list(rows.values())
 
 
 def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> Path:
@@ -612,70 +695,100 @@ def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -
 def region_document(
     region: Region, maps: Sequence[RegionMap], *, complete: bool = True
 ) -> dict[str, Any]:
-    """The content of region_SYSTEM.json; ``complete`` if it has every map."""
-    settings, system = region.experiments[1].settings, region.system
-    keys = ("case", "title", "source", "edits", "disturbances")
-    documents = [case_document(experiment.case) for experiment in region.experiments]
-    shares = {}
-    for law in dict.fromkeys(law_map.controller for law_map in maps):
-        least = min((x for x in maps if x.controller == law), key=lambda x: x.converged)
-        part = f"{number(least.converged)} % of the starts in {least.case.name}"
-        shares[law] = "every start" if least.converged == 100 else part
-    answer = "; ".join(f"{law} converges from {share}" for law, share in shares.items())
+    """Return the content of region_SYSTEM.json; ``complete`` if it has every map."""
+    system = region.system
+    sheet = Sheet(
+        table=region_table(region, maps),
+        charts=[chart for row in charts(region, maps) for chart in row],
+    )
     return result(
         "region",
-        {
-            "duration": {"value": region.duration, "unit": "s"},
-            "points": region.points,
-            "control_period": settings.control_period,
-            "timestep": settings.timestep,
-            "integrator": settings.integrator,
-            "region": system.region,
-            "axes": [
-                {
-                    "state": ascii_symbol(axis.signal),
-                    "unit": axis.signal.unit,
-                    "measures": "error" if axis.is_error else "state",
-                    "limit": axis.limit,
-                    "direction": axis.direction,
-                    "origin": axis.origin,
-                }
-                for axis in region.plane
-            ],
-            "cases": [{key: content[key] for key in keys} for content in documents],
-        },
-        answers=[
-            Answer(
-                question=f"Region of {system.name}",
-                verdict=MEASURED if complete else OPEN,
-                words=answer if complete else f"{answer}, so far",
-                more=f"the worst of {', '.join(dict.fromkeys(x.case.name for x in maps))}",
-            )
-        ],
-        sheets=[
-            Sheet(
-                table=region_table(region, maps),
-                charts=[chart for row in charts(region, maps) for chart in row],
-            )
-        ],
-        values=[
-            Value(
-                name=f"{system.name}/{x.case.name} {x.controller}: starts that converge",
-                value=x.converged, unit="%", better=1, relative=0.1,
-            )
-            for x in maps
-        ],
+        _configuration(region),
+        answers=[_answer(region, maps, complete=complete)],
+        sheets=[sheet],
+        values=_values(system, maps),
         system=system.name,
         complete=complete,
-        maps=[
-            {
-                "case": x.case.name,
-                "controller": x.controller,
-                "counts": {outcome.title: count for outcome, count in x.counts.items()},
-                "judged_in_mujoco": x.confirmed,
-                "overturned": x.overturned,
-                "grid": x.rows,
-            }
-            for x in maps
-        ],
-    )  # fmt: skip
+        maps=[_map_document(law_map) for law_map in maps],
+    )
+
+
+def _configuration(region: Region) -> dict[str, Any]:
+    settings = region.experiments[1].settings
+    keys = ("case", "title", "source", "edits", "disturbances")
+    cases = []
+    for experiment in region.experiments:
+        document = case_document(experiment.case)
+        cases.append({key: document[key] for key in keys})
+    return {
+        "duration": {"value": region.duration, "unit": "s"},
+        "points": region.points,
+        "control_period": settings.control_period,
+        "timestep": settings.timestep,
+        "integrator": settings.integrator,
+        "region": region.system.region,
+        "axes": [_axis_document(axis) for axis in region.plane],
+        "cases": cases,
+    }
+
+
+def _axis_document(axis: Axis) -> dict[str, Any]:
+    return {
+        "state": ascii_symbol(axis.signal),
+        "unit": axis.signal.unit,
+        "measures": "error" if axis.is_error else "state",
+        "limit": axis.limit,
+        "direction": axis.direction,
+        "origin": axis.origin,
+    }
+
+
+def _answer(region: Region, maps: Sequence[RegionMap], *, complete: bool) -> Answer:
+    """The share of the starts from which each law converges, on its worst plant."""
+    by_law: dict[str, list[RegionMap]] = {}
+    for law_map in maps:
+        by_law.setdefault(law_map.controller, []).append(law_map)
+
+    shares = []
+    for law, maps_of_law in by_law.items():
+        least = min(maps_of_law, key=lambda law_map: law_map.converged)
+        share = f"{number(least.converged)} % of the starts in {least.case.name}"
+        if least.converged == 100:
+            share = "every start"
+        shares.append(f"{law} converges from {share}")
+
+    verdict = MEASURED
+    words = "; ".join(shares)
+    if not complete:
+        verdict = OPEN
+        words += ", so far"
+    plants = dict.fromkeys(law_map.case.name for law_map in maps)
+    return Answer(
+        question=f"Region of {region.system.name}",
+        verdict=verdict,
+        words=words,
+        more=f"the worst of {', '.join(plants)}",
+    )
+
+
+def _values(system: System, maps: Sequence[RegionMap]) -> Iterator[Value]:
+    for law_map in maps:
+        name = f"{system.name}/{law_map.case.name} {law_map.controller}"
+        yield Value(
+            name=f"{name}: starts that converge",
+            value=law_map.converged,
+            unit="%",
+            better=1,
+            relative=0.1,
+        )
+
+
+def _map_document(law_map: RegionMap) -> dict[str, Any]:
+    return {
+        "case": law_map.case.name,
+        "controller": law_map.controller,
+        "counts": {outcome.title: count for outcome, count in law_map.counts.items()},
+        "judged_in_mujoco": law_map.confirmed,
+        "overturned": law_map.overturned,
+        "grid": law_map.rows,
+    }

@@ -1,4 +1,4 @@
-"""Rivals of GROSMC beside it; ``docs/rivals.md`` has the rule that their numbers come from."""
+"""GROSMC and its rivals compared; ``docs/rivals.md`` has the rule for the rivals' numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.tables import markdown_table, number, numbers, words
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
-# The remaining error is the largest of so long an end [s].
+# The remaining error is the largest in the last part of a run [s].
 _END = 1.0
 
 
@@ -48,27 +48,32 @@ class Rival(NamedTuple):
 
 
 def rivals(system: str) -> list[Rival]:
-    """Every law of the rivals' case of one of ``SYSTEMS``, in the order of its file."""
+    """Return every law of the rivals' case of one of ``SYSTEMS``, in the order of its file."""
     experiment = Experiment.load(f"rivals/{system}")
     return [compared(experiment.run(law=law)) for law in experiment.controllers]
 
 
 def compared(run: RunResult) -> Rival:
-    """The numbers of a run; its outputs have one unit, and its inputs one."""
-    trajectory, law = run.trajectory, run.controller
+    """Return the numbers of a run; its outputs have one unit, and its inputs one."""
+    trajectory = run.trajectory
+    law = run.controller
     z = law.coordinates.along(trajectory.time, trajectory.state, law.parameters)
-    e = np.linalg.norm(z[:, list(law.coordinates.output_rows)], axis=1)
-    last = e[trajectory.time >= trajectory.time[-1] - _END]
+    error = np.linalg.norm(z[:, list(law.coordinates.output_rows)], axis=1)
+    last = error[trajectory.time >= trajectory.time[-1] - _END]
+    remaining = float(last.max())
+    if run.ended:
+        remaining = math.inf
+
     u = trajectory.input.reshape(len(trajectory.input), -1)
-    moved = np.linalg.norm(np.diff(u, axis=0), axis=1).sum()
+    variation = np.linalg.norm(np.diff(u, axis=0), axis=1).sum()
     return Rival(
         system=run.case.name,
         law=law.name,
         settling=_metric(run, "settling_time"),
         deviation=_metric(run, "deviation"),
-        remaining=math.inf if run.ended else float(last.max()),
+        remaining=remaining,
         peak=_metric(run, "max_input"),
-        variation=float(moved / trajectory.time[-1]),
+        variation=float(variation / trajectory.time[-1]),
         kept=all(judgement.kept for judgement in run.requirements),
         output_unit=law.coordinates.output_units[0],
         input_unit=law.designed.error.system.inputs[0].unit,
@@ -76,32 +81,38 @@ def compared(run: RunResult) -> Rival:
 
 
 def _metric(run: RunResult, name: str) -> float:
-    """A metric's value; infinite where it has none."""
+    """A metric's value; infinite if it has none."""
     value = run.metrics[name].value
-    return math.inf if value is None else float(value)
+    if value is None:
+        return math.inf
+    return float(value)
 
 
 def rivals_table(rows: Iterable[Rival]) -> str:
-    """The table of ``docs/rivals.md``, in Markdown."""
-    cells = []
-    for row in rows:
-        y, u = row.output_unit, row.input_unit
-        cells.append(
-            [
-                row.system,
-                row.law,
-                f"{number(row.settling)} s" if math.isfinite(row.settling) else "not reached",
-                f"{number(row.deviation)} {y}",
-                f"{number(row.remaining)} {y}" if math.isfinite(row.remaining) else "ended early",
-                f"{number(row.peak)} {u}",
-                f"{number(row.variation)} {u}/s",
-                "yes" if row.kept else "no",
-            ]
-        )
+    """Return the table of ``docs/rivals.md``, in Markdown."""
     columns = [
         *words("system", "law"),
-        *numbers(
-            "settled", "max |y − y\\*|", "left at the end", "max |u|", "variation of u", "kept"
-        ),
-    ]  # fmt: skip
-    return "\n".join(markdown_table(columns, cells))
+        *numbers("settled", "max |y − y\\*|", "left at the end"),
+        *numbers("max |u|", "variation of u", "kept"),
+    ]
+    return "\n".join(markdown_table(columns, [_cells(row) for row in rows]))
+
+
+def _cells(row: Rival) -> list[str]:
+    """The row of one law."""
+    settled = "not reached"
+    if math.isfinite(row.settling):
+        settled = f"{number(row.settling)} s"
+    remaining = "ended early"
+    if math.isfinite(row.remaining):
+        remaining = f"{number(row.remaining)} {row.output_unit}"
+    return [
+        row.system,
+        row.law,
+        settled,
+        f"{number(row.deviation)} {row.output_unit}",
+        remaining,
+        f"{number(row.peak)} {row.input_unit}",
+        f"{number(row.variation)} {row.input_unit}/s",
+        "yes" if row.kept else "no",
+    ]

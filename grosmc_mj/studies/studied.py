@@ -17,11 +17,11 @@ from grosmc_mj.experiments.requirements import Limit, judgeable, limits, require
 from grosmc_mj.loop import Loop
 
 UNDER_LOAD = "under load"
-# Laws that GROSMC is compared with, in the variants of a case file; studied on request.
+# Laws that GROSMC is compared with; studied on request.
 _RIVALS = ("lqi", "pid", "adrc", "adaptive")
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")
-# Switching laws with their surfaces; those of them that are studied with prediction, too.
+# Switching laws, each with its surface.
 _SWITCHED = (
     ("sign", "printed"),
     ("boundary-layer", "discrete"),
@@ -30,12 +30,23 @@ _SWITCHED = (
     ("super-twisting", "discrete"),
     ("adaptive", "discrete"),
 )
+# Switching laws that are studied with prediction, too.
 _PREDICTED = ("implicit", "implicit-estimate", "super-twisting")
+# Requirements of a law with a surface, and their values for a law without one.
 _OF_SURFACE = {"sliding_below": None, "no_reaching_phase": False}
+# Requirements that a study judges.
 _REQUIRED = (
-    "settles_within", "overshoot_below", "stays_within", "rms_below", "final_error_below",
-    "deviation_below", "input_below", "cart_travel_below", "cost_ratio_below", *_OF_SURFACE,
-)  # fmt: skip
+    "settles_within",
+    "overshoot_below",
+    "stays_within",
+    "rms_below",
+    "final_error_below",
+    "deviation_below",
+    "input_below",
+    "cart_travel_below",
+    "cost_ratio_below",
+    *_OF_SURFACE,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +54,11 @@ class StudiedLaw:
     """A law that is studied.
 
     Attributes:
-        name: For people: that of the file, or the switching law's.
-        controller: Without a loop.
+        name: Name for people: the file's, or the switching law's.
+        controller: The law without a loop.
         predict: Whether it predicts over the delay of its loop.
         base: Name of the law in the case file.
-        sampled: How it is sampled, as settings of an experiment.
+        sampled: Switching law and surface, as settings of an experiment.
         rival: Whether GROSMC is compared with it and the case does not run it.
     """
 
@@ -65,8 +76,8 @@ class Condition:
 
     Attributes:
         name: ``nominal``, ``under load``, or a case of the system.
-        title: For people.
-        experiment: With its edits and disturbances, without a loop.
+        title: Title for people.
+        experiment: Experiment with the edits and disturbances, without a loop.
     """
 
     name: str
@@ -75,46 +86,58 @@ class Condition:
 
 
 def case_for(target: str, name: str) -> Experiment:
-    """The case of a target that a study is about: of a system the named one, else its first.
+    """Return the case of a target that a study is about: of a system the named one, or its first.
 
     Raises:
         ArgumentError: If there is no such target, or it requires nothing.
     """
     cases = find_experiments(target)
-    experiment = next((case for case in cases if case.case.name == name), cases[0])
+    experiment = _named(cases, name) or cases[0]
     if not experiment.file.requirement:
         raise ArgumentError(f"{experiment.path}: nothing is required: give it a [[requirement]]")
     return experiment
 
 
 def of_system(experiment: Experiment, case: str) -> Experiment | None:
-    """A case of the system that an experiment is of; None if it has none."""
+    """Return a case of the system of an experiment; None if it has none of that name."""
     if not experiment.nominal.shipped:
         return None
-    cases = find_experiments(experiment.nominal.system.name)
-    return next((other for other in cases if other.case.name == case), None)
+    return _named(find_experiments(experiment.nominal.system.name), case)
+
+
+def _named(cases: Sequence[Experiment], name: str) -> Experiment | None:
+    for experiment in cases:
+        if experiment.case.name == name:
+            return experiment
+    return None
 
 
 def conditions_of(experiment: Experiment) -> list[Condition]:
-    """The nominal plant without disturbances, then the target's own loads or its system's."""
-    case, nominal = experiment.case, experiment.nominal
+    """Return the conditions of a study.
+
+    The nominal plant without disturbances comes first, then the experiment's own edits and
+    disturbances or, if it has none, those of its system's cases.
+    """
+    case = experiment.case
+    nominal = experiment.nominal
     calm = replace(experiment, nominal=replace(nominal, scales=()))
-    first = Condition("nominal", "the nominal plant", calm.varied(edits=(), disturbances=()))
+    calm = calm.varied(edits=(), disturbances=())
+    conditions = [Condition("nominal", "the nominal plant", calm)]
     if case.edits or case.disturbances or nominal.scales:
-        return [first, Condition(UNDER_LOAD, case.title, experiment)]
-    loads = [other.case for name in _LOADED if (other := of_system(experiment, name))]
-    return [first] + [
-        Condition(
-            load.name,
-            load.title,
-            experiment.varied(
+        conditions.append(Condition(UNDER_LOAD, case.title, experiment))
+        return conditions
+
+    for name in _LOADED:
+        loaded = of_system(experiment, name)
+        if loaded is not None:
+            load = loaded.case
+            under_load = experiment.varied(
                 edits=load.edits,
                 disturbances=load.disturbances,
                 duration=max(case.duration, load.duration),
-            ),
-        )
-        for load in loads
-    ]
+            )
+            conditions.append(Condition(load.name, load.title, under_load))
+    return conditions
 
 
 def limits_in(
@@ -123,30 +146,40 @@ def limits_in(
     condition: Condition,
     plants: Sequence[PlantName],
 ) -> tuple[Limit, ...]:
-    """Limits of some requirements for a law, whichever laws they name, that a run can judge."""
-    case, controller = condition.experiment.case, law.controller
-    changes = {"of": None, "on": None, **({} if controller.designed.sliding_unit else _OF_SURFACE)}
-    own = [table.model_copy(update=changes) for table in tables]
-    every = [
-        limit
-        for table in own
-        if any(getattr(table, name) for name in _REQUIRED)
-        for limit in limits(table, [controller], plants, case.duration)
-    ]
+    """Return the limits of a law that a run can judge, whichever laws the requirements name.
+
+    Args:
+        tables: The requirements.
+        law: The law.
+        condition: Plant and loads.
+        plants: Plants of the runs.
+    """
+    case = condition.experiment.case
+    controller = law.controller
+    changes = {"of": None, "on": None}
+    if not controller.designed.sliding_unit:
+        changes |= _OF_SURFACE
+
+    limits_of_law: list[Limit] = []
+    for requirement in tables:
+        table = requirement.model_copy(update=changes)
+        if any(getattr(table, name) for name in _REQUIRED):
+            limits_of_law += limits(table, [controller], plants, case.duration)
+
     onsets = [(push.window[0], push.window[0]) for push in case.disturbances]
-    judged, _notes = judgeable(every, transient(case.duration, onsets))
+    judged, _notes = judgeable(limits_of_law, transient(case.duration, onsets))
     return required(judged, {controller.name})
 
 
 def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
-    """The limits that a run in a loop can be judged by.
+    """Return the limits that a run in a loop can be judged by.
 
     The input limit is judged only with the actuators of the built loop. An input beyond their range
     that an ideal actuator gives does not fail the task.
 
     Args:
-        limits: All of a law.
-        loop: Of the run.
+        limits: All limits of a law.
+        loop: Loop of the run.
         built: The whole loop that the run's is a part of; None if there is none.
     """
     if built is None or _ranges(loop) == _ranges(built):
@@ -155,50 +188,66 @@ def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tup
 
 
 def _ranges(loop: Loop) -> dict[str, float]:
-    """The actuators of a loop that have a range, with it."""
+    """The limits of a loop's actuators that have one, by input."""
     return {part.of: part.limit for part in loop.actuators if math.isfinite(part.limit)}
 
 
 def laws_of(experiment: Experiment) -> list[StudiedLaw]:
-    """The file's laws that do not switch, and its law that does with every switching law.
+    """Return the file's laws that do not switch, and its law that does with every switching law.
 
     Laws that the system's other cases share with it may not fit its task; they are left out.
 
     Raises:
         ArgumentError: If a law that the case runs cannot be designed.
     """
-    file, plant = experiment.file, experiment.nominal.truest
     studied: list[StudiedLaw] = []
     switching: list[str] = []
-    seen: list[dict[str, object]] = []
-    for name in dict.fromkeys([*file.laws, *experiment.controllers]):
-        table = file.law(name).model_dump(exclude={"name", "predict", "switching", "surface"})
-        if table in seen:
-            continue
-        seen.append(table)
+    for name, table in _distinct(experiment).items():
         try:
-            design = (controller := experiment.law(plant, name)).design
+            controller = experiment.law(experiment.nominal.truest, name)
         except GrosmcError:
             if name in experiment.controllers:
                 raise
             continue
-        if design is not None and design.switching:
+
+        if controller.design is None:
+            continue
+        if controller.design.switching:
             switching.append(name)
-        elif design is not None:
+        else:
             kind = str(table["law"]).removeprefix("linear-")
             rival = kind in _RIVALS and name not in experiment.controllers
             studied.append(StudiedLaw(name, controller, base=name, rival=rival))
+
     if switching:
         base = "grosmc" if "grosmc" in switching else switching[0]
         studied += _switched(experiment, base, {law.name for law in studied})
     return studied
 
 
-def _switched(experiment: Experiment, base: str, taken: set[str]) -> list[StudiedLaw]:
-    """A law with every switching law that fits its surface, without and with prediction."""
+def _distinct(experiment: Experiment) -> dict[str, dict[str, object]]:
+    """The tables of the file's laws by name; laws that differ in their sampling count once."""
+    tables: dict[str, dict[str, object]] = {}
+    for name in [*experiment.file.laws, *experiment.controllers]:
+        law = experiment.file.law(name)
+        table = law.model_dump(exclude={"name", "predict", "switching", "surface"})
+        if table not in tables.values():
+            tables[name] = table
+    return tables
+
+
+def _switched(experiment: Experiment, base: str, names: set[str]) -> list[StudiedLaw]:
+    """A law with every switching law that fits its surface, without and with prediction.
+
+    Args:
+        experiment: The experiment.
+        base: Name of the law.
+        names: Names that other laws have.
+    """
+    variants = [(False, switching, surface) for switching, surface in _SWITCHED]
+    variants += [(True, *variant) for variant in _SWITCHED if variant[0] in _PREDICTED]
+
     laws = []
-    variants = [(False, *law) for law in _SWITCHED]
-    variants += [(True, *law) for law in _SWITCHED if law[0] in _PREDICTED]
     for predict, switching, surface in variants:
         sampled = {"switching": switching, "surface": surface}
         try:
@@ -206,8 +255,12 @@ def _switched(experiment: Experiment, base: str, taken: set[str]) -> list[Studie
         except GrosmcError:
             # Not every switching law fits every surface, such as one of several inputs.
             continue
-        name = f"{base} {switching}" if switching in taken else switching
-        name += ", predicted" if predict else ""
+
+        name = switching
+        if switching in names:
+            name = f"{base} {switching}"
+        if predict:
+            name += ", predicted"
         laws.append(StudiedLaw(name, law, predict, base, sampled))
     return laws
 
@@ -215,24 +268,26 @@ def _switched(experiment: Experiment, base: str, taken: set[str]) -> list[Studie
 def chosen_laws(
     experiment: Experiment, names: Sequence[str] = (), *, rivals: bool = False
 ) -> list[StudiedLaw]:
-    """The laws of these names, any law of the file among them; without names those of ``laws_of``.
+    """Return the laws of these names, any law of the file among them; by default ``laws_of``.
 
     Args:
-        experiment: The target's, without a loop.
-        names: Of laws.
-        rivals: Whether all includes the rivals.
+        experiment: Experiment of the target, without a loop.
+        names: Names of laws.
+        rivals: Whether the default includes the rivals.
 
     Raises:
-        ArgumentError: If there is none of one of them.
+        ArgumentError: If there is no law of one of the names.
     """
-    laws, file = laws_of(experiment), experiment.file
+    laws = laws_of(experiment)
     if not names:
         return [law for law in laws if rivals or not law.rival]
-    known, own = {law.name: law for law in laws}, [*file.laws, *experiment.controllers]
+
+    by_name = {law.name: law for law in laws}
+    valid = dict.fromkeys([*by_name, *experiment.file.laws, *experiment.controllers])
     for name in names:
-        require_known("law", name, dict.fromkeys([*known, *own]))
-        if name not in known:
+        require_known("law", name, valid)
+        if name not in by_name:
             controller = experiment.law(experiment.nominal.truest, name)
-            predict = bool(file.law(name).predict)
-            known[name] = StudiedLaw(name, controller, predict, base=name)
-    return [known[name] for name in dict.fromkeys(names)]
+            predict = bool(experiment.file.law(name).predict)
+            by_name[name] = StudiedLaw(name, controller, predict, base=name)
+    return [by_name[name] for name in dict.fromkeys(names)]

@@ -1,4 +1,4 @@
-"""How much of each imperfection of its loop each law stands: equations search, MuJoCo confirms."""
+"""Largest imperfections of its loop that each law stands: equations search, MuJoCo confirms."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from grosmc_mj.studies.studied import (
     of_system,
 )
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
-from grosmc_mj.sweep.runs import MARGIN, Row, run_rows
+from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.search import Search
 
 # The case of a system whose loop is that of equipment that one can buy.
@@ -62,18 +62,21 @@ BENCH = "bench"
 # Name of all imperfections at once, in the bench's proportions.
 ALL = "all"
 # The grid: factors on an amount, each twice the one before.
-LEAST, MOST = 2.0**-4, 2.0**10
+LEAST = 2.0**-4
+MOST = 2.0**10
 # Factors up to this many times the largest that is kept are tried.
 BEYOND = 2.0**5
-# Between the largest that is kept and the smallest that fails.
+# Ratio of the smallest factor that fails to the largest that is kept, at which a search ends.
 RESOLUTION = 2.0**0.125
 # More of these is less of an imperfection.
 _LIMITS = ("limit", "rate_limit")
-# Times are below this [s], and so many samples come through at least.
-_LONGEST, _MISSED = 1.0, 0.99
+# Times are below this [s].
+_LONGEST = 1.0
+# Largest share of samples that are missed.
+_MISSED = 0.99
 # Amounts that are shown are about so many times the bench's, but for limits.
 _TYPICAL = 100.0
-# Of the answers that the equations are sure of, this part is confirmed all the same.
+# Share of the answers that are confirmed at random, though the equations are sure of them.
 _RANDOM = 0.1
 LEGEND = (
     "The largest amount up to which all is kept, of the first part. no: not kept without it; "
@@ -81,8 +84,10 @@ LEGEND = (
     "!: MuJoCo differs from the equations, and counts."
 )
 NOTE = f"{LEGEND} Green: more than the bench has; red: less."
-# Letters in a line of a header, and octaves of a chart's colours.
-_LETTERS, _OCTAVES = 12, 6.0
+# Letters in a line of a header.
+_LETTERS = 12
+# Range of a chart's colours, to both sides of the bench's amount [octaves].
+_OCTAVES = 6.0
 
 
 # The design: imperfections, conditions, laws
@@ -93,9 +98,9 @@ class Amount(NamedTuple):
 
     Attributes:
         kind: ``computing``, ``sensor`` or ``actuator``; ``run`` for the control period.
-        of: The state or input that it is of; empty for the computer and the control period.
-        quantity: Which number.
-        value: What the bench has, in ``unit``.
+        of: State or input of the part; empty for the computer and the control period.
+        quantity: Name of the number.
+        value: Value on the bench, in ``unit``.
         unit: Its unit.
         most: The factor on it at which a physical bound is reached.
     """
@@ -108,10 +113,12 @@ class Amount(NamedTuple):
     most: float
 
     def scaled(self, factor: float) -> float:
-        """The amount for a factor, within its bound; 0 for the ideal."""
-        if self.quantity in _LIMITS:
-            return self.value / factor if factor > 0 else math.inf
-        return self.value * min(factor, self.most)
+        """Return the amount for a factor, within its bound; the ideal for 0."""
+        if self.quantity not in _LIMITS:
+            return self.value * min(factor, self.most)
+        if factor > 0:
+            return self.value / factor
+        return math.inf
 
 
 @dataclass(frozen=True)
@@ -119,11 +126,11 @@ class Imperfection:
     """Part of a loop that a factor scales, all else ideal.
 
     Attributes:
-        name: For people.
-        base: The loop without it.
-        full: The loop with what is there or not, but without what the factor scales.
-        amounts: What the factor scales; none for what is there or not.
-        timestep: Of the physics; times are whole multiples of it [s].
+        name: Name for people.
+        base: The loop without the imperfection.
+        full: The loop with it, for every factor above 0, before the amounts are scaled.
+        amounts: Numbers that the factor scales; none for an imperfection without a size.
+        timestep: Timestep of the physics; times are whole multiples of it [s].
     """
 
     name: str
@@ -134,7 +141,7 @@ class Imperfection:
 
     @property
     def single(self) -> bool:
-        """Whether there is more or less of it, and it is not all of them at once."""
+        """Whether it has a size, and is not all of them at once."""
         return bool(self.amounts) and self.name != ALL
 
     @property
@@ -149,47 +156,61 @@ class Imperfection:
 
     @property
     def most(self) -> float:
-        """The factor where it ends; of all at once each ends where it must."""
-        return min([MOST, *(x.most for x in self.amounts if self.single)])
+        """Largest factor; of all at once each amount ends at its own bound."""
+        if not self.single:
+            return MOST
+        return min(MOST, *(amount.most for amount in self.amounts))
 
     def control_period(self, factor: float) -> float | None:
         """Control period [s] of runs with this factor; None for that of the target."""
         return None
 
     def at(self, factor: float) -> Loop:
-        """The loop with this factor on what the bench has, its times on the timestep's grid."""
+        """Return the loop with this factor on the bench's amounts, times on the timestep's grid."""
         loop = self.full if factor > 0 else self.base
         for amount in self.amounts:
-            loop = loop.changed(amount.kind, amount.of, **{amount.quantity: amount.scaled(factor)})
+            scaled = {amount.quantity: amount.scaled(factor)}
+            loop = loop.changed(amount.kind, amount.of, **scaled)
         return loop.rounded(self.timestep)
 
     def amount(self, factor: float) -> float:
-        """The first amount for a factor as it is run, in its unit; the factor if it has none."""
+        """Return the first amount for a factor as it is run, in its unit; else the factor."""
         if not self.single:
             return factor
         first = self.amounts[0]
         value = first.scaled(factor)
-        return (
-            time_as_run(first.quantity, value, self.timestep) if first.quantity in TIMES else value
-        )
+        if first.quantity in TIMES:
+            return time_as_run(first.quantity, value, self.timestep)
+        return value
 
     @property
     def unit(self) -> tuple[str, float]:
         """The unit in which amounts are shown, and the factor to it; empty for none."""
+        if not self.amounts:
+            return "", 1.0
         if not self.single:
-            return ("times the bench" if self.amounts else ""), 1.0
+            return "times the bench", 1.0
+
         first = self.amounts[0]
-        typical = abs(first.value) * (1.0 if self.limits else _TYPICAL)
-        return prefixed(first.unit, typical) if first.unit else ("%", 100.0)
+        if not first.unit:
+            return "%", 100.0
+        typical = abs(first.value)
+        if not self.limits:
+            typical *= _TYPICAL
+        return prefixed(first.unit, typical)
 
     @property
     def heading(self) -> str:
         """Name and unit."""
-        return f"{self.name} [{self.unit[0]}]" if self.unit[0] else self.name
+        unit, _ = self.unit
+        if not unit:
+            return self.name
+        return f"{self.name} [{unit}]"
 
     def text(self, factor: float) -> str:
-        """The amount for a factor, in the unit that is shown."""
-        return number(self.amount(factor) * self.unit[1])
+        """Return the amount for a factor, in the unit that is shown."""
+        _, scale = self.unit
+        return number(self.amount(factor) * scale)
 
 
 @dataclass(frozen=True)
@@ -214,7 +235,9 @@ class LongerPeriod(Imperfection):
 
     def control_period(self, factor: float) -> float | None:
         """Control period [s] of runs with this factor; None for that of the target."""
-        return None if factor <= self.least else self.amount(factor)
+        if factor <= self.least:
+            return None
+        return self.amount(factor)
 
 
 def imperfections(
@@ -225,61 +248,76 @@ def imperfections(
     *,
     longer_period: bool = False,
 ) -> list[Imperfection]:
-    """Each number of a bench's loop alone, rates that are estimated, and everything.
+    """Return each number of a bench's loop alone, rates that are estimated, and everything.
 
     Args:
         bench: The loop whose numbers are the units.
-        system: Whose.
-        timestep: [s].
-        control_period: [s].
+        system: System of the loop.
+        timestep: Timestep of the physics [s].
+        control_period: Control period of the target [s].
         longer_period: Whether a longer control period is one of them.
     """
     everything = list(_amounts(bench, system, timestep, control_period))
+    groups: dict[str, list[Amount]] = {}
+    # The bench's loop with ideal numbers: only its rates are estimated.
     estimated = bench
-    groups: dict[tuple[str, str], list[Amount]] = {}
     for amount in everything:
         ideal_number = {amount.quantity: amount.scaled(0.0)}
         estimated = estimated.changed(amount.kind, amount.of, **ideal_number)
-        groups.setdefault((amount.kind, amount.quantity), []).append(amount)
+        title = f"{amount.kind} {amount.quantity}".replace("_", " ")
+        groups.setdefault(title, []).append(amount)
     ideal = replace(estimated, estimators=())
-    titles = {key: " ".join(key).replace("_", " ") for key in groups}
-    single = [
-        Imperfection(titles[key], ideal, ideal, tuple(amounts), timestep)
-        for key, amounts in groups.items()
+
+    kinds = [
+        Imperfection(title, ideal, ideal, tuple(amounts), timestep)
+        for title, amounts in groups.items()
     ]
     if longer_period:
         most = (_LONGEST - timestep) / control_period
         period = Amount("run", "", "control_period", control_period, "s", most)
-        single.append(LongerPeriod("control period", ideal, ideal, (period,), timestep))
-    every = Imperfection(ALL, estimated, estimated, tuple(everything), timestep)
-    if not bench.estimators:
-        return [*single, every]
-    name = "estimated rates"
-    rates = [Imperfection(name, ideal, estimated, (), timestep)] + [
-        Imperfection(f"{titles[key]}, {name}", estimated, estimated, tuple(amounts), timestep)
-        for key, amounts in groups.items()
-        if key in (("sensor", "resolution"), ("sensor", "noise"))
-    ]
-    return [*single, *rates, every]
+        kinds.append(LongerPeriod("control period", ideal, ideal, (period,), timestep))
+
+    if bench.estimators:
+        rates = "estimated rates"
+        kinds.append(Imperfection(rates, ideal, estimated, (), timestep))
+        for title, amounts in groups.items():
+            if title in ("sensor resolution", "sensor noise"):
+                name = f"{title}, {rates}"
+                kind = Imperfection(name, estimated, estimated, tuple(amounts), timestep)
+                kinds.append(kind)
+    kinds.append(Imperfection(ALL, estimated, estimated, tuple(everything), timestep))
+    return kinds
 
 
 def _amounts(
     bench: Loop, system: System, timestep: float, control_period: float
 ) -> Iterator[Amount]:
-    """Every number of a bench that is an imperfection, with its physical bound."""
+    """Yield every number of a bench that is an imperfection, with its physical bound."""
     for kind, part in bench.parts:
         if kind == "estimator":
             continue
         of: Any = getattr(part, "of", "")
         for item in fields(part):
-            value: Any = getattr(part, item.name)
+            quantity = item.name
             # A sensor's scale is 1 where it is ideal, and has no more or less.
-            known = item.name in LOOP_UNITS[kind] and item.name != "scale"
-            if known and value != 0 and math.isfinite(value):
-                unit = unit_of(kind, of, item.name, system)
-                most = _LONGEST - timestep if unit == "s" else math.inf
-                most = {"missed": _MISSED, "jitter": control_period - timestep}.get(item.name, most)
-                yield Amount(kind, of, item.name, value, unit, most / abs(value))
+            if quantity not in LOOP_UNITS[kind] or quantity == "scale":
+                continue
+            value: Any = getattr(part, quantity)
+            if value != 0 and math.isfinite(value):
+                unit = unit_of(kind, of, quantity, system)
+                bound = _bound(quantity, unit, timestep, control_period)
+                yield Amount(kind, of, quantity, value, unit, bound / abs(value))
+
+
+def _bound(quantity: str, unit: str, timestep: float, control_period: float) -> float:
+    """The largest value that a number of a loop can have."""
+    if quantity == "missed":
+        return _MISSED
+    if quantity == "jitter":
+        return control_period - timestep
+    if unit == "s":
+        return _LONGEST - timestep
+    return math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,12 +325,12 @@ class Setting:
     """A target, ready to be studied.
 
     Attributes:
-        experiment: The target's.
+        experiment: Experiment of the target, without a loop.
         bench: The loop whose numbers are the units.
-        bench_of: Whose it is.
+        bench_of: SYSTEM/CASE of the bench.
         laws: The laws.
-        imperfections: Of the loop.
-        conditions: The nominal one first.
+        imperfections: Imperfections of the loop.
+        conditions: Plants and loads, the nominal one first.
         named: The target on the command line.
     """
 
@@ -305,8 +343,8 @@ class Setting:
     named: str
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For another process: the target, to be read there."""
-        longer_period = any(isinstance(x, LongerPeriod) for x in self.imperfections)
+        """Another process reads the target anew."""
+        longer_period = any(isinstance(kind, LongerPeriod) for kind in self.imperfections)
         read = partial(setting, longer_period=longer_period)
         return read, (self.named, [law.name for law in self.laws])
 
@@ -317,38 +355,41 @@ class Setting:
 
     @property
     def plants(self) -> list[PlantName]:
-        """The equations, if there are any, and physics, if there is."""
+        """The equations, if the target has any, and physics, if it has it."""
         return [name for name in self.experiment.nominal.names if name != "printed"]
 
     def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Limit, ...]:
-        """Limits that a law must keep, whichever laws the file names."""
+        """Return the limits that a law must keep, whichever laws the file names."""
         return limits_in(self.experiment.file.requirement, law, condition, self.plants)
 
 
 def setting(
     target: str, chosen: Sequence[str] = (), *, rivals: bool = False, longer_period: bool = False
 ) -> Setting:
-    """A target with its bench, conditions and laws.
+    """Return a target with its bench, conditions and laws.
 
     Args:
         target: A system, which means its bench, ``SYSTEM/CASE``, or the path of a case file.
         chosen: Names of laws; all by default.
-        rivals: Whether all includes the rivals.
+        rivals: Whether the default includes the rivals.
         longer_period: Whether a longer control period is one of the imperfections.
 
     Raises:
         ArgumentError: If there is no such target or law, no loop, or nothing is required.
     """
     experiment = case_for(target, BENCH)
-    owner = experiment if experiment.case.loop else of_system(experiment, BENCH)
+    owner: Experiment | None = experiment
+    if not experiment.case.loop:
+        owner = of_system(experiment, BENCH)
     if owner is None or owner.case.loop is None:
         raise ArgumentError(
             f"{experiment.path}: there is no loop to take the amounts of imperfections from: give "
             "the file a [computing], a [[sensor]] or an [[actuator]]"
         )
+
     timestep = min(experiment.settings.timestep, owner.settings.timestep)
     bare = experiment.varied(loop=None).with_settings(timestep=timestep)
-    found = imperfections(
+    kinds = imperfections(
         owner.case.loop,
         bare.nominal.system,
         timestep,
@@ -360,7 +401,7 @@ def setting(
         bench=owner.case.loop,
         bench_of=f"{owner.case.system}/{owner.case.name}",
         laws=chosen_laws(bare, chosen, rivals=rivals),
-        imperfections=found,
+        imperfections=kinds,
         conditions=conditions_of(bare),
         named=target,
     )
@@ -371,19 +412,19 @@ def setting(
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How much of an imperfection a law stands under a condition; amounts are factors on the bench.
+    """Tolerance of a law to an imperfection under a condition, in factors on the bench's amounts.
 
     Attributes:
         law: Name of the law.
         imperfection: The imperfection.
         condition: Name of the condition.
-        kept_ideally: Whether all is kept without any of it.
-        largest_kept: Up to where all that was tried is kept; 0 if only none of it is.
-        smallest_failed: The smallest that fails; None if none that was tried does.
-        kept_again: Where all is kept again beyond that, from where to where.
-        breaks: The requirement that fails there, or how that run ended; empty if none does.
-        physics_agrees: Whether MuJoCo says the same at both ends; None where it was not run.
-        impossible: Why there can be no such loop; empty if there can.
+        kept_ideally: Whether all requirements are kept without the imperfection.
+        largest_kept: Largest factor up to which all are kept; 0 if they are only without it.
+        smallest_failed: Smallest factor at which one fails; None if none that was tried fails.
+        kept_again: Ranges beyond that in which all are kept again.
+        breaks: The requirement that fails there, or how that run ended; empty if none fails.
+        physics_agrees: Whether MuJoCo gives the same at both ends; None where it was not run.
+        impossible: Why such a loop cannot exist; empty if it can.
     """
 
     law: str
@@ -399,10 +440,12 @@ class Tolerance:
 
     @property
     def weakness(self) -> float:
-        """By which tolerances are compared: the factor that fails, infinite if none does."""
+        """The smallest factor that fails, by which tolerances are compared; infinite if none."""
         if not self.kept_ideally or self.impossible:
             return 0.0
-        return math.inf if self.smallest_failed is None else self.smallest_failed
+        if self.smallest_failed is None:
+            return math.inf
+        return self.smallest_failed
 
     @property
     def none(self) -> bool:
@@ -417,37 +460,54 @@ class Tolerance:
     @property
     def cell(self) -> str:
         """The tolerance in a cell of a table, without its unit."""
+        cell = self._largest
+        if self.kept_again:
+            cell += "*"
+        if self.physics_agrees is False:
+            cell += "!"
+        return cell
+
+    @property
+    def _largest(self) -> str:
         kind = self.imperfection
         if self.impossible:
-            shown = "-"
-        elif not kind.amounts:
-            shown = "yes" if self.kept_ideally and self.smallest_failed is None else "no"
-        elif not self.kept_ideally:
-            shown = "no"
-        elif self.none:
-            shown = "none"
-        else:
-            endless = ("≤ " if kind.limits else "≥ ") if self.smallest_failed is None else ""
-            shown = endless + kind.text(self.largest_kept)
-        return shown + "*" * bool(self.kept_again) + "!" * (self.physics_agrees is False)
+            return "-"
+        if not kind.amounts:
+            return "yes" if self.kept_ideally and self.smallest_failed is None else "no"
+        if not self.kept_ideally:
+            return "no"
+        if self.none:
+            return "none"
+
+        amount = kind.text(self.largest_kept)
+        if self.smallest_failed is not None:
+            return amount
+        return f"≤ {amount}" if kind.limits else f"≥ {amount}"
 
     def amount_text(self, factor: float) -> str:
-        """The amount for a factor with its unit; of all at once the factor."""
+        """Return the amount for a factor with its unit; of all at once the factor."""
         return f"{self.imperfection.text(factor)} {self.imperfection.unit[0]}"
 
     def document(self) -> dict[str, Any]:
-        """It as plain values, factors with their amounts."""
-
-        def level(factor: float) -> dict[str, float]:
-            return {"factor": factor, "shown": self.imperfection.amount(factor)}
-
-        failed = self.smallest_failed
-        return {name: value for name, value in vars(self).items() if name != "imperfection"} | {
+        """Return it as plain values, factors with their amounts."""
+        smallest_failed = None
+        if self.smallest_failed is not None:
+            smallest_failed = self._level(self.smallest_failed)
+        return {
+            "law": self.law,
+            "condition": self.condition,
+            "kept_ideally": self.kept_ideally,
+            "largest_kept": self._level(self.largest_kept),
+            "smallest_failed": smallest_failed,
+            "kept_again": [[self._level(low), self._level(high)] for low, high in self.kept_again],
+            "breaks": self.breaks,
+            "physics_agrees": self.physics_agrees,
+            "impossible": self.impossible,
             "imperfection": self.imperfection.name,
-            "largest_kept": level(self.largest_kept),
-            "smallest_failed": None if failed is None else level(failed),
-            "kept_again": [[level(low), level(high)] for low, high in self.kept_again],
         }
+
+    def _level(self, factor: float) -> dict[str, float]:
+        return {"factor": factor, "shown": self.imperfection.amount(factor)}
 
 
 class Trial(NamedTuple):
@@ -456,7 +516,7 @@ class Trial(NamedTuple):
     Attributes:
         condition: Plant and loads.
         loop: The loop.
-        control_period: [s]; None for that of the target.
+        control_period: Control period [s]; None for that of the target.
     """
 
     condition: Condition
@@ -468,11 +528,11 @@ class TrialResult(NamedTuple):
     """Result of a run.
 
     Attributes:
-        kept: Whether it keeps everything.
-        margin: The least margin in parts of its limit; -inf for a run that ended early.
-        worst: The requirement that it is of, or how the run ended.
+        kept: Whether it keeps all requirements.
+        margin: The least margin over its limit; -inf for a run that ended early.
+        worst: The requirement with the least margin, or how the run ended.
         number: Number of the run; it sets the random draws.
-        impossible: Why there can be no such run; empty if there can.
+        impossible: Why such a run cannot exist; empty if it can.
     """
 
     kept: bool
@@ -489,10 +549,10 @@ class Trials:
     Attributes:
         law: The law.
         plant: ``corrected`` or ``physics``.
-        limits: What it must keep under each condition.
+        limits: Limits that it must keep, by condition.
         built: The whole loop that the trials' loops are parts of.
         seeds: Runs of a loop in which something is random.
-        threads: 0 for all cores.
+        threads: Threads of the runs; 0 for all cores.
         known: Results by trial and number of the run.
     """
 
@@ -505,7 +565,7 @@ class Trials:
     known: dict[tuple[Trial, int], TrialResult] = field(default_factory=dict)
 
     def results(self, runs: Sequence[tuple[Trial, int]]) -> list[TrialResult]:
-        """Results of runs, by trial and number.
+        """Return results of runs, each a trial and a number.
 
         Runs under one condition with one control period run together.
         """
@@ -519,12 +579,19 @@ class Trials:
         return [self.known[run] for run in runs]
 
     def worst(self, trials: Sequence[Trial]) -> list[TrialResult]:
-        """The worst result of all runs of each trial."""
+        """Return the worst result of all runs of each trial."""
         first = self.results([(trial, 0) for trial in trials])
-        kept = [t for t, outcome in zip(trials, first, strict=True) if outcome.kept]
-        self.results([(t, i) for t in kept if t.loop.random for i in range(1, self.seeds)])
-        runs = ([self.known.get((trial, i)) for i in range(self.seeds)] for trial in trials)
-        return [min((r for r in own if r), key=lambda r: (r.kept, r.margin)) for own in runs]
+        runs: list[tuple[Trial, int]] = []
+        for trial, result_of_first in zip(trials, first, strict=True):
+            if result_of_first.kept and trial.loop.random:
+                runs += [(trial, i) for i in range(1, self.seeds)]
+        self.results(runs)
+        return [self._worst(trial) for trial in trials]
+
+    def _worst(self, trial: Trial) -> TrialResult:
+        """The worst result of the runs of a trial that have been made."""
+        results = [self.known[trial, i] for i in range(self.seeds) if (trial, i) in self.known]
+        return min(results, key=lambda result: (result.kept, result.margin))
 
     def _run(
         self,
@@ -536,49 +603,54 @@ class Trials:
         experiment = condition.experiment
         law: str | Controller = self.law.controller
         if control_period is not None:
-            # The law by its name: it is sampled, and its discrete surface designed, once more.
+            # By its name the law, and its discrete surface, are designed for this period.
             experiment = experiment.with_settings(control_period=control_period, **self.law.sampled)
             law = self.law.base
 
         limits = self.limits[condition]
         plant = experiment.plant(self.plant)
-        rows = [
-            Row(
-                law,
-                case=replace(experiment.case, loop=trial.loop),
-                number=i,
-                plant=plant,
-                predict=self.law.predict,
-            )
-            for trial, i in runs
-        ]
+        rows: list[Row] = []
+        for trial, i in runs:
+            case = replace(experiment.case, loop=trial.loop)
+            row = Row(law, case=case, number=i, plant=plant, predict=self.law.predict)
+            rows.append(row)
         outcomes = run_rows(
             experiment, rows, limits, self.plant, keep_impossible=True, threads=self.threads
         )
-        for row, (trial, i) in enumerate(runs):
+
+        for index, (trial, i) in enumerate(runs):
             judged = judgeable_in(limits, trial.loop, self.built)
-            shares = [(float(outcomes[MARGIN + x.key][row] / x.value), x.key) for x in judged]
-            margin, worst = min(shares, default=(1.0, ""))
-            outcome = TrialResult(margin >= 0, margin, worst, i)
-            if why := outcomes.impossible.get(row):
-                outcome = TrialResult(False, -math.inf, "", i, why)
-            elif not outcomes.completed[row]:
-                outcome = TrialResult(False, -math.inf, outcomes["status"][row], i)
-            self.known[trial, i] = outcome
+            self.known[trial, i] = _judged(outcomes, index, judged, i)
+
+
+def _judged(outcomes: Outcomes, row: int, limits: Sequence[Limit], number: int) -> TrialResult:
+    """The result of a row of outcomes, judged by these limits."""
+    impossible = outcomes.impossible.get(row)
+    if impossible:
+        return TrialResult(False, -math.inf, "", number, impossible)
+    if not outcomes.completed[row]:
+        return TrialResult(False, -math.inf, outcomes["status"][row], number)
+
+    margins: list[tuple[float, str]] = []
+    for limit in limits:
+        margin = float(outcomes[MARGIN + limit.key][row] / limit.value)
+        margins.append((margin, limit.key))
+    margin, worst = min(margins, default=(1.0, ""))
+    return TrialResult(margin >= 0, margin, worst, number)
 
 
 def geometric_mean(low: float, high: float) -> float:
-    """The middle of two factors."""
+    """Return the middle of two factors."""
     return math.sqrt(low * high)
 
 
 def resolved(low: float, high: float) -> bool:
-    """Whether two factors are as near as is wanted."""
+    """Whether two factors are near enough to end a search."""
     return high / low <= RESOLUTION * (1 + 1e-9)
 
 
-class Question(Search):
-    """One tolerance that is searched."""
+class ToleranceSearch(Search):
+    """Search for the tolerance of a law to one imperfection under one condition."""
 
     def __init__(self, imperfection: Imperfection, condition: Condition) -> None:
         super().__init__(
@@ -588,12 +660,14 @@ class Question(Search):
             least=imperfection.least,
             same=self.trial,
         )
-        self.imperfection, self.condition = imperfection, condition
+        self.imperfection = imperfection
+        self.condition = condition
         self.results: dict[float, TrialResult] = {}
+        # Factors of which all random runs have been made.
         self.sure: set[float] = set()
 
     def trial(self, factor: float) -> Trial:
-        """The trial of a factor."""
+        """Return the trial of a factor."""
         loop = self.imperfection.at(factor)
         return Trial(self.condition, loop, self.imperfection.control_period(factor))
 
@@ -610,38 +684,46 @@ class Question(Search):
 
     @property
     def weakness(self) -> tuple[bool, float]:
-        """By which the least is chosen; a condition that is not kept ideally comes last."""
+        """Key of the least search; a condition that is not kept ideally comes last."""
         return self.fails_without, self.largest or 0.0
 
     @property
     def impossible(self) -> str:
-        """Why there can be no such loop, with any amount; empty if there can."""
+        """Why such a loop cannot exist, with any amount; empty if it can."""
         reasons = [result.impossible for factor, result in self.results.items() if factor > 0]
-        return reasons[0] if reasons and all(reasons) else ""
+        if reasons and all(reasons):
+            return reasons[0]
+        return ""
 
     @property
     def ends(self) -> list[float]:
-        """The largest factor that is kept, 0 if need be, and the smallest that fails."""
-        failed = None if self.impossible else self.failed
-        return [self.largest or 0.0, *([] if failed is None else [failed])]
+        """The largest factor that is kept, 0 if none is, and the smallest that fails."""
+        ends = [self.largest or 0.0]
+        if self.failed is not None and not self.impossible:
+            ends.append(self.failed)
+        return ends
 
     def next_factors(self, *, local: bool) -> list[float]:
-        """Factors to be tried now, from where the search is or on the grid."""
+        """Return the factors to be tried now, near those that were tried or on the grid."""
         if self.fails_without:
             return []
         if not self.imperfection.amounts:
             return [] if self.known else [1.0]
-        return self.factors() if local else self.on_grid(BEYOND)
+        if local:
+            return self.factors()
+        return self.on_grid(BEYOND)
 
     def unsure(self) -> list[float]:
-        """The largest factor that is kept, if it is known from the first random run alone."""
+        """Return the largest factor that is kept, if it is known from the first run alone."""
         largest = self.largest
         if largest is None or largest in self.sure:
             return []
-        return [largest] if self.imperfection.at(largest).random else []
+        if not self.imperfection.at(largest).random:
+            return []
+        return [largest]
 
     def tolerance(self, law: str, agrees: bool | None) -> Tolerance:
-        """The answer for a law."""
+        """Return the answer for a law."""
         first = self.results[0.0]
         end = self.results.get(self.failed or 0.0, first)
         return Tolerance(
@@ -664,21 +746,22 @@ def tolerances_of_laws(
     executor: Executor,
     notice: Notice = lambda _: None,
 ) -> Iterator[tuple[int, list[Tolerance]]]:
-    """The tolerances of each law, by its number; several laws at once, in the order they finish.
+    """Yield the tolerances of each law, by its number, in the order in which laws finish.
 
     Args:
         studied: The target.
-        seeds: As for ``tolerances``.
-        executor: Where laws are studied; a process reads the target again.
+        seeds: Runs of a loop in which something is random.
+        executor: Executor of the processes; each reads the target again.
         notice: Called if a worker died and was replaced.
     """
-    work = partial(tolerances, studied, seeds=seeds, threads=executor.threads_per_worker)
-    with closing(executor.run(work, range(len(studied.laws)), notice)) as answers:
-        yield from ((answer.index, answer.report) for answer in answers)
+    study_law = partial(tolerances, studied, seeds=seeds, threads=executor.threads_per_worker)
+    with closing(executor.run(study_law, range(len(studied.laws)), notice)) as answers:
+        for answer in answers:
+            yield answer.index, answer.report
 
 
 def tolerances(studied: Setting, index: int, seeds: int, threads: int = 0) -> list[Tolerance]:
-    """How much of each imperfection a law stands under each condition.
+    """Return the tolerances of a law to each imperfection under each condition.
 
     MuJoCo runs at both ends of those answers of the equations that matter: of the least one over
     the conditions for each imperfection those next to a limit, the least of all, and some at
@@ -688,217 +771,261 @@ def tolerances(studied: Setting, index: int, seeds: int, threads: int = 0) -> li
         studied: The target.
         index: Number of one of its laws.
         seeds: Runs of a loop in which something is random.
-        threads: For its runs; 0 for all cores.
+        threads: Threads of its runs; 0 for all cores.
     """
     law = studied.laws[index]
     limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
     equations, *physics = (
         Trials(law, plant, limits, studied.bench, seeds, threads) for plant in studied.plants
     )
-    questions = [
-        Question(imperfection, condition)
+    searches = [
+        ToleranceSearch(imperfection, condition)
         for imperfection in studied.imperfections
         for condition in studied.conditions
     ]
-    _answer(questions, equations)
-    agreed: dict[Question, bool] = {}
+    _answer(searches, equations)
+
+    agreed: dict[ToleranceSearch, bool] = {}
     if physics:
-        least = [
-            min((q for q in questions if q.imperfection is x), key=lambda q: q.weakness)
-            for x in studied.imperfections
-        ]
-        failing = [question for question in questions if question.fails_without]
-        agreed = _screened(list(dict.fromkeys([*least, *failing])), physics[0])
-    return [question.tolerance(law.name, agreed.get(question)) for question in questions]
+        chosen: list[ToleranceSearch] = []
+        for imperfection in studied.imperfections:
+            conditions = [search for search in searches if search.imperfection is imperfection]
+            chosen.append(min(conditions, key=lambda search: search.weakness))
+        chosen += [search for search in searches if search.fails_without]
+        agreed = _screened(list(dict.fromkeys(chosen)), physics[0])
+    return [search.tolerance(law.name, agreed.get(search)) for search in searches]
 
 
-def _answer(questions: Sequence[Question], trials: Trials, *, local: bool = False) -> None:
-    """Search until every question is answered, all of a round in one batch.
+def _answer(searches: Sequence[ToleranceSearch], trials: Trials, *, local: bool = False) -> None:
+    """Run every search to its end, all runs of a round in one batch.
 
     Where something is random, the first run looks for the amount, and all of them must keep it.
     """
-    missing = [question for question in questions if 0.0 not in question.results]
-    bases = trials.worst([question.trial(0.0) for question in missing])
-    for question, outcome in zip(missing, bases, strict=True):
-        question.note(0.0, outcome)
+    unknown = [search for search in searches if 0.0 not in search.results]
+    ideal = trials.worst([search.trial(0.0) for search in unknown])
+    for search, outcome in zip(unknown, ideal, strict=True):
+        search.note(0.0, outcome)
+
     while True:
-        tried = [(q, factor) for q in questions for factor in q.next_factors(local=local)]
-        sure = not tried
-        if sure:
-            tried = [(q, factor) for q in questions for factor in q.unsure()]
-        if not tried:
+        tried = [(search, x) for search in searches for x in search.next_factors(local=local)]
+        if tried:
+            outcomes = trials.results([(search.trial(factor), 0) for search, factor in tried])
+            for (search, factor), outcome in zip(tried, outcomes, strict=True):
+                search.note(factor, outcome)
+            continue
+
+        unsure = [(search, factor) for search in searches for factor in search.unsure()]
+        if not unsure:
             return
-        chosen = [question.trial(factor) for question, factor in tried]
-        results = trials.worst(chosen) if sure else trials.results([(x, 0) for x in chosen])
-        for (question, factor), outcome in zip(tried, results, strict=True):
-            question.note(factor, outcome)
-            if sure:
-                question.sure.add(factor)
+        outcomes = trials.worst([search.trial(factor) for search, factor in unsure])
+        for (search, factor), outcome in zip(unsure, outcomes, strict=True):
+            search.note(factor, outcome)
+            search.sure.add(factor)
 
 
-def _screened(questions: Sequence[Question], physics: Trials) -> dict[Question, bool]:
-    """As ``_confirmed``, of the least, of some at random and of all that are next to a limit.
+def _screened(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[ToleranceSearch, bool]:
+    """Confirm the least, some at random and all that are next to a limit, as ``_confirmed`` does.
 
-    That is as near as the equations have been wrong, with a factor. Where MuJoCo differs once, it
-    confirms all.
+    Next to a limit is as near as the equations have been wrong, with a factor. If MuJoCo differs
+    once, it confirms all.
     """
-    chance = np.random.default_rng(len(questions)).random(len(questions)) < _RANDOM
-    chosen = [question for question, drawn in zip(questions, chance, strict=True) if drawn]
-    chosen.append(min(questions, key=lambda question: question.weakness))
-    agreed: dict[Question, bool] = {}
+    chance = np.random.default_rng(len(searches)).random(len(searches)) < _RANDOM
+    chosen = [search for search, drawn in zip(searches, chance, strict=True) if drawn]
+    chosen.append(min(searches, key=lambda search: search.weakness))
+
+    agreed: dict[ToleranceSearch, bool] = {}
     band = LEAST_BAND
     while chosen:
-        ours = {(q, end): q.results[end] for q in chosen for end in q.ends}
+        # Noted first: the results of a search that MuJoCo answers otherwise are replaced.
+        ours = [(search, end, search.results[end]) for search in chosen for end in search.ends]
         agreed |= _confirmed(list(dict.fromkeys(chosen)), physics)
-        for (question, end), outcome in ours.items():
-            theirs = physics.known[question.trial(end), outcome.number]
+        for search, end, outcome in ours:
+            theirs = physics.known[search.trial(end), outcome.number]
             difference = abs(outcome.margin - theirs.margin)
             if math.isfinite(difference):
                 band = max(band, FACTOR * difference)
-        left = [question for question in questions if question not in agreed]
-        near = [q for q in left if min(abs(q.results[end].margin) for end in q.ends) <= band]
-        chosen = near if all(agreed.values()) else left
+
+        chosen = [search for search in searches if search not in agreed]
+        if all(agreed.values()):
+            chosen = [search for search in chosen if _least_margin(search) <= band]
     return agreed
 
 
-def _confirmed(questions: Sequence[Question], physics: Trials) -> dict[Question, bool]:
+def _least_margin(search: ToleranceSearch) -> float:
+    """Distance from a limit at the nearer end of a search."""
+    return min(abs(search.results[end].margin) for end in search.ends)
+
+
+def _confirmed(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[ToleranceSearch, bool]:
     """Whether MuJoCo agrees at both ends of each; where it differs, its own answer replaces it.
 
     Of several runs the one that decides is made.
     """
-    ends = [(question, end) for question in questions for end in question.ends]
-    runs = [(q.trial(end), q.results[end].number) for q, end in ends]
-    theirs = {q: Question(q.imperfection, q.condition) for q in questions}
-    differing: dict[Question, Question] = {}
-    for (question, end), outcome in zip(ends, physics.results(runs), strict=True):
-        theirs[question].note(end, outcome)
-        if outcome.kept != question.results[end].kept:
-            differing[question] = theirs[question]
+    ends = [(search, end) for search in searches for end in search.ends]
+    runs = [(search.trial(end), search.results[end].number) for search, end in ends]
+    theirs = {search: ToleranceSearch(search.imperfection, search.condition) for search in searches}
+    differing: dict[ToleranceSearch, ToleranceSearch] = {}
+    for (search, end), outcome in zip(ends, physics.results(runs), strict=True):
+        theirs[search].note(end, outcome)
+        if outcome.kept != search.results[end].kept:
+            differing[search] = theirs[search]
+
     _answer(list(differing.values()), physics, local=True)
-    for question, other in differing.items():
-        question.known, question.results = other.known, other.results
-    return {question: question not in differing for question in questions}
+    for search, other in differing.items():
+        search.known = other.known
+        search.results = other.results
+    return {search: search not in differing for search in searches}
 
 
 # The answer: words, tables, charts, document
 
 
 def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
-    """Laws with the conditions under which each keeps everything without any imperfection."""
-    return {(x.law, x.condition) for x in rows if x.imperfection.amounts and x.kept_ideally}
+    """Return laws with the conditions under which each keeps all without any imperfection."""
+    sized = [row for row in rows if row.imperfection.amounts]
+    return {(row.law, row.condition) for row in sized if row.kept_ideally}
 
 
 def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
-    """The least by law and imperfection, over the conditions that the law stands."""
+    """Return the least by law and imperfection, over the conditions that the law stands."""
     least: dict[tuple[str, str], Tolerance] = {}
     ideal = kept_ideally(rows)
     for row in rows:
         if (row.law, row.condition) in ideal:
             key = row.law, row.imperfection.name
-            pair = (least.get(key, row), row)
-            least[key] = min(pair, key=lambda x: (x.weakness, x.largest_kept))
+            least[key] = min(
+                least.get(key, row), row, key=lambda row: (row.weakness, row.largest_kept)
+            )
     return least
 
 
 def verdict(rows: Sequence[Tolerance]) -> str:
-    """Which law breaks first, at how much of what."""
+    """Return one sentence: which law breaks first, at which amount of which imperfection."""
     broken = [
         row for row in rows if row.kept_ideally and row.smallest_failed and row.imperfection.single
     ]
     if not broken:
         return "No single imperfection that was tried breaks what a law keeps without it."
+
     worst = min(broken, key=lambda row: row.weakness)
-
-    def amount(factor: float) -> str:
-        return f"{worst.amount_text(factor)} ({number(factor)} times the bench's)"
-
-    kept = "only without it" if worst.none else f"up to {amount(worst.largest_kept)}"
-    where = "" if worst.condition == "nominal" else f" under {worst.condition}"
+    kept = f"up to {_beside_bench(worst, worst.largest_kept)}"
+    if worst.none:
+        kept = "only without it"
+    where = ""
+    if worst.condition != "nominal":
+        where = f" under {worst.condition}"
     return (
         f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
-        f"no longer at {amount(worst.weakness)}: {worst.reason}."
+        f"no longer at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
     )
 
 
+def _beside_bench(row: Tolerance, factor: float) -> str:
+    """The amount for a factor, and the factor."""
+    return f"{row.amount_text(factor)} ({number(factor)} times the bench's)"
+
+
 def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
-    """How many answers MuJoCo confirmed or not, and how many of them differ."""
-    agrees = [x.physics_agrees for x in rows if x.physics_agrees is not None]
+    """Return how many answers MuJoCo checked, and how many of them differ."""
+    agrees = [row.physics_agrees for row in rows if row.physics_agrees is not None]
     return len(agrees), agrees.count(False)
 
 
 def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
-    """Laws by imperfections: the least over the conditions that a law keeps ideally.
+    """Return laws by imperfections: the least over the conditions that a law keeps ideally.
 
-    The strongest law stands first, and the imperfection of which the least is stood.
+    The strongest law stands first, and the imperfection with the smallest tolerance.
     """
-    least, ideal = least_of(rows), kept_ideally(rows)
+    least = least_of(rows)
+    ideal = kept_ideally(rows)
     conditions = dict.fromkeys(row.condition for row in rows)
-    stands = {law: [x for x in conditions if (law, x) in ideal] for law, _ in least}
-    kinds = {row.imperfection.name: row.imperfection for row in least.values()}
+    kept = {law: [name for name in conditions if (law, name) in ideal] for law, _ in least}
 
-    def weakest(kind: str) -> float:
-        own = (row for (_, name), row in least.items() if name == kind and row.kept_ideally)
-        return min((row.weakness for row in own), default=0.0)
+    # The weakest law decides the order of imperfections, the least of all at once that of laws.
+    kinds: dict[str, Imperfection] = {}
+    weakest: dict[str, float] = {}
+    strength = {law: (len(names), 0.0) for law, names in kept.items()}
+    for (law, kind), row in least.items():
+        kinds[kind] = row.imperfection
+        if row.kept_ideally:
+            weakest[kind] = min(row.weakness, weakest.get(kind, math.inf))
+        if kind == ALL:
+            strength[law] = (len(kept[law]), row.weakness)
 
-    def strength(law: str) -> tuple[int, float]:
-        row = least.get((law, ALL))
-        return len(stands[law]), row.weakness if row else 0.0
+    ordered = sorted(kinds, key=lambda kind: weakest.get(kind, 0.0))
+    cells = []
+    for law in sorted(kept, key=strength.__getitem__, reverse=True):
+        answers = [least.get((law, kind)) for kind in ordered]
+        texts = [answer.cell if answer else "" for answer in answers]
+        cells.append([law, ", ".join(kept[law]), *texts])
 
-    ordered = sorted(kinds, key=weakest)
-    headings = [in_lines(kinds[name].heading, _LETTERS) for name in ordered]
-    cells = [
-        [
-            law,
-            ", ".join(stands[law]),
-            *(row.cell if (row := least.get((law, name))) else "" for name in ordered),
-        ]
-        for law in sorted(stands, key=strength, reverse=True)
-    ]
+    headings = [in_lines(kinds[kind].heading, _LETTERS) for kind in ordered]
     columns = [*words("law", "keeps ideally"), *numbers(*headings)]
     return table(title, columns, cells, legend=LEGEND)
 
 
 def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
-    """The first columns of a table that fit into a width, and the headers of the others."""
-    cells = zip([column.header for column in wide.columns], *wide.rows, strict=True)
-    widths = [max(cell_len(x) for text in own for x in text.split("\n")) + 2 for own in cells]
-    room = sum(sum(widths[: i + 1]) <= width for i in range(len(widths)))
-    left = [column.header.replace("\n", " ") for column in wide.columns[room:]]
+    """Return the first columns of a table that fit into a width, and the headers of the others."""
+    room = 0
+    used = 0
+    for index, column in enumerate(wide.columns):
+        texts = [column.header, *(row[index] for row in wide.rows)]
+        lines = "\n".join(texts).split("\n")
+        used += max(cell_len(line) for line in lines) + 2
+        if used > width:
+            break
+        room += 1
+
+    outside = [column.header.replace("\n", " ") for column in wide.columns[room:]]
     rows = [row[:room] for row in wide.rows]
-    return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), left
+    return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), outside
 
 
 def charts(studied: Setting, rows: Sequence[Tolerance]) -> list[CellChart]:
-    """A map for each condition: octaves below what the bench has, blue for more of it."""
+    """Return a map for each condition: octaves below the bench's amount, blue for more of it."""
     cells = []
     for row in rows:
         if not row.impossible:
-            factor = row.largest_kept if row.kept_ideally and not row.none else 0.0
-            octaves = math.log2(factor) if factor > 0 else -_OCTAVES
-            octaves = _OCTAVES if math.isinf(row.weakness) else octaves
-            value = -max(-_OCTAVES, min(_OCTAVES, octaves))
-            why = f"then breaks: {row.reason}" if row.breaks else ""
+            reason = ""
+            if row.breaks:
+                reason = f"then breaks: {row.reason}"
             place = (row.condition, row.law, row.imperfection.heading)
-            cells.append((*place, value, row.cell, why))
-    titles = {x.name: f"{x.name}: {x.title}" for x in studied.conditions}
+            cells.append((*place, -_octaves(row), row.cell, reason))
+    titles = {}
+    for condition in studied.conditions:
+        titles[condition.name] = f"{condition.name}: {condition.title}"
     return list(cell_charts(titles, cells, _OCTAVES).values())
 
 
+def _octaves(row: Tolerance) -> float:
+    """Octaves from the bench's amount to the largest that is kept, within the chart's colours."""
+    if math.isinf(row.weakness):
+        return _OCTAVES
+    if row.none or not row.kept_ideally:
+        return -_OCTAVES
+    return max(-_OCTAVES, min(_OCTAVES, math.log2(row.largest_kept)))
+
+
 def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[Standing]:
-    """Of what each law stands the least."""
+    """Yield the smallest tolerance of each law."""
     for law in dict.fromkeys(row.law for row in rows):
-        own = [row for row in rows if row.law == law and row.kept_ideally]
-        failed = [row for row in own if row.smallest_failed is not None]
-        at, answer = "", "stands all that was tried"
-        if not own:
-            at, answer = "ideal loop", "not kept even in an ideal loop"
+        kept = [row for row in rows if row.law == law and row.kept_ideally]
+        failed = [row for row in kept if row.smallest_failed is not None]
+        breaks_at = ""
+        answer = "stands all that was tried"
+        if not kept:
+            breaks_at = "ideal loop"
+            answer = "not kept even in an ideal loop"
         elif failed:
             least = min(failed, key=lambda row: row.largest_kept)
-            at = "all of them" if least.imperfection.name == ALL else least.imperfection.name
-            most = f"up to {least.amount_text(least.largest_kept)}"
-            kept = "only without it" if least.none else most
-            answer = f"kept {kept}, then {least.reason} ({least.condition})"
-        yield Standing(case=target, law=law, breaks_at=at, words=answer, complete=complete)
+            breaks_at = least.imperfection.name
+            if breaks_at == ALL:
+                breaks_at = "all of them"
+            amount = f"up to {least.amount_text(least.largest_kept)}"
+            if least.none:
+                amount = "only without it"
+            answer = f"kept {amount}, then {least.reason} ({least.condition})"
+        yield Standing(case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete)
 
 
 def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
@@ -906,14 +1033,14 @@ def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
         if not row.impossible:
             name = f"{target} {row.condition} {row.law}, {row.imperfection.name}"
             yield Value(name=f"{name}: ideally", value="kept" if row.kept_ideally else "not kept")
-            most = row.largest_kept
-            yield Value(name=f"{name}: largest kept", value=most, better=1, relative=0.1)
+            largest = row.largest_kept
+            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
 
 
 def tolerance_document(
     studied: Setting, rows: Sequence[Tolerance], seeds: int, *, complete: bool
 ) -> dict[str, Any]:
-    """The content of tolerance_NAME.json.
+    """Return the content of tolerance_NAME.json.
 
     Args:
         studied: The target.
@@ -921,63 +1048,82 @@ def tolerance_document(
         seeds: Runs where something is random.
         complete: Whether nothing was interrupted.
     """
-    settings, target = studied.experiment.settings, studied.target
-    laws = dict.fromkeys(row.law for row in rows)
-    weak = {row.law for row in rows if not row.kept_ideally}
-    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
+    target = studied.target
     checked, differing = confirmed(rows)
     sheet = Sheet(table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows))
     return result(
         "tolerance",
-        {
-            "target": target,
-            "bench": studied.bench_of,
-            "control_period": {"value": settings.control_period, "unit": "s"},
-            "timestep": {"value": settings.timestep, "unit": "s"},
-            "runs_where_random": seeds,
-            "factors": {
-                "least": LEAST, "most": MOST, "grid": 2.0, "beyond_the_last_kept": BEYOND,
-                "resolution": RESOLUTION,
-            },
-        },
+        _configuration(studied, seeds),
         seed=studied.bench.seed,
         complete=complete,
-        answers=[
-            Answer(
-                question=f"Tolerance of {target}",
-                verdict=MEASURED if complete else OPEN,
-                words=answer if complete else f"{answer}, so far",
-                more=verdict(rows),
-            )
-        ],
+        answers=[_document_answer(target, rows, complete=complete)],
         standings=_standings(target, rows, complete=complete),
         sheets=[sheet],
         values=_values(target, rows),
         target=target,
         conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
-        imperfections=[
-            {"name": x.name, "bench": x.amount(1.0), "amounts": [a._asdict() for a in x.amounts]}
-            for x in studied.imperfections
-        ],
-        laws=[
-            {
-                "name": law.name,
-                "predicts": law.predict,
-                "sampled": law.sampled,
-                "requirements": {
-                    condition.name: [limit.words for limit in studied.limits(law, condition)]
-                    for condition in studied.conditions
-                },
-            }
-            for law in studied.laws
-        ],
+        imperfections=[_imperfection_document(kind) for kind in studied.imperfections],
+        laws=[_law_document(studied, law) for law in studied.laws],
         physics={"answers_checked": checked, "answers_that_differ": differing},
         tolerances=[row.document() for row in rows],
-    )  # fmt: skip
+    )
+
+
+def _configuration(studied: Setting, seeds: int) -> dict[str, Any]:
+    settings = studied.experiment.settings
+    return {
+        "target": studied.target,
+        "bench": studied.bench_of,
+        "control_period": {"value": settings.control_period, "unit": "s"},
+        "timestep": {"value": settings.timestep, "unit": "s"},
+        "runs_where_random": seeds,
+        "factors": {
+            "least": LEAST,
+            "most": MOST,
+            "grid": 2.0,
+            "beyond_the_last_kept": BEYOND,
+            "resolution": RESOLUTION,
+        },
+    }
+
+
+def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Answer:
+    laws = {row.law for row in rows}
+    weak = {row.law for row in rows if not row.kept_ideally}
+    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
+    if not complete:
+        answer += ", so far"
+    return Answer(
+        question=f"Tolerance of {target}",
+        verdict=MEASURED if complete else OPEN,
+        words=answer,
+        more=verdict(rows),
+    )
+
+
+def _imperfection_document(kind: Imperfection) -> dict[str, Any]:
+    return {
+        "name": kind.name,
+        "bench": kind.amount(1.0),
+        "amounts": [amount._asdict() for amount in kind.amounts],
+    }
+
+
+def _law_document(studied: Setting, law: StudiedLaw) -> dict[str, Any]:
+    requirements = {}
+    for condition in studied.conditions:
+        limits = studied.limits(law, condition)
+        requirements[condition.name] = [limit.words for limit in limits]
+    return {
+        "name": law.name,
+        "predicts": law.predict,
+        "sampled": law.sampled,
+        "requirements": requirements,
+    }
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """A heading and the table of each document, for ``docs/tolerance.md``."""
+    """Return a heading and the table of each document, for ``docs/tolerance.md``."""
     parts = []
     for document in documents:
         least = Table.model_validate(document["sheets"][0]["table"])

@@ -1,4 +1,4 @@
-"""The claims: their data, how a verdict comes about, and the words and tables on them."""
+"""The claims: their data, their verdicts, and the tables and documents about them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from shipped import SERVO_UNCERTAINTY, TWO_LINK_UNCERTAINTY
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims
 from grosmc_mj.chapter.claims import story
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, Verdict
+from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, PlantFinding, Verdict
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
 from grosmc_mj.chapter.claims.ledger import CLAIMS, Measurement
 from grosmc_mj.chapter.claims.measurements.arm import tracking
@@ -42,19 +42,21 @@ from grosmc_mj.results.tables import WIDTH
 LAB = Laboratory(Settings())
 PAGE = Path(cli.__file__).parents[2] / "docs" / "claims.md"
 BY_ID = {claim.id: claim for claim in CLAIMS}
-S, R, U, P, I = (
-    Verdict.SUPPORTED, Verdict.REFUTED, Verdict.UNDETERMINED, Verdict.PREMISE_NOT_MET,
-    Verdict.INCONCLUSIVE,
-)  # fmt: skip
+
+SUPPORTED = Verdict.SUPPORTED
+REFUTED = Verdict.REFUTED
+UNDETERMINED = Verdict.UNDETERMINED
+PREMISE_NOT_MET = Verdict.PREMISE_NOT_MET
+INCONCLUSIVE = Verdict.INCONCLUSIVE
 
 
 def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
     """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
     measured = Measured(value, "something short")
-    plants: dict[PlantName, claims.PlantFinding] = {
-        plant: claims.PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
-        for plant in claim.plants
-    }
+    plants: dict[PlantName, PlantFinding] = {}
+    for plant in claim.plants:
+        on_plant = PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
+        plants[plant] = on_plant
     return Finding(claim, plants)
 
 
@@ -67,138 +69,236 @@ def measurement(name: str) -> Measurement:
     return measure
 
 
+def texts(claim: Claim) -> tuple[str, ...]:
+    """The texts that a claim needs and that its story has."""
+    return (claim.statement, claim.source, claim.criterion, claim.why, claim.reason)
+
+
 def too_wide(*tables: object) -> list[str]:
     """Lines that need more than the width, of a screen that has more."""
     console = Console(file=io.StringIO(), width=200, color_system=None)
     with console.capture() as capture:
         console.print(*tables)
-    return [line for line in capture.get().splitlines() if cell_len(line.rstrip()) > WIDTH]
+    lines = capture.get().splitlines()
+    return [line for line in lines if cell_len(line.rstrip()) > WIDTH]
 
 
-# The chapter's claims.
+# The data of the claims
 
 
-def test_every_claim_has_its_place_criterion_verdict_and_cause() -> None:
-    for expected in EXPECTED:
-        claim, verdict = expected.claim, expected.verdict
-        words = (claim.statement, claim.source, claim.criterion, claim.why, claim.reason)
-        assert all(map(str.strip, (*words, claim.untested))), claim.id
+def test_every_claim_has_its_texts() -> None:
+    for claim in CLAIMS:
+        assert all(text.strip() for text in (*texts(claim), claim.untested)), claim.id
         assert re.search(r"\d", claim.source), "no section, figure, equation or theorem"
-        # The physics is judged, unless no force makes the error or algebra has no plant.
-        assert "physics" in claim.plants or claim.id in {"servo-unmatched", "proof-3"}
-        assert bool(claim.cause) == (verdict is not S), claim.id
         assert claim.quote or claim.kind is not Kind.CLAIM
-        assert verdict is not P or claim.premise is not None
-        if verdict is U:
-            # The choice that turns it is one that it must hold for.
-            turns = {x.name for x in claim.choices if not x.printed} & set(stored_flips(claim.id))
-            assert turns & set(claim.every), claim.id
-        tables = story.claim_tables(replace(expected, because="epsilon: " + "a reason " * 20))
-        text = " ".join(cell for row in tables[0].rows for cell in row)
-        assert [word for word in words if word not in text] == []
+
+
+def test_claims_are_judged_on_physics_but_for_two() -> None:
+    """No force makes the error of the one, and the other is algebra."""
+    elsewhere = {claim.id for claim in CLAIMS if "physics" not in claim.plants}
+    assert elsewhere <= {"servo-unmatched", "proof-3"}
+
+
+def test_a_claim_has_a_cause_unless_it_is_supported() -> None:
+    for expected in EXPECTED:
+        assert bool(expected.claim.cause) == (expected.verdict is not SUPPORTED), expected.claim.id
+
+
+def test_a_premise_that_is_not_met_can_be_named() -> None:
+    for expected in EXPECTED:
+        assert expected.verdict is not PREMISE_NOT_MET or expected.claim.premise is not None
+
+
+def test_an_undetermined_claim_turns_on_a_choice_that_it_must_hold_for() -> None:
+    for expected in EXPECTED:
+        claim = expected.claim
+        if expected.verdict is UNDETERMINED:
+            unprinted = {choice.name for choice in claim.choices if not choice.printed}
+            turning = unprinted & set(stored_flips(claim.id))
+            assert turning & set(claim.every), claim.id
+
+
+def test_the_story_of_a_claim_has_its_texts_within_the_width() -> None:
+    because = "epsilon: " + "a reason " * 20
+    for expected in EXPECTED:
+        tables = story.claim_tables(replace(expected, because=because))
+        told = " ".join(cell for row in tables[0].rows for cell in row)
+        assert [text for text in texts(expected.claim) if text not in told] == []
         assert too_wide(*tables) == []
 
 
-def test_the_claims_rest_on_the_chapter_s_own_numbers() -> None:
-    assert len(BY_ID) == len(CLAIMS) == 100
-    # No claim but Theorem 3, about any gain that exceeds its bound, has a gain of this project.
+def test_there_are_a_hundred_claims() -> None:
+    assert len(CLAIMS) == 100
+    assert len(BY_ID) == 100
+
+
+def test_no_claim_of_the_chapter_but_theorem_3_has_a_gain_of_this_project() -> None:
+    """Theorem 3 is about any gain that exceeds its bound."""
     chapter = [claim.id for claim in CLAIMS if claim.kind is Kind.CLAIM]
-    assert [x for x in chapter if "epsilon" in measurement(x).arguments] == ["theorem-3"]
+    with_gain = [name for name in chapter if "epsilon" in measurement(name).arguments]
+    assert with_gain == ["theorem-3"]
+
+
+def test_four_equations_are_misprinted() -> None:
     misprints = {claim.id for claim in CLAIMS if claim.kind is Kind.MISPRINT}
     assert misprints == {"proof-3", "servo-semidefinite", "pendulum-eq40", "arm-eq57"}
-    # A word has one number wherever it stands.
-    limits = {(c.word, c.sense, c.threshold, c.unit, c.why) for c in CLAIMS if c.word}
+
+
+def test_a_word_has_one_limit_wherever_it_stands() -> None:
+    limits = set()
+    for claim in CLAIMS:
+        if claim.word:
+            limits.add((claim.word, claim.sense, claim.threshold, claim.unit, claim.why))
     assert sorted(limit[0] for limit in limits) == sorted(claims.WORDS)
-    # Both laws of a comparison are judged alike.
-    for one, other in (
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
         ("pendulum-region", "pendulum-region-lqr"),
         ("pendulum-disturbance-grosmc", "pendulum-disturbance-lqr"),
         ("servo-load-grosmc", "servo-load-lqr"),
-    ):
-        ours, theirs = measurement(one), measurement(other)
-        arguments = {**theirs.arguments, "controller": ours.arguments["controller"]}
-        assert replace(theirs, arguments=arguments) == ours
+    ],
+)
+def test_both_laws_of_a_comparison_are_measured_alike(ours: str, theirs: str) -> None:
+    controller = measurement(ours).arguments["controller"]
+    arguments = {**measurement(theirs).arguments, "controller": controller}
+    assert replace(measurement(theirs), arguments=arguments) == measurement(ours)
+
+
+def test_claims_about_uncertainty_have_the_declared_ranges() -> None:
     low, high = SERVO_UNCERTAINTY.scales["J"]
     assert f"outside {low:g} to {high:g} times" in BY_ID["servo-inertia-grosmc"].untested
     payload = measurement("two-link-projection").arguments["payload"]
     assert payload == TWO_LINK_UNCERTAINTY.scales["mp"][1]
+
+
+def test_the_stored_sweeps_are_those_of_the_claims_choices() -> None:
     choices = [(claim.id, choice) for claim in CLAIMS for choice in claim.choices]
     for row, (name, choice) in zip(stored_sweeps(), choices, strict=True):
-        assert (row["claim"], row["choice"]) == (name, choice.name)
-        assert [x["choice"] for x in row["values"]] == list(map(choice.written, choice.values))
+        assert row["claim"] == name
+        assert row["choice"] == choice.name
+        written = [choice.written(value) for value in choice.values]
+        assert [trial["choice"] for trial in row["values"]] == written
 
 
-def test_errors_of_the_arm_are_shares_of_their_own_reference() -> None:
+# Measurements
+
+
+@pytest.mark.parametrize(("state", "amplitude"), [(0, 1.0), (1, math.pi)])
+def test_errors_of_the_arm_are_shares_of_their_own_reference(state: int, amplitude: float) -> None:
     """y_r = sin(pi t) is 1 rad large, its rate pi rad/s: the state less its error."""
     result = LAB.case("arm", "case1", "corrected", "grosmc")
-    z, optimal = result.comparison.z, np.abs(result.comparison.optimal)
-    reference = np.abs(result.trajectory.state - z)[result.comparison.time > 3.5].max(axis=0)
-    assert reference == pytest.approx([1.0, math.pi], rel=1e-4)
-    for state, size in enumerate(reference.tolist()):
-        arrived = np.flatnonzero(optimal[:, state] > 2e-3 * size)[-1] + 1
-        own = z[arrived:, state] / size
-        for statistic, share in (("peak", np.abs(own).max()), ("RMS", np.sqrt(np.mean(own**2)))):
-            measured = tracking(LAB, "corrected", state=state, statistic=statistic, arrived=0.2)
-            assert measured.value == pytest.approx(100 * share, rel=1e-3)
+    comparison = result.comparison
+    error = comparison.z[:, state]
+    reference = result.trajectory.state[:, state] - error
+    size = np.abs(reference[comparison.time > 3.5]).max()
+    assert size == pytest.approx(amplitude, rel=1e-4)
+
+    optimal = np.abs(comparison.optimal[:, state])
+    arrived = np.flatnonzero(optimal > 2e-3 * size)[-1] + 1
+    share = error[arrived:] / size
+    peak = tracking(LAB, "corrected", state=state, statistic="peak", arrived=0.2)
+    assert peak.value == pytest.approx(100 * np.abs(share).max(), rel=1e-3)
+    rms = tracking(LAB, "corrected", state=state, statistic="RMS", arrived=0.2)
+    assert rms.value == pytest.approx(100 * np.sqrt(np.mean(share**2)), rel=1e-3)
 
 
 def test_optimal_gain_is_riccati_s_where_the_weight_sees_every_state() -> None:
-    """And with a weight that does not see the angle the least P is singular."""
     linear = find_experiment("servo", "nominal").law("corrected", "lqr").designed.lqr
     K, P = optimal_gain(linear.A, linear.B, np.eye(2))
     assert pytest.approx(linear.K, rel=1e-6) == K
     assert pytest.approx(linear.P, rel=1e-6) == P
+
+
+def test_least_cost_is_singular_where_the_weight_does_not_see_the_angle() -> None:
+    linear = find_experiment("servo", "nominal").law("corrected", "lqr").designed.lqr
     Q = np.diag([0.0, 1.0])
     K, P = optimal_gain(linear.A, linear.B, Q)
-    assert np.abs(linear.A.T @ P + P @ linear.A - K.T @ K + Q).max() < 1e-6
+    residual = linear.A.T @ P + P @ linear.A - K.T @ K + Q
+    assert np.abs(residual).max() < 1e-6
     assert np.linalg.eigvalsh(P).min() == 0.0
 
 
-def test_a_laboratory_with_another_number_has_it_in_laws_and_runs() -> None:
-    other = LAB.varied("task.Q", [400, 100])
-    assert LAB.varied("task.Q", [400, 100]) is other
+@pytest.mark.parametrize(
+    ("weights", "K"),
+    [
+        (None, [10.0, math.sqrt(21.0)]),
+        ([400, 100], [20.0, math.sqrt(140.0)]),
+    ],
+)
+def test_laws_of_a_varied_laboratory_have_its_weights(
+    weights: list[int] | None, K: list[float]
+) -> None:
+    """Of a double integrator K = [sqrt(q1), sqrt(q2 + 2 sqrt(q1))]; q = [100, 1] in the file."""
+    lab = LAB
+    if weights is not None:
+        lab = LAB.varied("task.Q", weights)
+        assert LAB.varied("task.Q", weights) is lab
     experiment = find_experiment("cart_pendulum", "nominal")
-    # Of a double integrator: sqrt(q1), sqrt(q2 + 2 sqrt(q1)).
-    for lab, K in ((LAB, [10.0, math.sqrt(21.0)]), (other, [20.0, math.sqrt(140.0)])):
-        law = lab.controller(experiment, "physics", "fl-lqr")
-        assert pytest.approx(np.array([K]), rel=1e-9) == law.parameters.K
-    shorter = LAB.varied("run.duration", 0.01).run(experiment, "physics", "fl-lqr")
-    assert shorter.trajectory.time[-1] == pytest.approx(0.01)
+    law = lab.controller(experiment, "physics", "fl-lqr")
+    assert pytest.approx(np.array([K]), rel=1e-9) == law.parameters.K
 
 
-# How a verdict comes about, with claims made up and a laboratory that is nothing but a level.
+def test_runs_of_a_varied_laboratory_have_its_duration() -> None:
+    experiment = find_experiment("cart_pendulum", "nominal")
+    result = LAB.varied("run.duration", 0.01).run(experiment, "physics", "fl-lqr")
+    assert result.trajectory.time[-1] == pytest.approx(0.01)
 
 
+# Verdicts of invented claims, in a laboratory that is nothing but a level of refinement
+
+
+@dataclass(frozen=True)
 class Level:
     """A stub of a laboratory: its level of refinement, and the measurements that were made."""
 
-    def __init__(self, depth: int = 0, log: list[tuple[int, str]] | None = None) -> None:
-        self.depth, self.log = depth, [] if log is None else log
+    depth: int = 0
+    log: list[tuple[int, str]] = field(default_factory=list)
 
     @property
     def refined(self) -> Level:
         return Level(self.depth + 1, self.log)
 
 
-def invented(
-    values: Sequence[Measured] | dict[str, Measured], plants: Sequence[str] = ("physics",),
-    **changes: Any,
-) -> Claim:  # fmt: skip
-    """A claim with the threshold 2 whose measure gives these values by level, or by plant."""
+@dataclass(frozen=True)
+class Invented:
+    """A measurement with these values, by level or by plant; without values, the size."""
 
-    def measure(lab: Any, plant: PlantName, size: float = 2.5) -> Measured:
-        """By the size, where there are no values."""
+    values: Sequence[Measured] | Mapping[str, Measured]
+
+    def __call__(self, lab: Any, plant: PlantName, size: float = 2.5) -> Measured:
         if size < 0:
             raise GainError("no gain")
         lab.log.append((lab.depth, plant))
-        own = values[plant] if isinstance(values, dict) else values[lab.depth : lab.depth + 1]
-        return own if isinstance(own, Measured) else own[0] if own else Measured(size)
+        if isinstance(self.values, Mapping):
+            return self.values[plant]
+        if lab.depth < len(self.values):
+            return self.values[lab.depth]
+        return Measured(size)
 
+
+def invented(
+    values: Sequence[Measured] | Mapping[str, Measured],
+    plants: Sequence[str] = ("physics",),
+    **changes: Any,
+) -> Claim:
+    """A claim with the threshold 2 and an invented measurement."""
     fields: dict[str, Any] = {
-        "id": "invented", "system": "servo", "statement": "s", "source": "section 1",
-        "criterion": "c", "why": "w", "measure": measure, "sense": "at most", "threshold": 2.0,
-        "unit": "1", "verdicts": dict.fromkeys(plants, S), "reason": "r.", "untested": "u",
-    }  # fmt: skip
+        "id": "invented",
+        "system": "servo",
+        "statement": "s",
+        "source": "section 1",
+        "criterion": "c",
+        "why": "w",
+        "measure": Invented(values),
+        "sense": "at most",
+        "threshold": 2.0,
+        "unit": "1",
+        "verdicts": dict.fromkeys(plants, SUPPORTED),
+        "reason": "r.",
+        "untested": "u",
+    }
     return Claim(**{**fields, **changes})
 
 
@@ -207,177 +307,365 @@ def judged(claim: Claim, level: Any = None, **options: Any) -> Finding:
     return judge(stub, claim, **options)
 
 
-def test_verdict_by_the_values_at_both_time_steps() -> None:
-    below, above = math.nextafter(2.0, 0.0), math.nextafter(2.0, 3.0)
-    for coarse, fine, at_most, at_least in (
-        # The threshold itself supports, and no value refutes.
-        (below, below, S, R), (2.0, 2.0, S, S), (above, above, R, S), (None, None, R, R),
-        # A value that moves without crossing the threshold is conclusive, one that crosses not.
-        (1.9, 0.1, S, R), (1.0, 3.0, I, I), (3.0, 1.0, I, I),
-        # So is nothing that ended early, or is no number.
-        (Measured(1.0, broken=True), 1.0, I, I), (3.0, Measured(3.0, broken=True), I, I),
-        (math.nan, math.nan, I, I),
-    ):  # fmt: skip
-        values = [x if isinstance(x, Measured) else Measured(x) for x in (coarse, fine)]
-        assert judged(invented(values)).verdict is at_most
-        assert judged(invented(values, sense="at least")).verdict is at_least
-        # A premise is named only where the claim failed.
-        failed = judged(invented(values, premise=lambda _: "too small"))
-        named = (P, "too small") if at_most is R else (at_most, "")
-        assert (failed.verdict, failed.because) == named
-        assert judged(invented(values, premise=lambda _: "")).verdict is at_most
+BELOW = Measured(math.nextafter(2.0, 0.0))
+ABOVE = Measured(math.nextafter(2.0, 3.0))
+AT = Measured(2.0)
+NONE = Measured(None)
+NAN = Measured(math.nan)
+TIME_STEPS = [
+    # The threshold itself supports, and no value refutes.
+    (BELOW, BELOW, SUPPORTED, REFUTED),
+    (AT, AT, SUPPORTED, SUPPORTED),
+    (ABOVE, ABOVE, REFUTED, SUPPORTED),
+    (NONE, NONE, REFUTED, REFUTED),
+    # A value that moves without crossing the threshold is conclusive, one that crosses is not.
+    (Measured(1.9), Measured(0.1), SUPPORTED, REFUTED),
+    (Measured(1.0), Measured(3.0), INCONCLUSIVE, INCONCLUSIVE),
+    (Measured(3.0), Measured(1.0), INCONCLUSIVE, INCONCLUSIVE),
+    # A run that ended early, or a value that is no number, is inconclusive.
+    (Measured(1.0, broken=True), Measured(1.0), INCONCLUSIVE, INCONCLUSIVE),
+    (Measured(3.0), Measured(3.0, broken=True), INCONCLUSIVE, INCONCLUSIVE),
+    (NAN, NAN, INCONCLUSIVE, INCONCLUSIVE),
+]
+over_time_steps = pytest.mark.parametrize(("coarse", "fine", "at_most", "at_least"), TIME_STEPS)
 
 
-def test_exact_claim_is_measured_once_and_others_twice_and_the_last_plant_decides() -> None:
+@over_time_steps
+def test_verdict_by_the_values_at_both_time_steps(
+    coarse: Measured, fine: Measured, at_most: Verdict, at_least: Verdict
+) -> None:
+    assert judged(invented([coarse, fine])).verdict is at_most
+    assert judged(invented([coarse, fine], sense="at least")).verdict is at_least
+
+
+@over_time_steps
+def test_a_premise_is_named_only_where_the_claim_failed(
+    coarse: Measured, fine: Measured, at_most: Verdict, at_least: Verdict
+) -> None:
+    failing = judged(invented([coarse, fine], premise=lambda _: "too small"))
+    if at_most is REFUTED:
+        assert failing.verdict is PREMISE_NOT_MET
+        assert failing.because == "too small"
+    else:
+        assert failing.verdict is at_most
+        assert failing.because == ""
+    assert judged(invented([coarse, fine], premise=lambda _: "")).verdict is at_most
+
+
+@pytest.mark.parametrize(
+    ("exact", "options", "depths"),
+    [
+        (True, {}, {0}),
+        (False, {}, {0, 1}),
+        (False, {"refine": False}, {0}),
+    ],
+)
+def test_an_exact_claim_is_measured_once_and_others_twice(
+    exact: bool, options: dict[str, bool], depths: set[int]
+) -> None:
     values = {"printed": Measured(9.0), "corrected": Measured(1.0)}
-    for exact, options, depths in (
-        (True, {}, {0}), (False, {}, {0, 1}), (False, {"refine": False}, {0})
-    ):  # fmt: skip
-        level, claim = Level(), invented(values, ("printed", "corrected"), exact=exact)
-        result = judged(claim, level, **options)
-        assert sorted(level.log) == sorted(itertools.product(depths, claim.plants))
-        assert all((own.refined is None) == (depths == {0}) for own in result.plants.values())
-        assert (result.verdict, result.plants["printed"].verdict) == (S, R)
-    # Time steps are halved on the equations where physics gives the same.
-    for physics, halved in (
-        (Measured(1.0 + 1e-9), "corrected"), (Measured(1.0 + 1e-5), "physics"),
-        (Measured(1.0, broken=True), "physics"), (Measured(None), "physics"),
-    ):  # fmt: skip
-        level, both = Level(), {"corrected": Measured(1.0), "physics": physics}
-        own = judged(invented(both, ("corrected", "physics")), level).plants["physics"]
-        assert (own.measured, own.finer) == (physics, halved)
-        assert ((1, "physics") in level.log) == (halved == "physics")
-    for value, near in ((0.9, False), (1.1, True), (2.9, True), (3.1, False), (None, False)):
-        assert judged(invented([Measured(value)] * 2)).near is near
+    claim = invented(values, ("printed", "corrected"), exact=exact)
+    level = Level()
+    result = judged(claim, level, **options)
+    assert sorted(level.log) == sorted(itertools.product(depths, claim.plants))
+    for on_plant in result.plants.values():
+        assert (on_plant.refined is None) == (depths == {0})
+
+    # The last plant decides.
+    assert result.verdict is SUPPORTED
+    assert result.plants["printed"].verdict is REFUTED
 
 
-def test_verdict_over_choices() -> None:
-    for values, meant, verdict, holds, flip in (
-        ([1.0, 3.0], {"every": ("size",)}, U, [True, False], 2.0),
-        ([3.0, 4.0], {"every": ("size",)}, R, [False, False], None),
-        ([1.0, 3.0], {"some": ("size",)}, S, [True, False], 2.0),
-        ([3.0, 4.0], {"some": ("size",)}, R, [False, False], None),
-        ([1.0, 3.0], {}, R, [True, False], 2.0),
-        # A choice that cannot be designed tells nothing.
-        ([-1.0, 3.0], {"every": ("size",)}, R, [None, False], None),
-    ):
-        choice = claims.Choice("size", tuple(values), argument="size")
-        claim = invented([], choices=(choice,), premise=lambda _: "too small", **meant)
-        result = judged(claim)
-        assert result.verdict is (P if verdict is R else verdict)
-        assert judged(replace(claim, premise=None)).verdict is verdict
-        assert result.because == ("" if verdict is S else "too small")
-        assert bool(result.turns) == (verdict is U)
-        assert ("for every" in claim.quantifier) == ("every" in meant)
-        # A claim that holds for some value only names it beside the verdict.
-        assert result.needs == ("size = 1" if verdict is S else "")
-        (statements,) = story.statements_tables([result])
-        assert ("(with size = 1)" in statements.rows[0][1]) == (verdict is S)
-        # A sweep finds where the answer changes.
-        (swept,) = sweep(Level(), [claim])  # pyright: ignore[reportArgumentType]
-        assert [trial["holds"] for trial in swept["values"]] == holds
-        at = float(swept["flips"].removeprefix("at size = ")) if swept["flips"] else None
-        assert at == (flip and pytest.approx(flip, abs=1 / 16))
-        content = Result.model_validate(sweeps_result([swept], LAB))
-        assert content.answers[0].words.startswith("1 of 1" if flip else "0 of 1")
+@pytest.mark.parametrize(
+    ("physics", "halved"),
+    [
+        (Measured(1.0 + 1e-9), "corrected"),
+        (Measured(1.0 + 1e-5), "physics"),
+        (Measured(1.0, broken=True), "physics"),
+        (Measured(None), "physics"),
+    ],
+)
+def test_time_steps_are_halved_on_the_equations_where_physics_gives_the_same(
+    physics: Measured, halved: str
+) -> None:
+    level = Level()
+    values = {"corrected": Measured(1.0), "physics": physics}
+    claim = invented(values, ("corrected", "physics"))
+    on_physics = judged(claim, level).plants["physics"]
+    assert on_physics.measured == physics
+    assert on_physics.finer == halved
+    assert ((1, "physics") in level.log) == (halved == "physics")
 
 
-def test_a_measurement_takes_the_extreme_and_extrapolates() -> None:
-    def measure(lab: Any, _: str, *, case: float, shift: float = 0.0) -> Measured:
-        if case > 90:
-            raise claims.NoValueError("the run ended")
-        return Measured(case + shift + 0.5**lab.depth if case else None)
-
-    for cases, take, options, shift, value in (
-        # 2 (3 + 1/2) - (3 + 1)
-        ([1.0, 3.0, 2.0], "largest", {"extrapolated": True}, 0.0, Measured(3.0)),
-        ([1.0, 3.0, 2.0], "least", {}, 1.0, Measured(3.0)),
-        ([1.0, 0.0], "least", {}, 0.0, Measured(None)),
-        ([1.0, 99.0], "largest", {}, 0.0, Measured(None, "the run ended", broken=True)),
-    ):
-        extreme: Any = Measurement(measure, {"case": cases}, take, **options)  # pyright: ignore
-        measured = extreme(Level(), "physics", shift=shift)
-        assert (measured.value, measured.broken) == (value.value, value.broken)
-        assert not value.note or measured.note == value.note
+@pytest.mark.parametrize(
+    ("value", "near"), [(0.9, False), (1.1, True), (2.9, True), (3.1, False), (None, False)]
+)
+def test_a_value_within_half_of_the_threshold_is_near(value: float | None, near: bool) -> None:
+    assert judged(invented([Measured(value)] * 2)).near is near
 
 
-def test_several_choices_have_one_measurement_and_several_claims_one_verdict() -> None:
+EVERY = {"every": ("size",)}
+SOME = {"some": ("size",)}
+# Values of a choice, the claim's quantifier, its verdict, answers at the values, and their flip.
+CHOICES = [
+    ([1.0, 3.0], EVERY, UNDETERMINED, [True, False], 2.0),
+    ([3.0, 4.0], EVERY, REFUTED, [False, False], None),
+    ([1.0, 3.0], SOME, SUPPORTED, [True, False], 2.0),
+    ([3.0, 4.0], SOME, REFUTED, [False, False], None),
+    ([1.0, 3.0], {}, REFUTED, [True, False], 2.0),
+    # A choice that cannot be designed tells nothing.
+    ([-1.0, 3.0], EVERY, REFUTED, [None, False], None),
+]
+over_choices = pytest.mark.parametrize(("values", "meant", "verdict", "holds", "flip"), CHOICES)
+
+
+def with_choice(values: list[float], meant: Mapping[str, Any], **changes: Any) -> Claim:
+    choice = claims.Choice("size", tuple(values), argument="size")
+    return invented([], choices=(choice,), **meant, **changes)
+
+
+@over_choices
+def test_verdict_over_choices(
+    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+) -> None:
+    claim = with_choice(values, meant)
+    result = judged(claim)
+    assert result.verdict is verdict
+    assert bool(result.turns) == (verdict is UNDETERMINED)
+    assert ("for every" in claim.quantifier) == ("every" in meant)
+
+
+@over_choices
+def test_a_premise_explains_a_verdict_over_choices(
+    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+) -> None:
+    result = judged(with_choice(values, meant, premise=lambda _: "too small"))
+    if verdict is REFUTED:
+        verdict = PREMISE_NOT_MET
+    assert result.verdict is verdict
+    assert result.because == ("" if verdict is SUPPORTED else "too small")
+
+
+@over_choices
+def test_a_claim_that_holds_for_some_value_only_names_it(
+    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+) -> None:
+    result = judged(with_choice(values, meant))
+    assert result.needs == ("size = 1" if verdict is SUPPORTED else "")
+    (statements,) = story.statements_tables([result])
+    assert ("(with size = 1)" in statements.rows[0][1]) == (verdict is SUPPORTED)
+
+
+@over_choices
+def test_a_sweep_finds_where_the_answer_changes(
+    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+) -> None:
+    stub: Any = Level()
+    (swept,) = sweep(stub, [with_choice(values, meant)])
+    assert [trial["holds"] for trial in swept["values"]] == holds
+
+    content = Result.model_validate(sweeps_result([swept], LAB))
+    words = content.answers[0].words
+    if flip is None:
+        assert swept["flips"] == ""
+        assert words.startswith("0 of 1")
+    else:
+        size = float(swept["flips"].removeprefix("at size = "))
+        assert size == pytest.approx(flip, abs=1 / 16)
+        assert words.startswith("1 of 1")
+
+
+def shifted(lab: Any, _: str, *, case: float, shift: float = 0.0) -> Measured:
+    """A measurement with an error of 2^-depth; without a value at 0, and of no run above 90."""
+    if case > 90:
+        raise claims.NoValueError("the run ended")
+    if case == 0:
+        return Measured(None)
+    return Measured(case + shift + 0.5**lab.depth)
+
+
+def extreme(cases: list[float], take: Any, shift: float = 0.0, **options: Any) -> Measured:
+    stub: Any = Level()
+    return Measurement(shifted, {"case": cases}, take, **options)(stub, "physics", shift=shift)
+
+
+def test_a_measurement_takes_the_largest_and_extrapolates_it() -> None:
+    """2 (3 + 1/2) - (3 + 1)."""
+    measured = extreme([1.0, 3.0, 2.0], "largest", extrapolated=True)
+    assert measured.value == 3.0
+    assert not measured.broken
+
+
+def test_a_measurement_takes_the_least() -> None:
+    measured = extreme([1.0, 3.0, 2.0], "least", shift=1.0)
+    assert measured.value == 3.0
+    assert not measured.broken
+
+
+def test_an_extreme_has_no_value_where_one_of_its_points_has_none() -> None:
+    measured = extreme([1.0, 0.0], "least")
+    assert measured.value is None
+    assert not measured.broken
+
+
+def test_an_extreme_is_broken_where_a_run_ended() -> None:
+    measured = extreme([1.0, 99.0], "largest")
+    assert measured == Measured(None, "the run ended", broken=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "value"),
+    [
+        # For every statistic: the worst.
+        ("arm-tracking", SUPPORTED, 1.5),
+        # For some region: the best.
+        ("pendulum-region-robust", SUPPORTED, 1.5),
+        # At least: none comes nearer.
+        ("pendulum-disturbance-lqr", REFUTED, 1.5),
+        # It turns on them: as declared.
+        ("arm-rejects-d", UNDETERMINED, 1.0),
+    ],
+)
+def test_one_measurement_represents_several_choices(
+    name: str, verdict: Verdict, value: float
+) -> None:
     trials = {"one": Measured(0.6), "other": Measured(1.5)}
-    for name, verdict, shown in (
-        ("arm-tracking", S, 1.5),  # for every statistic: the worst
-        ("pendulum-region-robust", S, 1.5),  # for some region: the best
-        ("pendulum-disturbance-lqr", R, 1.5),  # at least: none comes nearer
-        ("arm-rejects-d", U, 1.0),  # it turns on them: as declared
-    ):
-        assert replace(finding(BY_ID[name], verdict, 1.0), trials=trials).shown.value == shown
-    for verdicts, together in (
-        ([S, S, S], S), ([R, P, U, I, S], R), ([U, P, I], P), ([I, U], U), ([S, I], I)
-    ):  # fmt: skip
-        findings = [finding(BY_ID["theorem-1"], verdict) for verdict in verdicts]
-        assert claims.Sentence("quote", tuple(findings)).verdict is together
-        assert claims.verdicts_of(findings, Kind.CLAIM) == [together]
-        # Questions are no claims of the chapter: they are counted one by one.
-        questions = [finding(BY_ID["servo-bench"], verdict) for verdict in verdicts]
-        assert claims.verdicts_of(questions, Kind.QUESTION) == verdicts
-        assert claims.sentences_of(questions) == []
+    result = replace(finding(BY_ID[name], verdict, 1.0), trials=trials)
+    assert result.representative.value == value
 
 
-# Tables, documents and the page.
+over_sentences = pytest.mark.parametrize(
+    ("verdicts", "together"),
+    [
+        ([SUPPORTED, SUPPORTED, SUPPORTED], SUPPORTED),
+        ([REFUTED, PREMISE_NOT_MET, UNDETERMINED, INCONCLUSIVE, SUPPORTED], REFUTED),
+        ([UNDETERMINED, PREMISE_NOT_MET, INCONCLUSIVE], PREMISE_NOT_MET),
+        ([INCONCLUSIVE, UNDETERMINED], UNDETERMINED),
+        ([SUPPORTED, INCONCLUSIVE], INCONCLUSIVE),
+    ],
+)
 
 
-def test_terminal_document_and_page_count_sentences() -> None:
-    sentences = claims.sentences_of(EXPECTED)
-    # Quotes that are parts of one sentence would count it twice.
-    quotes = [sentence.quote for sentence in sentences]
+@over_sentences
+def test_claims_under_one_sentence_have_one_verdict(
+    verdicts: list[Verdict], together: Verdict
+) -> None:
+    findings = [finding(BY_ID["theorem-1"], verdict) for verdict in verdicts]
+    assert claims.Sentence("quote", tuple(findings)).verdict is together
+    assert claims.verdicts_of(findings, Kind.CLAIM) == [together]
+
+
+@over_sentences
+def test_questions_are_counted_one_by_one(verdicts: list[Verdict], together: Verdict) -> None:
+    questions = [finding(BY_ID["servo-bench"], verdict) for verdict in verdicts]
+    assert claims.verdicts_of(questions, Kind.QUESTION) == verdicts
+    assert claims.sentences_of(questions) == []
+
+
+# Tables, documents and the page
+
+SENTENCES = claims.sentences_of(EXPECTED)
+# Ids of the claims that are not supported, with their causes.
+CAUSES = {
+    expected.claim.id: expected.claim.cause
+    for expected in EXPECTED
+    if expected.verdict is not SUPPORTED
+}
+
+
+def counts_row() -> list[str]:
+    """The row of the chapter's sentences in the table of counts."""
+    verdicts = [sentence.verdict for sentence in SENTENCES]
+    counts = [str(verdicts.count(verdict)) for verdict in Verdict]
+    return [Kind.CLAIM.value, *counts, str(len(SENTENCES))]
+
+
+def test_no_quote_is_a_part_of_another() -> None:
+    """Quotes that are parts of one sentence would count it twice."""
+    quotes = [sentence.quote for sentence in SENTENCES]
     assert [(a, b) for a, b in itertools.permutations(quotes, 2) if a in b] == []
-    counts = [[one.verdict for one in sentences].count(verdict) for verdict in Verdict]
+
+
+def test_the_document_has_every_sentence_with_its_verdict() -> None:
     content = claims_result(EXPECTED, LAB)
-    sheets = {sheet["table"]["title"]: sheet["table"]["rows"] for sheet in content["sheets"]}
-    rows = [[sentence.quote, sentence.verdict.value] for sentence in sentences]
-    assert [[row[0], row[2]] for row in sheets[Kind.CLAIM.value]] == rows
-    row = [Kind.CLAIM.value, *map(str, counts), str(len(sentences))]
-    assert story.counts_table(EXPECTED).rows[0] == row
-    failed = {own.claim.id: own.claim.cause for own in EXPECTED if own.verdict is not S}
-    causes = [(cause, ids.split(", ")) for cause, ids, _ in story.causes_table(EXPECTED).rows]
-    assert {name: cause for cause, own in causes for name in own} == failed
-    text = PAGE.read_text(encoding="utf-8")
-    page = text.splitlines()
-    assert f"| {' | '.join(row)} |" in page
-    for sentence in sentences:
-        (line,) = [line for line in page if line.startswith(f"| {sentence.quote} |")]
+    tables = {sheet["table"]["title"]: sheet["table"]["rows"] for sheet in content["sheets"]}
+    rows = [(quote, verdict) for quote, _, verdict in tables[Kind.CLAIM.value]]
+    assert rows == [(sentence.quote, sentence.verdict.value) for sentence in SENTENCES]
+
+
+def test_the_terminal_counts_sentences() -> None:
+    assert story.counts_table(EXPECTED).rows[0] == counts_row()
+
+
+def test_the_table_of_causes_has_every_claim_that_is_not_supported() -> None:
+    causes = {}
+    for cause, ids, _ in story.causes_table(EXPECTED).rows:
+        causes |= dict.fromkeys(ids.split(", "), cause)
+    assert causes == CAUSES
+
+
+def test_the_page_has_the_counts_and_every_sentence() -> None:
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    assert f"| {' | '.join(counts_row())} |" in lines
+    for sentence in SENTENCES:
+        (line,) = [line for line in lines if line.startswith(f"| {sentence.quote} |")]
         assert line.endswith(f" {sentence.verdict.value} |")
-        assert all(one.claim.id in line for one in sentence.findings)
-    assert set(failed) <= set(re.findall(r"^### (.+)$", text, re.M))
+        assert all(under.claim.id in line for under in sentence.findings)
 
 
-def test_a_result_of_claims_answers_and_holds_no_nan() -> None:
-    claim = BY_ID["arm-eq57"]
-    for verdict, words, value in (
+def test_the_page_tells_every_claim_that_is_not_supported() -> None:
+    headings = re.findall(r"^### (.+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(CAUSES) <= set(headings)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words", "value"),
+    [
         (None, "All verdicts are as expected", "as expected"),
-        (S, "1 of 1 verdicts differ from the expected ones", "not as expected"),
-    ):
-        content = json.loads(json_text(claims_result([finding(claim, verdict, math.nan)], LAB)))
-        assert content["claims"][0]["plants"]["corrected"]["value"] is None
-        known = Result.model_validate(content)
-        assert (known.answers[0].words, known.values[0].value) == (words, value)
+        (SUPPORTED, "1 of 1 verdicts differ from the expected ones", "not as expected"),
+    ],
+)
+def test_a_result_of_claims_answers_and_holds_no_nan(
+    verdict: Verdict | None, words: str, value: str
+) -> None:
+    misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
+    content = json.loads(json_text(claims_result([misprint], LAB)))
+    assert content["claims"][0]["plants"]["corrected"]["value"] is None
+    document = Result.model_validate(content)
+    assert document.answers[0].words == words
+    assert document.values[0].value == value
+
+
+def test_verdicts_that_are_not_expected_are_named() -> None:
     assert verdict_differences(EXPECTED) == []
-    differences = verdict_differences([finding(claim, S)])
+    differences = verdict_differences([finding(BY_ID["arm-eq57"], SUPPORTED)])
     assert differences == ["claim arm-eq57 on printed: supported, expected refuted"]
-    mixed = [finding(x, v) for x, v in zip(CLAIMS, itertools.cycle(Verdict), strict=False)]
-    names = [row[0] for own in story.statements_tables(mixed) for row in own.rows]
+
+
+def test_every_claim_stands_in_one_table_within_the_width_whatever_its_verdict() -> None:
+    verdicts = itertools.cycle(Verdict)
+    mixed = [finding(claim, verdict) for claim, verdict in zip(CLAIMS, verdicts, strict=False)]
+    names = [row[0] for table in story.statements_tables(mixed) for row in table.rows]
     assert sorted(names) == sorted(BY_ID)
     assert too_wide(*story.claims_tables(mixed)) == []
 
 
 @pytest.mark.slow
-def test_the_command_shows_and_draws_one_claim(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_command_tells_and_draws_one_claim(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run("claims", "arm-epsilon", "--out", tmp_path) == cli.DONE
     output = capsys.readouterr().out
-    for words in ("REFUTED", "Theorem 3", "along a run that stays on its surface", "|d/M(q)|"):
-        assert words in output
+    assert "REFUTED" in output
+    assert "Theorem 3" in output
+    assert "along a run that stays on its surface" in output
+    assert "|d/M(q)|" in output
     assert (tmp_path / "claims" / "arm-epsilon.png").stat().st_size > 10_000
+
+
+def test_the_command_answers_first_and_briefly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(claims_command, "judge_with_progress", lambda *_: EXPECTED)
     assert run("claims", "--out", tmp_path) == cli.DONE
     lines = capsys.readouterr().out.rstrip("\n").split("\n")

@@ -33,12 +33,30 @@ plant = { system = "servo" }
 run = { duration = "20 ms" }
 controller = [{ law = "lqr" }]
 """
-CLAIMED = f"""{SERVO}
+FRICTION = f"""{SERVO}
 lugre = [{{ joint = "shaft", coulomb = "0.05 N m" }}]
 requirement = [{{ deviation_below = "1 rad" }}]
+"""
+CLAIM = """
 [[claim]]
 id = "servo-before-load"
 deviation_below = "1 urad"
+"""
+CLAIMED = FRICTION + CLAIM
+# A load of the file's own.
+DISTURBED = f"""{FRICTION}
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+profile = "constant"
+{CLAIM}
+"""
+OWN_LAW = """
+plant = { system = "servo" }
+run = { duration = "20 ms" }
+controller = [{ law = "mine:law" }]
+lugre = [{ joint = "shaft", coulomb = "0.05 N m" }]
+requirement = [{ deviation_below = "1 rad" }]
 """
 # Loads of one body do not take each other's place.
 LOADED = f"""{SERVO}
@@ -62,21 +80,33 @@ def written(folder: Path, text: str = CLAIMED) -> Path:
     return file
 
 
-def test_a_swing_has_its_amplitude_and_frequency() -> None:
-    for signal_, amplitude, frequency in (
+@pytest.mark.parametrize(
+    ("error", "amplitude", "frequency"),
+    [
         (0.5 + 0.2 * sine(7.3), 0.2, 7.3),
         # Only the end of a run counts, and a ripple on a swing is no swing of its own.
         (np.where(TIME < 8, 5 * np.sin(50 * TIME), 0.1 * sine(5)), 0.1, 5.0),
         (sine(3) + 0.05 * sine(211), 1.05, 3.0),
-        # One that rests, creeps (half of the way in 2 s) or swings twice is no cycle.
-        (np.full(10_000, 0.3), 0.0, None),
-        (0.1 * TIME, 0.1, None),
-        (sine(1), 1.0, None),
-    ):
-        swings, cycle = study.oscillation(TIME, signal_)
-        assert swings == pytest.approx(amplitude, rel=0.01)
-        # The end is 2 s long, in which a crossing more or less is a quarter of a hertz.
-        assert cycle == (frequency and pytest.approx(frequency, abs=0.25))
+    ],
+)
+def test_a_swing_has_its_amplitude_and_frequency(
+    error: Array, amplitude: float, frequency: float
+) -> None:
+    """The end is 2 s long, in which a crossing more or less is a quarter of a hertz."""
+    swing, cycle = study.oscillation(TIME, error)
+    assert swing == pytest.approx(amplitude, rel=0.01)
+    assert cycle == pytest.approx(frequency, abs=0.25)
+
+
+@pytest.mark.parametrize(
+    ("error", "amplitude"),
+    [(np.full(10_000, 0.3), 0.0), (0.1 * TIME, 0.1), (sine(1), 1.0)],
+    ids=["rests", "creeps half of the way in 2 s", "swings twice"],
+)
+def test_an_error_without_three_swings_has_no_cycle(error: Array, amplitude: float) -> None:
+    swing, cycle = study.oscillation(TIME, error)
+    assert swing == pytest.approx(amplitude, rel=0.01)
+    assert cycle is None
 
 
 def machine(system: str) -> Experiment:
@@ -87,14 +117,30 @@ def kinds(rung: Rung) -> str:
     return " ".join(part.kind for part in rung.parts)
 
 
+ADDED = [
+    "sensors",
+    "delay",
+    "jitter",
+    "missed samples",
+    "actuator",
+    "motor",
+    "friction",
+    "backlash",
+    "flexibility",
+    "stops",
+]
+
+
 def test_the_rungs_of_a_servo_add_one_part_at_a_time() -> None:
     climbing, alone = rungs_of(machine("servo"))
-    added = ["sensors", "delay", "jitter", "missed samples", "actuator", "motor", "friction",
-             "backlash", "flexibility", "stops"]  # fmt: skip
-    assert [rung.name for rung in climbing] == ["corrected", "physics", "sampled", *added]
-    assert [rung.name for rung in alone] == added
+    assert [rung.name for rung in climbing] == ["corrected", "physics", "sampled", *ADDED]
+    assert [rung.name for rung in alone] == ADDED
     assert [rung.sampled for rung in climbing[:3]] == [False, False, True]
     assert [rung.plant for rung in climbing] == ["corrected", *["physics"] * 12]
+
+
+def test_parts_of_the_servo_s_machine_come_after_its_loop() -> None:
+    climbing, alone = rungs_of(machine("servo"))
     assert not any(rung.looped or rung.parts for rung in climbing[:3])
     gear = "motor lugre transmission"
     on_top = ["", "motor", "motor lugre", gear, gear, f"{gear} stop"]
@@ -102,41 +148,67 @@ def test_the_rungs_of_a_servo_add_one_part_at_a_time() -> None:
     single = ["motor", "lugre", "transmission", "transmission", "stop"]
     assert [kinds(rung) for rung in alone[5:]] == single
     assert [rung.looped for rung in alone[:6]] == [*[True] * 5, False]
-    # Of the loop that part alone; missed samples come on top of the delay.
-    own = machine("servo").case.loop
-    assert own is not None
-    bare, computing = Loop(seed=own.seed), own.computing
+
+
+def test_a_rung_alone_has_its_part_of_the_loop_alone() -> None:
+    climbing, alone = rungs_of(machine("servo"))
+    loop = machine("servo").case.loop
+    assert loop is not None
+    bare = Loop(seed=loop.seed)
+    computing = loop.computing
     assert [rung.loop for rung in alone[:5]] == [
-        replace(bare, sensors=own.sensors, estimators=own.estimators),
+        replace(bare, sensors=loop.sensors, estimators=loop.estimators),
         replace(bare, computing=Computing(delay=computing.delay)),
         replace(bare, computing=Computing(jitter=computing.jitter)),
         replace(bare, computing=Computing(missed=computing.missed)),
-        replace(bare, actuators=own.actuators),
+        replace(bare, actuators=loop.actuators),
     ]
+    # Missed samples come on top of the delay.
     assert climbing[6].loop.computing == computing
-    # Numbers that nobody has published.
+
+
+def test_rungs_name_the_numbers_that_nobody_has_published() -> None:
+    _, alone = rungs_of(machine("servo"))
     assumed = {rung.name: rung.assumed for rung in alone}
     assert assumed["jitter"] == ("computing: jitter",)
     assert assumed["friction"] == ("shaft: static, stiffness, damping, stribeck",)
     assert assumed["backlash"] == ("shaft: backlash",)
     assert assumed["flexibility"] == ("shaft: stiffness, damping",)
-    assert assumed["sensors"] == assumed["motor"] == ()
+    assert assumed["sensors"] == ()
+    assert assumed["motor"] == ()
     assert [alone[2].title, alone[5].title] == ["jitter*", "motor"]
 
 
-def test_the_top_is_the_machine_with_all_its_parts(tmp_path: Path) -> None:
-    for system in ("servo", "cart_pendulum", "arm", "two_link_arm"):
-        case, (climbing, alone) = machine(system).case, rungs_of(machine(system))
-        assert sorted(map(repr, climbing[-1].parts)) == sorted(map(repr, case.parts))
-        assert climbing[-1].loop == case.loop
-        assert ("wall" in kinds(climbing[-1])) == (system == "two_link_arm")
-        # Teeth come before the shaft gives way, and make room for it.
-        gears = {part for part in case.parts if isinstance(part, Transmission)}
-        rigid = {replace(gear, stiffness=math.inf) for gear in gears}
-        for rung in (*climbing, *alone):
-            own = {part for part in rung.parts if isinstance(part, Transmission)}
-            assert own <= (rigid if rung.name == "backlash" else gears)
-    assert rungs_of(machine("cart_pendulum"))[0][0].name == "printed"
+SYSTEMS = ["servo", "cart_pendulum", "arm", "two_link_arm"]
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_the_top_is_the_machine_with_all_its_parts(system: str) -> None:
+    case = machine(system).case
+    climbing, _ = rungs_of(machine(system))
+    assert sorted(map(repr, climbing[-1].parts)) == sorted(map(repr, case.parts))
+    assert climbing[-1].loop == case.loop
+    assert ("wall" in kinds(climbing[-1])) == (system == "two_link_arm")
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_teeth_come_before_the_shaft_gives_way(system: str) -> None:
+    """And make room for it."""
+    parts = machine(system).case.parts
+    gears = {part for part in parts if isinstance(part, Transmission)}
+    rigid = {replace(gear, stiffness=math.inf) for gear in gears}
+    climbing, alone = rungs_of(machine(system))
+    for rung in (*climbing, *alone):
+        transmissions = {part for part in rung.parts if isinstance(part, Transmission)}
+        assert transmissions <= (rigid if rung.name == "backlash" else gears)
+
+
+def test_misprinted_equations_are_the_first_rung() -> None:
+    climbing, _ = rungs_of(machine("cart_pendulum"))
+    assert climbing[0].name == "printed"
+
+
+def test_loads_of_one_body_stand_beside_each_other(tmp_path: Path) -> None:
     climbing, alone = rungs_of(Experiment.load(written(tmp_path, LOADED)))
     assert [rung.name for rung in alone] == ["flexibility", "loads", "stops"]
     loads = "swinging load swinging load sliding load"
@@ -153,7 +225,8 @@ def row(rung: str, used: float, law: str = "lqr", **changes: Any) -> Climb:
 
 RUNGS = ("printed", "physics", "sampled", "delay", "friction", "stops")
 # The book's misprints are no rung to fall from.
-WAY = [row(name, used) for name, used in zip(RUNGS, (9, 0.3, 1.0, 1.2, 0.9, math.inf), strict=True)]
+SHARES = (9, 0.3, 1.0, 1.2, 0.9, math.inf)
+WAY = [row(name, share) for name, share in zip(RUNGS, SHARES, strict=True)]
 
 
 @cache
@@ -184,27 +257,45 @@ def test_passing_every_rung_and_passing_the_complete_machine_are_two_columns() -
         ["interrupted", "", "", ""],
         ["recovers", "no", "yes (0.9)", "delay: settles within: 3 times"],
     ]
-    slow, none = row("a", 3.0, optimum_settles=1.84), row("a", 0.5, impossible="there is no loop")
+
+
+def test_a_row_beyond_its_limit_says_by_how_much() -> None:
+    slow = row("a", 3.0, optimum_settles=1.84)
     assert slow.reason == "settles within: 3 times (the nominal optimum needs 1.84 s)"
-    assert (none.share_text, none.reason, none.kept) == ("-", "there is no loop", False)
+    assert slow.share_text == "3x"
     assert row("a", 1.001).reason == "settles within: at its limit"
-    assert (slow.share_text, row("a", 9.0, tightest=ENDED).share_text) == ("3x", "ended")
+    assert row("a", 9.0, tightest=ENDED).share_text == "ended"
 
 
-def test_rivals_climb_on_request_and_the_file_s_own_loads_act(tmp_path: Path) -> None:
+def test_a_run_that_cannot_be_says_why() -> None:
+    none = row("a", 0.5, impossible="there is no loop")
+    assert none.share_text == "-"
+    assert none.reason == "there is no loop"
+    assert not none.kept
+
+
+def test_rivals_climb_on_request() -> None:
     names = {law.name for law in ladder("servo").laws}
     assert {"lqr", "pv", "implicit, predicted"} <= names
     assert names.isdisjoint({"lqi", "pid", "adrc", "adaptive, quick"})
     assert len(ladder("servo", rivals=True).laws) == 19
-    # Any law of the file is known by its name, as the file has it.
+
+
+def test_any_law_of_the_file_climbs_by_its_name() -> None:
     assert [law.name for law in ladder("servo", ["grosmc", "lqr"]).laws] == ["grosmc", "lqr"]
-    load = 'body = "rotor", torque = ["0 N m", "1 N m", "0 N m"], profile = "constant"'
-    text = CLAIMED.replace("[[claim]]", f"disturbance = [{{ {load} }}]\n[[claim]]")
-    mine = str(written(tmp_path, text))
-    for target, own, others in (("servo", "nominal", ["case1", "case2"]),
-                                (mine, "under load", ["nominal"])):  # fmt: skip
-        assert [x.name for x in ladder(target).conditions] == [own]
-        assert [x.name for x in ladder(target, loaded=True).conditions] == [own, *others]
+
+
+def test_laws_climb_nominally_and_on_request_under_the_system_s_loads() -> None:
+    assert [x.name for x in ladder("servo").conditions] == ["nominal"]
+    loaded = ladder("servo", loaded=True)
+    assert [x.name for x in loaded.conditions] == ["nominal", "case1", "case2"]
+
+
+def test_the_file_s_own_loads_act(tmp_path: Path) -> None:
+    mine = str(written(tmp_path, DISTURBED))
+    assert [x.name for x in ladder(mine).conditions] == ["under load"]
+    loaded = ladder(mine, loaded=True)
+    assert [x.name for x in loaded.conditions] == ["under load", "nominal"]
 
 
 # The chapter's claims.
@@ -225,11 +316,13 @@ def test_a_claim_falls_on_the_first_rung_that_breaks_it() -> None:
     assert study.claims_table(made_up(), WAY, "nominal") is None
 
 
-@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm", "two_link_arm"])
+@pytest.mark.parametrize("system", SYSTEMS)
 def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> None:
     """The same and well are 2 %: of the step, of the start, or of the amplitude of 1 rad."""
-    made, cited = machine(system), cited_claims(machine(system))
-    law, x0 = made.law("physics", "lqr"), np.array(made.case.x0)
+    made = machine(system)
+    cited = cited_claims(made)
+    law = made.law("physics", "lqr")
+    x0 = np.array(made.case.x0)
     error = law.designed.error
     z = np.array(error.error_state(0.0, x0, law.parameters))
     start = float(np.linalg.norm(z[list(error.output_rows)]))
@@ -241,7 +334,8 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
             expected = share * 1.0
         elif limit.kind == "settles_within":
             expected = 2 * (1 + share)
-        assert (claim.system, limit.value) == (system, expected)
+        assert claim.system == system
+        assert limit.value == expected
 
 
 def test_the_page_has_claims_distances_and_the_machine_under_each_condition() -> None:
@@ -277,7 +371,8 @@ def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     *rungs, friction_alone = [climb(studied, *x[:3], together=x[3]) for x in steps]
     broken = study.first_failed(rungs)
     assert broken is not None
-    assert (broken.rung, broken.tightest) == ("friction", "settles_within")
+    assert broken.rung == "friction"
+    assert broken.tightest == "settles_within"
     # The optimum's poles are -1 and -12 rad/s: 2 % of 1 rad after ln(50 * 12/11) = 4.0 s.
     assert broken.optimum_settles == pytest.approx(math.log(50 * 12 / 11), abs=0.06)
     # The chapter's 2 % of the step fall there, too, as they are about both laws.
@@ -311,18 +406,31 @@ class Climber:
         if rung.name == "delay":
             self.at_delay()
         self.ran.append((rung.name, together))
-        ended, high = rung.name == "stops", rung.name in ("friction", "backlash", "flexibility")
-        used = math.inf if ended else 3.25 if high else 0.5
+        share = 0.5
+        if rung.name in ("friction", "backlash", "flexibility"):
+            share = 3.25
+        tightest = "deviation_below"
+        if rung.name == "stops":
+            share = math.inf
+            tightest = ENDED
+        claims = {}
+        if law.name == "lqr":
+            claims = {"servo-before-load": share / 3}
         return row(
-            rung.name, used, law.name, together=together, condition=condition.name,
-            claims={"servo-before-load": used / 3} if law.name == "lqr" else {},
-            tightest=ENDED if ended else "deviation_below",
-        )  # fmt: skip
+            rung.name,
+            share,
+            law.name,
+            together=together,
+            condition=condition.name,
+            claims=claims,
+            tightest=tightest,
+        )
 
 
 @pytest.fixture
 def climber(monkeypatch: pytest.MonkeyPatch) -> Climber:
-    monkeypatch.setattr(study, "climb", climber := Climber())
+    climber = Climber()
+    monkeypatch.setattr(study, "climb", climber)
     return climber
 
 
@@ -333,19 +441,23 @@ def test_the_command_writes_its_rows_and_the_answer(
     assert run("study", "ladder", "servo", *options) == cli.DONE
     output = " ".join(capsys.readouterr().out.split())
     assert "0 of 2 laws pass every rung, 0 the complete machine; friction breaks 2." in output
-    for words in ("deviation below: 3.25", "ladder_servo_machine.json", "servo-before-load"):
-        assert words in output
+    assert "deviation below: 3.25" in output
+    assert "ladder_servo_machine.json" in output
+    assert "servo-before-load" in output
     document = json.loads((tmp_path / "ladder_servo_machine.json").read_text(encoding="utf-8"))
-    assert (document["complete"], document["configuration"]["target"]) == (True, "servo/machine")
+    assert document["complete"]
+    assert document["configuration"]["target"] == "servo/machine"
     assert [law["name"] for law in document["laws"]] == ["lqr", "pid"]
     assert len(document["climbs"]) == len(climber.ran) == 2 * (13 + 10)
     (teeth,) = (rung["parts"][-1] for rung in document["climbing"] if rung["name"] == "backlash")
     # Infinity is null in a document.
-    assert (teeth["kind"], teeth["stiffness"]) == ("transmission", None)
+    assert teeth["kind"] == "transmission"
+    assert teeth["stiffness"] is None
     stated = {claim["claim"]: claim["statement"] for claim in document["claims"]}
     assert stated["servo-before-load"].startswith("Without disturbance both laws")
     last = next(step for step in document["climbs"] if step["rung"] == "stops")
-    assert (last["share_of_the_tightest_limit"], last["tightest"]) == (None, ENDED)
+    assert last["share_of_the_tightest_limit"] is None
+    assert last["tightest"] == ENDED
     assert [law["breaks_at"] for law in document["standings"]] == ["friction", "friction"]
     for suffix in ("png", "svg"):
         assert (tmp_path / f"ladder_servo_machine.{suffix}").stat().st_size > 1000
@@ -357,9 +469,11 @@ class Killed(BaseException):
 
 @pytest.mark.parametrize("stop", [Killed, KeyboardInterrupt, signal.SIGTERM])
 def test_a_stopped_ladder_goes_on_to_the_same_bytes(
-    stop: type[BaseException] | signal.Signals, climber: Climber, tmp_path: Path,
+    stop: type[BaseException] | signal.Signals,
+    climber: Climber,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """From the rung at which it was stopped; a file of another version is climbed anew."""
 
     def stopped() -> None:
@@ -369,7 +483,8 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
             raise stop
 
     monkeypatch.setattr("grosmc_mj.results.charts.write_cells", lambda path, *_: path)
-    file, climber.at_delay = tmp_path / "ladder_servo_machine.json", stopped
+    climber.at_delay = stopped
+    file = tmp_path / "ladder_servo_machine.json"
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
     if stop is Killed:
         with pytest.raises(Killed):
@@ -383,7 +498,8 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
     climber.at_delay = lambda: None
     assert run(*command, "--resume") == cli.DONE
     assert len(climber.ran) == len(set(climber.ran))
-    resumed, everything = file.read_bytes(), climber.ran[:]
+    resumed = file.read_bytes()
+    everything = climber.ran[:]
     assert run(*command, "--resume") == cli.DONE
     assert climber.ran == everything
     assert run(*command) == cli.DONE
@@ -397,7 +513,7 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:
-    file = written(tmp_path, CLAIMED[: CLAIMED.index("[[")].replace("lqr", "mine:law"))
+    file = written(tmp_path, OWN_LAW)
     sources = []
     for value in ("0.0", "1.0"):
         (tmp_path / "mine.py").write_text(f"def law(t, x, memory, p):\n    return {value}\n")
@@ -406,30 +522,82 @@ def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:
     assert sources[0] != sources[1]
 
 
-def test_a_target_or_claim_that_is_wrong_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("requirement", "claim", "words"),
+    [
+        (
+            'deviation_below = "1 rad"',
+            'id = "servo-befor-load"\ndeviation_below = "1 urad"',
+            "did you mean 'servo-before-load'",
+        ),
+        (
+            'deviation_below = "1 rad"',
+            'id = "servo-before-load"\ndeviation_below = "1 V"',
+            'claim 1: deviation_below: "1 V" cannot be converted to rad',
+        ),
+        (
+            'deviation_below = "1 rad"',
+            'id = "servo-before-load"\nunder = "case3"\ndeviation_below = "1 urad"',
+            "claim 1",
+        ),
+        (
+            'deviation_below = "1 rad"',
+            'id = "servo-before-load"\nof = ["lqrr"]\ndeviation_below = "1 urad"',
+            "did you mean 'lqr'",
+        ),
+        (
+            'deviation_below = "1 rad"',
+            'id = "servo-before-load"',
+            "claim 1: nothing is required",
+        ),
+        (
+            "",
+            'id = "servo-before-load"\ndeviation_below = "1 urad"',
+            "nothing is required: give it a",
+        ),
+    ],
+)
+def test_a_requirement_or_claim_that_is_wrong_is_one_line(
+    requirement: str,
+    claim: str,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for old, new, words in (
-        ("-before", "-befor", "did you mean 'servo-before-load'"),
-        ("1 urad", "1 V", 'claim 1: deviation_below: "1 V" cannot be converted to rad'),
-        ('load"', 'load"\nunder = "case3"', "claim 1"),
-        ('load"', 'load"\nof = ["lqrr"]', "did you mean 'lqr'"),
-        ('deviation_below = "1 urad"', "", "claim 1: nothing is required"),
-        ('{ deviation_below = "1 rad" }', "", "nothing is required: give it a"),
-        ("maglev", "", "there is nothing to climb to: give the file a loop"),
-        ("servo", "--laws lqrr", "unknown law 'lqrr': did you mean 'lqr'"),
-        ("servo", "--film lqrr", "unknown law 'lqrr': did you mean 'lqr'"),
-    ):
-        known = old in ("servo", "maglev")
-        target = [old, *new.split()] if known else [written(tmp_path, CLAIMED.replace(old, new))]
-        assert run("study", "ladder", *target, "--out", tmp_path / "out") == cli.WRONG
-        error = capsys.readouterr().err
-        assert words in error
-        assert_one_line(error)
+    requirements = f"[{{ {requirement} }}]" if requirement else "[]"
+    text = f"""{SERVO}
+lugre = [{{ joint = "shaft", coulomb = "0.05 N m" }}]
+requirement = {requirements}
+[[claim]]
+{claim}
+"""
+    file = written(tmp_path, text)
+    assert run("study", "ladder", file, "--out", tmp_path / "out") == cli.WRONG
+    error = capsys.readouterr().err
+    assert words in error
+    assert_one_line(error)
     assert not (tmp_path / "out").exists()
 
 
-def test_no_verdict_depends_on_a_claim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("maglev", "there is nothing to climb to: give the file a loop"),
+        ("servo --laws lqrr", "unknown law 'lqrr': did you mean 'lqr'"),
+        ("servo --film lqrr", "unknown law 'lqrr': did you mean 'lqr'"),
+    ],
+)
+def test_a_target_or_law_that_is_wrong_is_one_line(
+    arguments: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("study", "ladder", *arguments.split(), "--out", tmp_path / "out") == cli.WRONG
+    error = capsys.readouterr().err
+    assert words in error
+    assert_one_line(error)
+    assert not (tmp_path / "out").exists()
+
+
+def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
     """Friction breaks it, and the run keeps all that is required."""
     file = written(tmp_path)
     assert run("run", file, "--out", tmp_path) == cli.DONE
@@ -438,10 +606,17 @@ def test_no_verdict_depends_on_a_claim(tmp_path: Path, monkeypatch: pytest.Monke
     assert alone.kept
     assert alone.claims["servo-before-load"] > 1
 
-    # A run that cannot be has its reason.
+
+def test_a_law_that_cannot_be_designed_has_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refused(*_: object) -> None:
         raise ArgumentError("there is no such law")
 
     monkeypatch.setattr(study, "run_of", refused)
-    step = climb(studied, *next(studied.steps())[:3], together=True)
-    assert (step.impossible, step.kept, step.shares) == ("there is no such law", False, {})
+    studied = ladder(str(written(tmp_path)), ["lqr"])
+    law, rung, condition, _ = next(studied.steps())
+    step = climb(studied, law, rung, condition, together=True)
+    assert step.impossible == "there is no such law"
+    assert not step.kept
+    assert step.shares == {}

@@ -40,8 +40,9 @@ def pendulum_starts(*pairs: tuple[float, float]) -> np.ndarray:
     return starts
 
 
-def test_a_run_is_judged_by_its_end() -> None:
-    ends = [
+@pytest.mark.parametrize(
+    ("status", "errors", "outcome"),
+    [
         ("completed", (0.01, -0.1), Outcome.CONVERGED),
         ("completed", (0.0, 0.11), Outcome.NOT_CONVERGED),
         ("completed", (-0.011, 0.0), Outcome.NOT_CONVERGED),
@@ -51,35 +52,53 @@ def test_a_run_is_judged_by_its_end() -> None:
         ("undefined_law", (0.0, 0.0), Outcome.LEFT),
         ("singular_plant", (0.0, 0.0), Outcome.SINGULAR),
         ("diverged", (0.0, 0.0), Outcome.DIVERGED),
-    ]
-    statuses, errors, expected = zip(*ends, strict=True)
-    letters = region.judge(statuses, np.array(errors), (0.01, 0.1))
-    assert letters.tolist() == [outcome.letter for outcome in expected]
+    ],
+)
+def test_a_run_is_judged_by_its_end(
+    status: str, errors: tuple[float, float], outcome: Outcome
+) -> None:
+    """Beside a run that converges, so that each is judged by itself."""
+    ends = np.array([(0.0, 0.0), errors])
+    letters = region.judge(["completed", status], ends, (0.01, 0.1))
+    assert letters.tolist() == [CONVERGED, outcome.letter]
 
 
-def test_starts_are_laid_out_by_the_errors_on_their_axes() -> None:
-    first, second = np.array([-0.5, 0.25]), np.array([2.0, -1.0])
-    for system, equilibrium in (
-        ("servo", [1.0, 0.0]), ("cart_pendulum", [0.0] * 4), ("arm", [0.0, math.pi]),
-    ):  # fmt: skip
-        law = loop(system, "nominal", "lqr")
-        axes = choose_axes(law, None, (57.0, 3.0))
-        starts = region.starts_on(law, axes, first, second)
-        np.testing.assert_allclose(
-            law.errors(0.0, starts), np.stack([first, second], 1), atol=1e-12
-        )
-        assert law.equilibrium == pytest.approx(equilibrium)
+@pytest.mark.parametrize(
+    ("system", "equilibrium"),
+    [
+        ("servo", [1.0, 0.0]),
+        ("cart_pendulum", [0.0, 0.0, 0.0, 0.0]),
+        ("arm", [0.0, math.pi]),
+    ],
+)
+def test_starts_are_laid_out_by_the_errors_on_their_axes(
+    system: str, equilibrium: list[float]
+) -> None:
+    first = np.array([-0.5, 0.25])
+    second = np.array([2.0, -1.0])
+    law = loop(system, "nominal", "lqr")
+    axes = choose_axes(law, None, (57.0, 3.0))
+    errors = law.errors(0.0, region.starts_on(law, axes, first, second))
+    np.testing.assert_allclose(errors, np.stack([first, second], 1), atol=1e-12)
+    assert law.equilibrium == pytest.approx(equilibrium)
+
+
+def test_axes_are_states_by_their_symbols() -> None:
     axes = choose_axes(loop("cart_pendulum", "nominal", "lqr"), ("p", "theta"), (0.4, 45.0))
     assert [axis.signal.symbol for axis in axes] == ["p", "θ"]
     assert [axis.limit for axis in axes] == [0.4, pytest.approx(math.pi / 4)]
     assert [axis.is_error for axis in axes] == [False, True]
-    names = [region.ascii_symbol(state) for state in CART_PENDULUM.states]
-    assert names == ["p", "theta", "p_dot", "theta_dot"]
+
+
+def test_symbols_are_written_in_ascii() -> None:
+    symbols = [region.ascii_symbol(state) for state in CART_PENDULUM.states]
+    assert symbols == ["p", "theta", "p_dot", "theta_dot"]
 
 
 @pytest.mark.parametrize("controller", ["lqr", "fl-lqr", "grosmc"])
 def test_a_cell_is_the_run_that_it_stands_for(controller: str) -> None:
-    law, starts = loop("cart_pendulum", "case1", controller), pendulum_starts((-10, 0), (40, 8))
+    law = loop("cart_pendulum", "case1", controller)
+    starts = pendulum_starts((-10, 0), (40, 8))
     batch = law.run(starts, 2.0)
     plain = nominal_controller("cart_pendulum", controller, "corrected")
     plant = case_plant(find_case("cart_pendulum", "case1"), "physics", SETTINGS)
@@ -99,15 +118,21 @@ def test_a_cell_is_the_run_that_it_stands_for(controller: str) -> None:
 
 def test_fl_lqr_converges_if_its_optimal_trajectory_stays_in_the_region() -> None:
     law = loop("cart_pendulum", "nominal", "fl-lqr")
-    starts = pendulum_starts(*itertools.product(np.linspace(-80, 80, 9), np.linspace(-9, 9, 9)))
-    design, instants = law.controller.designed.lqr, np.arange(0, 6, 0.002)
-    peaks = [np.abs(design.optimal_trajectory(x[[1, 3]], instants)[:, 0]).max() for x in starts]
+    pairs = itertools.product(np.linspace(-80, 80, 9), np.linspace(-9, 9, 9))
+    starts = pendulum_starts(*pairs)
+    design = law.controller.designed.lqr
+    instants = np.arange(0, 6, 0.002)
+    optima = [design.optimal_trajectory(x[[1, 3]], instants) for x in starts]
+    peaks = np.array([np.abs(optimum[:, 0]).max() for optimum in optima])
+
     # Feedback linearization makes the optimum exact but for the hold between two samples.
-    clear = np.abs(np.array(peaks) - math.pi / 2) > 0.02
-    stays = np.array(peaks)[clear] < math.pi / 2
+    clear = np.abs(peaks - math.pi / 2) > 0.02
+    stays = peaks[clear] < math.pi / 2
     assert 0 < stays.sum() < len(stays)
     np.testing.assert_array_equal(outcomes(law, starts[clear], 6.0) == CONVERGED, stays)
-    # The arm ends at its singularity.
+
+
+def test_the_arm_ends_at_its_singularity() -> None:
     law = loop("arm", "nominal", "grosmc")
     starts = law.equilibrium + np.array([[0.5, 0.0], [1.5, 5.0]])
     assert outcomes(law, starts, 6.0).tolist() == [CONVERGED, Outcome.SINGULAR.letter]
@@ -117,12 +142,13 @@ def test_fl_lqr_converges_if_its_optimal_trajectory_stays_in_the_region() -> Non
 
 
 @pytest.mark.slow
-def test_looking_early_changes_no_outcome() -> None:
-    starts = pendulum_starts(*itertools.product(np.linspace(-80, 80, 6), np.linspace(-6, 6, 6)))
-    for controller in ("lqr", "fl-lqr", "grosmc"):
-        law = loop("cart_pendulum", "case1", controller)
-        once = outcomes(law, starts, 9.0, looks=(1.0,))
-        np.testing.assert_array_equal(outcomes(law, starts, 9.0), once)
+@pytest.mark.parametrize("controller", ["lqr", "fl-lqr", "grosmc"])
+def test_looking_early_changes_no_outcome(controller: str) -> None:
+    pairs = itertools.product(np.linspace(-80, 80, 6), np.linspace(-6, 6, 6))
+    starts = pendulum_starts(*pairs)
+    law = loop("cart_pendulum", "case1", controller)
+    once = outcomes(law, starts, 9.0, looks=(1.0,))
+    np.testing.assert_array_equal(outcomes(law, starts, 9.0), once)
 
 
 def test_a_start_near_zero_that_drifts_away_is_not_called_converged_early() -> None:
@@ -136,28 +162,38 @@ def test_a_start_near_zero_that_drifts_away_is_not_called_converged_early() -> N
     assert outcomes(drifting, starts, 1.0).tolist() == [CONVERGED]
 
 
+@pytest.mark.parametrize(
+    ("case", "start", "letter", "looks"),
+    [
+        ("nominal", [0.9, 0.2], "c", [1.0]),
+        ("nominal", [0.9, 0.3], "c", [1.0, 4.0, 16.0]),
+        ("nominal", [0.2, 0.1], "c", [1.0]),
+        ("nominal", [0.2, 0.3], "n", [1.0, 4.0, 16.0]),
+        ("case1", [0.9, 0.1], "c", [1.0, 4.0, 16.0]),
+        ("case1", [0.2, 0.1], "n", [1.0, 4.0, 16.0]),
+    ],
+)
 def test_a_start_has_converged_early_within_a_quarter_of_its_tolerances_unless_disturbed(
+    case: str,
+    start: list[float],
+    letter: str,
+    looks: list[float],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    looks: list[float] = []
+    durations: list[float] = []
 
     def moved(self: RegionLoop, starts: np.ndarray, duration: float) -> Outcomes:
         """To the share of the tolerances that is the start's rate; at last some are away."""
-        looks.append(duration)
+        durations.append(duration)
         bounds = np.array([bound for bound, _ in self.tolerances.values()])
         ends = self.equilibrium + starts[:, 1:] * bounds
         ends[(starts[:, 0] < 0.6) & (duration > 9.0), 0] += 0.3
         return Outcomes((), {"last": ends, "status": np.full(len(ends), "completed")})
 
     monkeypatch.setattr(RegionLoop, "run", moved)
-    for case, start, letter, looked in (
-        ("nominal", [0.9, 0.2], "c", 1), ("nominal", [0.9, 0.3], "c", 3),
-        ("nominal", [0.2, 0.1], "c", 1), ("nominal", [0.2, 0.3], "n", 3),
-        ("case1", [0.9, 0.1], "c", 3), ("case1", [0.2, 0.1], "n", 3),
-    ):  # fmt: skip
-        looks.clear()
-        assert outcomes(loop("servo", case, "lqr"), np.array([start]), 16.0).tolist() == [letter]
-        assert looks == [1.0, 4.0, 16.0][:looked]
+    letters = outcomes(loop("servo", case, "lqr"), np.array([start]), 16.0)
+    assert letters.tolist() == [letter]
+    assert durations == looks
 
 
 # Maps.
@@ -169,7 +205,8 @@ def test_a_map_has_the_second_axis_down_and_the_first_across(
     """By starts that converge where the angle is positive and more than the rate."""
 
     def made_up(loop: RegionLoop, starts: np.ndarray, duration: float) -> np.ndarray:
-        angle, rate = starts[:, 1], starts[:, 3]
+        angle = starts[:, 1]
+        rate = starts[:, 3]
         return np.where((angle > 0) & (angle > rate), "c", "d")
 
     monkeypatch.setattr(region, "outcomes", made_up)
@@ -180,38 +217,65 @@ def test_a_map_has_the_second_axis_down_and_the_first_across(
     (first, *rest) = study.maps(advances.append)
     # Angles -1, 0 and 1; rates -3, 0 and 3 from above.
     assert first.rows == ["ddc", "ddc", "ddd"]
-    assert (first.counts[Outcome.CONVERGED], first.counts[Outcome.DIVERGED]) == (2, 7)
+    assert first.counts[Outcome.CONVERGED] == 2
+    assert first.counts[Outcome.DIVERGED] == 7
     assert first.converged == pytest.approx(100 * 2 / 9)
     assert len(advances) == study.batches == 2 * (1 + len(rest))
 
 
-def test_neighbours_of_an_overturned_start_are_all_confirmed() -> None:
-    """And starts that MuJoCo did not run are as the equations have it, in any two maps."""
-    random, (x, y) = np.random.default_rng(0), np.meshgrid(np.arange(40), np.arange(40))
-    # Discs whose radii differ by three cells, maps at random, a map of one outcome.
-    discs = [np.where(np.hypot(x - 20, y - 20) < radius, "c", "l") for radius in (12, 9)]
-    pairs = [discs, [np.full((1, 50), "c")] * 2]
-    for _ in range(20):
-        first = np.where(random.random((12, 12)) < 0.1, "l", "c")
-        pairs.append([first, np.where(random.random((12, 12)) < 0.05, "d", first)])
-    counts = []
-    for first, truth in pairs:
-        confirmed = np.zeros(first.shape, bool)
+class Physics:
+    """Outcomes in MuJoCo of a made-up map, each asked for once."""
 
-        def confirm(chosen: Any, truth: Any = truth, confirmed: Any = confirmed) -> Any:
-            assert not np.any(confirmed & chosen)
-            confirmed[chosen] = True
-            return truth[chosen]
+    def __init__(self, truth: np.ndarray) -> None:
+        self.truth = truth
+        self.confirmed = np.zeros(truth.shape, bool)
 
-        letters, count = region.confirmed_map(first, confirm)
-        np.testing.assert_array_equal(letters, np.where(confirmed, truth, first))
-        beside = np.asarray(binary_dilation(letters != first, np.ones((3, 3))), bool)
-        assert confirmed[beside].all()
-        assert count == confirmed.sum()
-        counts.append((count, (letters == truth).all()))
-    assert counts[0][0] < 0.6 * discs[0].size
-    assert counts[0][1]
-    assert counts[1][0] == 1
+    def __call__(self, chosen: np.ndarray) -> np.ndarray:
+        assert not np.any(self.confirmed & chosen)
+        self.confirmed[chosen] = True
+        return self.truth[chosen]
+
+
+def disc(radius: float) -> np.ndarray:
+    """A map of 40 x 40 starts that converge within a radius."""
+    x, y = np.meshgrid(np.arange(40), np.arange(40))
+    return np.where(np.hypot(x - 20, y - 20) < radius, "c", "l")
+
+
+def random_maps(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A map at random, and one that differs from it in a twentieth of the starts."""
+    random = np.random.default_rng(seed)
+    first = np.where(random.random((12, 12)) < 0.1, "l", "c")
+    return first, np.where(random.random((12, 12)) < 0.05, "d", first)
+
+
+@pytest.mark.parametrize(
+    ("first", "truth"), [(disc(12), disc(9)), *(random_maps(seed) for seed in range(20))]
+)
+def test_neighbours_of_an_overturned_start_are_all_confirmed(
+    first: np.ndarray, truth: np.ndarray
+) -> None:
+    """And starts that MuJoCo did not run are as the equations have it."""
+    physics = Physics(truth)
+    letters, count = region.confirmed_map(first, physics)
+    np.testing.assert_array_equal(letters, np.where(physics.confirmed, truth, first))
+    beside = np.asarray(binary_dilation(letters != first, np.ones((3, 3))), bool)
+    assert physics.confirmed[beside].all()
+    assert count == physics.confirmed.sum()
+
+
+def test_a_disc_that_is_smaller_in_mujoco_is_found_with_few_runs() -> None:
+    """The radii differ by three cells."""
+    letters, count = region.confirmed_map(disc(12), Physics(disc(9)))
+    assert count < 0.6 * letters.size
+    np.testing.assert_array_equal(letters, disc(9))
+
+
+def test_of_a_map_of_one_outcome_only_a_random_start_is_confirmed() -> None:
+    first = np.full((1, 50), "c")
+    letters, count = region.confirmed_map(first, Physics(first))
+    np.testing.assert_array_equal(letters, first)
+    assert count == 1
 
 
 @pytest.mark.slow
@@ -223,7 +287,8 @@ def test_a_screened_map_is_that_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(region, "model_mismatch", lambda _: "all of it")
     for ours, theirs in zip(screened, Region("cart_pendulum", **options).maps(), strict=True):
         np.testing.assert_array_equal(ours.grid, theirs.grid)
-        assert (ours.overturned, theirs.overturned) == (0, 0)
+        assert ours.overturned == 0
+        assert theirs.overturned == 0
         assert 0 < ours.confirmed < theirs.confirmed == 10 * 10
 
 
@@ -298,5 +363,6 @@ def test_an_interrupt_keeps_the_finished_maps(
     assert len(list(tmp_path.iterdir())) == 3 * finished
     if finished:
         document = json.loads((tmp_path / "region_servo.json").read_text(encoding="utf-8"))
-        assert (document["complete"], len(document["maps"])) == (False, 1)
+        assert document["complete"] is False
+        assert len(document["maps"]) == 1
         assert document["answers"][0]["verdict"] == "not decided"

@@ -21,10 +21,18 @@ from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import tolerance
 from grosmc_mj.studies.studied import judgeable_in
-from grosmc_mj.studies.tolerance import Setting, Tolerance, setting, tolerances, verdict
+from grosmc_mj.studies.tolerance import (
+    Imperfection,
+    Setting,
+    Tolerance,
+    setting,
+    tolerances,
+    verdict,
+)
 from grosmc_mj.sweep.search import Search
 
-DELAY, MOST = 0.05, tolerance.MOST
+DELAY = 0.05
+MOST = tolerance.MOST
 FILE = f"""
 plant = {{ system = "servo" }}
 computing = {{ delay = "{DELAY} s" }}
@@ -41,38 +49,73 @@ timestep = "5 ms"
 
 def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any) -> Search:
     """A search on its grid, or from where another one ended."""
-    middle, near = tolerance.geometric_mean, tolerance.resolved
-    search = Search(options.pop("most", MOST), middle, near, least=tolerance.LEAST, **options)
-    search.known |= {begin: keeps(begin)} if begin else {}
-    while factors := search.factors() if begin else search.on_grid(tolerance.BEYOND):
+    options = {"most": MOST, "least": tolerance.LEAST, **options}
+    search = Search(
+        middle=tolerance.geometric_mean,
+        narrow=tolerance.resolved,
+        **options,
+    )
+    if begin:
+        search.known[begin] = keeps(begin)
+    while True:
+        factors = search.factors() if begin else search.on_grid(tolerance.BEYOND)
+        if not factors:
+            return search
         assert not set(factors) & set(search.known)
-        search.known |= {factor: keeps(factor) for factor in factors}
-    return search
+        for factor in factors:
+            search.known[factor] = keeps(factor)
 
 
-def test_the_bound_is_searched_from_below() -> None:
-    for keeps, begin, bound, again in (
-        *((lambda x, b=b: x <= b, 0.0, b, []) for b in (0.07, 1.0, 3.3, 700.0)),
+@pytest.mark.parametrize(
+    ("keeps", "begin", "bound", "again"),
+    [
+        (lambda x: x <= 0.07, 0.0, 0.07, []),
+        (lambda x: x <= 1.0, 0.0, 1.0, []),
+        (lambda x: x <= 3.3, 0.0, 3.3, []),
+        (lambda x: x <= 700.0, 0.0, 700.0, []),
         # Physics walks from where the equations end.
-        *((lambda x: x <= 5, begin, 5, []) for begin in (0.5, 40.0)),
+        (lambda x: x <= 5, 0.5, 5, []),
+        (lambda x: x <= 5, 40.0, 5, []),
         (lambda x: x <= 3 or 8 <= x <= 16, 0.0, 3, [(8, 16)]),
         # The first failure counts though larger amounts are kept.
         (lambda x: not 0.2 < x < 0.3, 0.0, 0.2, [(0.5, MOST)]),
-    ):
-        search = answered(keeps, begin)
-        assert search.largest is not None
-        assert search.failed is not None
-        resolution = tolerance.RESOLUTION * 1.001
-        assert search.largest <= bound < search.failed <= search.largest * resolution
-        assert search.again == again
-    kept, never = answered(lambda _: True), answered(lambda _: False)
-    assert (kept.largest, kept.failed) == (MOST, None)
-    assert (never.largest, never.failed, never.again) == (None, tolerance.LEAST, [])
+    ],
+)
+def test_the_bound_is_searched_from_below(
+    keeps: Callable[[float], bool],
+    begin: float,
+    bound: float,
+    again: list[tuple[float, float]],
+) -> None:
+    search = answered(keeps, begin)
+    assert search.largest is not None
+    assert search.failed is not None
+    resolution = tolerance.RESOLUTION * 1.001
+    assert search.largest <= bound < search.failed <= search.largest * resolution
+    assert search.again == again
+
+
+def test_a_search_without_failure_ends_at_its_largest_factor() -> None:
+    kept = answered(lambda _: True)
+    assert kept.largest == MOST
+    assert kept.failed is None
     bounded = answered(lambda _: True, most=3.0)
     assert sorted(bounded.known) == [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 3.0]
-    # Times on a grid are tried once.
+
+
+def test_a_search_that_never_passes_ends_at_its_least_factor() -> None:
+    never = answered(lambda _: False)
+    assert never.largest is None
+    assert never.failed == tolerance.LEAST
+    assert never.again == []
+
+
+def test_times_on_a_grid_are_tried_once() -> None:
     coarse = answered(lambda x: round(4 * x) <= 5, same=lambda x: round(4 * x))
-    assert (round(4 * (coarse.largest or 0)), round(4 * (coarse.failed or 0))) == (5, 6)
+    assert coarse.largest is not None
+    assert coarse.failed is not None
+    assert round(4 * coarse.largest) == 5
+    assert round(4 * coarse.failed) == 6
 
 
 # The design.
@@ -80,82 +123,146 @@ def test_the_bound_is_searched_from_below() -> None:
 
 def test_each_number_of_a_bench_is_an_imperfection() -> None:
     studied = setting("servo")
-    kinds = {x.name: x for x in studied.imperfections}
-    assert list(kinds) == [
-        "computing delay", "computing jitter", "computing missed", "sensor resolution",
-        "actuator resolution", "actuator limit", "actuator lag", "estimated rates",
-        "sensor resolution, estimated rates", "all",
-    ]  # fmt: skip
-    limit, everything = kinds["actuator limit"], kinds["all"]
-    assert (limit.at(4.0).actuators[0].limit, limit.at(0.0).actuators[0].limit) == (1.0, math.inf)
+    assert [kind.name for kind in studied.imperfections] == [
+        "computing delay",
+        "computing jitter",
+        "computing missed",
+        "sensor resolution",
+        "actuator resolution",
+        "actuator limit",
+        "actuator lag",
+        "estimated rates",
+        "sensor resolution, estimated rates",
+        "all",
+    ]
+
+
+def imperfection(studied: Setting, name: str) -> Imperfection:
+    return next(kind for kind in studied.imperfections if kind.name == name)
+
+
+def test_less_of_a_limit_is_more_of_an_imperfection() -> None:
+    limit = imperfection(setting("servo"), "actuator limit")
+    assert limit.at(4.0).actuators[0].limit == 1.0
+    assert limit.at(0.0).actuators[0].limit == math.inf
+
+
+def test_all_at_once_are_in_the_bench_s_proportions() -> None:
+    studied = setting("servo")
+    everything = imperfection(studied, "all")
     assert everything.at(1.0) == studied.bench
     assert everything.at(2.0).estimators == studied.bench.estimators
-    delay, jitter = kinds["computing delay"], kinds["computing jitter"]
-    assert (delay.text(4.4), delay.heading) == ("4.5", "computing delay [ms]")
-    # Of all of them each ends at its bound: one sample in a hundred comes through, times are
-    # below 1 s.
-    settings, bench = studied.experiment.settings, studied.bench.computing
+    twice = everything.at(2.0).computing.missed
+    assert twice == pytest.approx(2 * studied.bench.computing.missed)
+
+
+def test_a_time_is_shown_on_the_grid_of_the_timestep() -> None:
+    delay = imperfection(setting("servo"), "computing delay")
+    assert delay.text(4.4) == "4.5"
+    assert delay.heading == "computing delay [ms]"
+
+
+def test_amounts_end_at_their_physical_bounds() -> None:
+    """One sample in a hundred comes through, times are below 1 s."""
+    studied = setting("servo")
+    settings = studied.experiment.settings
+    jitter = imperfection(studied, "computing jitter")
     assert jitter.at(jitter.most).computing.jitter < settings.control_period
-    far, near = everything.at(MOST).computing, everything.at(2.0).computing
+
+    far = imperfection(studied, "all").at(MOST).computing
     assert far.missed == pytest.approx(0.99)
     assert far.jitter == pytest.approx(settings.control_period - settings.timestep)
-    assert far.delay == pytest.approx(min(MOST * bench.delay, 1 - settings.timestep))
-    assert near.missed == pytest.approx(2 * bench.missed)
+    delay = min(MOST * studied.bench.computing.delay, 1 - settings.timestep)
+    assert far.delay == pytest.approx(delay)
 
 
-def test_laws_are_those_of_the_file_and_every_switching_law_once_and_rivals_on_request() -> None:
-    every, chosen = setting("servo/case1", rivals=True), setting("servo/case1")
+def test_rivals_are_studied_on_request() -> None:
+    every = setting("servo/case1", rivals=True)
     names = [law.name for law in every.laws]
     assert names[:5] == ["lqr", "lqi", "pid", "adrc", "adaptive"]
-    assert len(names) == len(set(names)) == 14
-    assert [law.name for law in chosen.laws[:2]] == ["lqr", "sign"]
-    copied = pickle.loads(pickle.dumps(chosen))
-    assert [law.name for law in copied.laws] == [law.name for law in chosen.laws]
-    assert every.bench_of == "servo/bench"
-    assert [condition.name for condition in every.conditions] == ["nominal", "under load"]
-    for system in ("servo", "cart_pendulum", "arm", "two_link_arm", "jaco"):
-        names = {law.name for law in setting(system).laws}
-        assert {"lqr", "implicit", "implicit, predicted"} <= names
-    # Requirements hold for every law that they can be about.
-    arm = setting("arm/case1", ["lqr", "implicit"])
-    limits = [[x.kind for x in arm.limits(law, arm.conditions[0])] for law in arm.laws]
-    assert limits == [["deviation_below"], ["deviation_below", "no_reaching_phase"]]
+    assert len(names) == 14
+    assert len(set(names)) == 14
+    assert [law.name for law in setting("servo/case1").laws[:2]] == ["lqr", "sign"]
 
 
-def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there() -> None:
-    """sgn asks for 6 A of an ideal actuator on the servo's bench, whose amplifier gives 4 A."""
-    studied = setting("servo", ["sign"])
-    limits, built = studied.limits(studied.laws[0], studied.conditions[0]), studied.bench
-    kinds = {limit.kind for limit in limits}
-    stronger = replace(built, actuators=(replace(built.actuators[0], limit=8.0),))
-    for loop, bench, judged in (
-        (built, built, True), (Loop(), built, False), (stronger, built, False),
+def test_a_case_is_studied_on_its_system_s_bench_under_its_own_load() -> None:
+    studied = setting("servo/case1")
+    assert studied.bench_of == "servo/bench"
+    assert [condition.name for condition in studied.conditions] == ["nominal", "under load"]
+
+
+def test_another_process_reads_the_same_laws() -> None:
+    studied = setting("servo/case1")
+    copied = pickle.loads(pickle.dumps(studied))
+    assert [law.name for law in copied.laws] == [law.name for law in studied.laws]
+
+
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm", "two_link_arm", "jaco"])
+def test_every_system_s_laws_switch_in_every_way(system: str) -> None:
+    names = {law.name for law in setting(system).laws}
+    assert {"lqr", "implicit", "implicit, predicted"} <= names
+
+
+@pytest.mark.parametrize(
+    ("law", "kinds"),
+    [
+        ("lqr", ["deviation_below"]),
+        ("implicit", ["deviation_below", "no_reaching_phase"]),
+    ],
+)
+def test_requirements_hold_for_every_law_that_they_can_be_about(law: str, kinds: list[str]) -> None:
+    arm = setting("arm/case1", [law])
+    limits = arm.limits(arm.laws[0], arm.conditions[0])
+    assert [limit.kind for limit in limits] == kinds
+
+
+SERVO = setting("servo", ["sign"])
+BUILT = SERVO.bench
+STRONGER = replace(BUILT, actuators=(replace(BUILT.actuators[0], limit=8.0),))
+
+
+@pytest.mark.parametrize(
+    ("loop", "bench", "judged"),
+    [
+        (BUILT, BUILT, True),
+        (Loop(), BUILT, False),
+        (STRONGER, BUILT, False),
         # Of a file whose loop has no actuator with a range the limit is the file's own.
-        (Loop(), None, True), (Loop(), Loop(), True),
-    ):  # fmt: skip
-        left = {limit.kind for limit in judgeable_in(limits, loop, bench)}
-        assert left == (kinds if judged else kinds - {"input_below"})
+        (Loop(), None, True),
+        (Loop(), Loop(), True),
+    ],
+)
+def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there(
+    loop: Loop, bench: Loop | None, judged: bool
+) -> None:
+    """sgn asks for 6 A of an ideal actuator on the servo's bench, whose amplifier gives 4 A."""
+    limits = SERVO.limits(SERVO.laws[0], SERVO.conditions[0])
+    kinds = {limit.kind for limit in limits}
+    assert "input_below" in kinds
+    if not judged:
+        kinds.remove("input_below")
+    assert {limit.kind for limit in judgeable_in(limits, loop, bench)} == kinds
 
 
 # Runs.
 
 
-def test_all_seeds_must_keep_it(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("failing", [None, 0, 1, 3])
+def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def made(self: tolerance.Trials, *groups: Any) -> None:
+        for trial, number in groups[-1]:
+            outcome = tolerance.TrialResult(number != failing, 0.5, "", number)
+            self.known[trial, number] = outcome
+
+    monkeypatch.setattr(tolerance.Trials, "_run", made)
     studied = setting("servo", ["lqr"])
-    for failing in (None, 0, 1, 3):
+    trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
+    (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
+    assert worst.kept is (failing is None)
 
-        def made(self: tolerance.Trials, *groups: Any, failing: Any = failing) -> None:
-            runs = groups[-1]
-            self.known.update(
-                {x: tolerance.TrialResult(x[1] != failing, 0.5, "", x[1]) for x in runs}
-            )
-
-        monkeypatch.setattr(tolerance.Trials, "_run", made)
-        trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
-        (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
-        assert worst.kept is (failing is None)
-        # None is run for a loop that has failed already.
-        assert {number for _, number in trials.known} == ({0} if failing == 0 else {0, 1, 2, 3})
+    # None is run for a loop that has failed already.
+    numbers = {number for _, number in trials.known}
+    assert numbers == ({0} if failing == 0 else {0, 1, 2, 3})
 
 
 @pytest.mark.slow
@@ -237,7 +344,8 @@ def test_a_longer_period_is_asked_for_and_samples_the_law_and_its_surface() -> N
     trials = tolerance.Trials(law, "corrected", limits, studied.bench, seeds=1)
     (usual,) = trials.worst([tolerance.Trial(nominal, period.base)])
     (longer,) = trials.worst([tolerance.Trial(nominal, period.base, 4e-3)])
-    assert (usual.kept, longer.kept) == (True, True)
+    assert usual.kept
+    assert longer.kept
     assert usual.margin != longer.margin
 
 
@@ -256,9 +364,9 @@ def rows_of(studied: Setting, kept: float = 2.0, **more: Any) -> list[Tolerance]
     return [row_of(studied, i, kept, kept + 0.1, **changes) for i in range(count)]
 
 
-def test_a_cell_has_the_amount_that_is_run_and_the_verdict_the_one_that_fails() -> None:
-    studied = setting("servo", ["lqr"])
-    for index, kept, failed, more, shown in (
+@pytest.mark.parametrize(
+    ("index", "kept", "failed", "more", "cell"),
+    [
         (0, 2.9, 3.5, {}, "3"),
         # Less than half a timestep is none of it.
         (0, 0.125, 0.5, {}, "none"),
@@ -270,8 +378,17 @@ def test_a_cell_has_the_amount_that_is_run_and_the_verdict_the_one_that_fails() 
         (7, 0.0, 1.0, {}, "no"),
         (9, 2.0, 2.1, {}, "2"),
         (1, 0.0, None, {"kept_ideally": False, "impossible": "there is no filter"}, "-"),
-    ):
-        assert row_of(studied, index, kept, failed, **dict[str, Any](more)).cell == shown
+    ],
+)
+def test_a_cell_has_the_amount_that_is_run(
+    index: int, kept: float, failed: float | None, more: dict[str, Any], cell: str
+) -> None:
+    studied = setting("servo", ["lqr"])
+    assert row_of(studied, index, kept, failed, **more).cell == cell
+
+
+def test_the_verdict_has_the_amount_that_fails() -> None:
+    studied = setting("servo", ["lqr"])
     assert verdict([row_of(studied, 0, 2.9, 3.5)]) == (
         "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's), "
         "and no longer at 3.5 ms (3.5 times the bench's): deviation below."
@@ -293,10 +410,9 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     header, lqr, implicit = (
         [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
     )
-    assert dict(zip(header, lqr, strict=True)) == {
-        "law": "lqr", "keeps ideally": "nominal, case1",
-        **{row.imperfection.heading: row.cell for row in weaker},
-    }  # fmt: skip
+    answers = {row.imperfection.heading: row.cell for row in weaker}
+    expected = {"law": "lqr", "keeps ideally": "nominal, case1", **answers}
+    assert dict(zip(header, lqr, strict=True)) == expected
     assert implicit[header.index("actuator limit [A]")] == "none"
     assert implicit.count("") == len(studied.imperfections) - 1
     assert lines[-1] == "MuJoCo confirmed 30 of 30 answers."

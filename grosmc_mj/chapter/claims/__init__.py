@@ -1,5 +1,5 @@
-"""What the chapter claims, a file of data a system, and how each claim is measured.
+"""The chapter's claims: a data file for each system, and the code that judges them.
 
-``ledger`` offers all claims and judges them; the systems' modules, ``theory``, ``cart`` and
-``measures`` have the functions that the files name.
+``ledger`` reads the files, ``judging`` judges the claims, and ``measurements`` has the functions
+that the files name.
 """

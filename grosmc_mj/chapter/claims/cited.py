@@ -8,17 +8,19 @@ from grosmc_mj.experiments.experiment import Experiment
 
 
 def cited_claims(experiment: Experiment) -> dict[str, Claim]:
-    """The claims that an experiment's file names, by their ids.
+    """Return the claims that an experiment's file names, by their ids.
 
     Raises:
-        ArgumentError: If there is none of such an id.
+        ArgumentError: If there is no claim of such an id.
     """
-    if not experiment.file.claim:
+    cited = experiment.file.claim
+    if not cited:
         return {}
-    # Here, for it is much to import for a file that names none.
+
+    # Imported late: the claims need many modules, and most files name no claim.
     from grosmc_mj.chapter.claims.ledger import find_claim
 
     try:
-        return {table.id: find_claim(table.id) for table in experiment.file.claim}
+        return {table.id: find_claim(table.id) for table in cited}
     except ArgumentError as error:
         raise ArgumentError(f"{experiment.path}: {error}") from None

@@ -1,4 +1,4 @@
-"""Claims, the choices that they depend on, and what is measured of them."""
+"""Claims, the choices that they depend on, and the findings about them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
-# The limits that words of the statements mean, and why: one for one word, wherever it is said.
+# Limits that stand for words of the statements, with the reason; a word has one limit everywhere.
 WORDS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
 )
@@ -26,9 +26,9 @@ WORDS: dict[str, dict[str, Any]] = tomllib.loads(
 class Verdict(Enum):
     """Verdict of a claim.
 
-    Undetermined is what turns on a choice that the chapter does not print; a premise is not met
-    where a theorem's own condition fails on the case that it is claimed of; inconclusive is what
-    depends on the time step.
+    A claim is undetermined if its answer depends on a choice that the chapter does not print. Its
+    premise is not met if a condition of its theorem fails in the case that it is claimed of. It is
+    inconclusive if its answer depends on the time step.
     """
 
     SUPPORTED = "supported"
@@ -78,11 +78,11 @@ class Choice:
 
     Attributes:
         name: For people.
-        values: That are tried.
+        values: Values that are tried.
         printed: Whether the chapter prints it.
         key: Its key in the case files, such as ``task.Q``; empty for an argument.
-        argument: Of the claim's measurement; empty for a number of the case files.
-        unit: Of the values.
+        argument: Argument of the claim's measurement; empty for a number of the case files.
+        unit: Unit of the values.
     """
 
     name: str
@@ -93,11 +93,13 @@ class Choice:
     unit: str = ""
 
     def written(self, value: Any) -> str:
-        """A value with name and unit."""
-        numbers = value if isinstance(value, list) else [value]
-        words = ", ".join(shown(number, str) for number in numbers)
-        listed = f"[{words}]" if isinstance(value, list) else words
-        return f"{self.name} = {listed} {self.unit}".rstrip()
+        """Return a value with name and unit."""
+        if isinstance(value, list):
+            numbers = ", ".join(shown(number, str) for number in value)
+            text = f"[{numbers}]"
+        else:
+            text = shown(value, str)
+        return f"{self.name} = {text} {self.unit}".rstrip()
 
 
 @checked_dataclass(frozen=True, config=_CHECKED)
@@ -113,21 +115,22 @@ class Claim:
         why: Reason for this threshold.
         measure: The measurement on one plant.
         sense: Whether the value must be at most or at least the threshold.
-        threshold: In ``unit``.
-        unit: Of value and threshold.
-        verdicts: Expected on each plant that it can be judged on; the last one decides.
+        threshold: Limit of the value, in ``unit``.
+        unit: Unit of value and threshold.
+        verdicts: Expected verdict on each plant that it can be judged on; the last plant decides.
         reason: Why these are expected.
         untested: Limits of the measurement.
-        kind: Of statement.
-        quote: The words that it is the statement of; empty for a question of this project's. Claims
+        kind: Sort of statement.
+        quote: The chapter's words for the statement; empty for a question of this project. Claims
             with the same quote rest on one sentence.
-        word: The word of the statement that the threshold says in numbers; empty for its own.
+        word: The word of the statement that the threshold puts into numbers, a key of ``WORDS``;
+            empty for a threshold of its own.
         choices: Numbers and measures that it depends on.
-        every: Names of those choices for every value of which the statement is meant.
-        some: Names of those for one value of which at least it is meant.
-        cause: Why it is not supported, where it is not: one cause may fail several claims.
+        every: Names of the choices for all values of which the statement is meant.
+        some: Names of the choices for at least one value of which it is meant.
+        cause: Why it is not supported, if it is not; several claims may fail for one cause.
         exact: Whether no time step enters, so that there is nothing to refine.
-        premise: Names the premise that failed, or nothing.
+        premise: Function that names the premise that failed; it returns an empty text if none did.
         equation: The equation at stake, in LaTeX.
         drawing: Panel, case and laws of the figure that shows it, see ``figures.claim_panel``.
     """
@@ -164,9 +167,11 @@ class Claim:
 
     @property
     def quantifier(self) -> str:
-        """The choices for which it is meant."""
-        if meant := ", ".join(self.every or self.some):
-            return f"for {'every' if self.every else 'at least one'} value tried of: {meant}"
+        """The choices for which it is meant, in words."""
+        if self.every:
+            return f"for every value tried of: {', '.join(self.every)}"
+        if self.some:
+            return f"for at least one value tried of: {', '.join(self.some)}"
         if self.kind in (Kind.PROOF, Kind.MISPRINT) and not self.choices:
             return "for all that it allows: one counterexample refutes it"
         if self.kind is not Kind.QUESTION and all(choice.printed for choice in self.choices):
@@ -174,7 +179,7 @@ class Claim:
         return "for the printed numbers, and those declared here where none is printed"
 
     def holds(self, measured: Measured) -> bool:
-        """Whether a measurement meets the criterion; one without a value doesn't."""
+        """Whether a measurement meets the criterion; one without a value does not."""
         if measured.value is None:
             return False
         if self.sense == "at most":
@@ -187,10 +192,10 @@ class PlantFinding:
     """The measurements of a claim on one plant.
 
     Attributes:
-        measured: At the laboratory's settings.
-        refined: At half the timestep and control period; None for an exact claim.
-        verdict: Of both together.
-        finer: Where the time steps were halved.
+        measured: Value at the laboratory's settings.
+        refined: Value at half the timestep and control period; None for an exact claim.
+        verdict: Verdict by both values together.
+        finer: Plant on which the time steps were halved.
     """
 
     measured: Measured
@@ -205,10 +210,10 @@ class Finding:
 
     Attributes:
         claim: The claim.
-        plants: By plant.
-        because: The premise that failed where the claim did, if one did.
-        trials: On the plant that decides, at the values of the choices that the claim is meant for
-            every or some of.
+        plants: Measurements by plant.
+        because: The premise that failed where the claim did; empty if none did.
+        trials: Measurements on the plant that decides, one for each value of the choices in
+            ``every`` and ``some`` of the claim.
     """
 
     claim: Claim
@@ -218,7 +223,7 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the plant that decides: physics, if the claim can be judged on it."""
+        """Verdict on the plant that decides: physics, if the claim can be judged on it."""
         return self.decisive.verdict
 
     @property
@@ -228,32 +233,38 @@ class Finding:
 
     @property
     def unexpected(self) -> dict[PlantName, Verdict]:
-        """The verdicts that are not the expected ones."""
-        return {
-            plant: finding.verdict
-            for plant, finding in self.plants.items()
-            if finding.verdict is not self.claim.verdicts[plant]
-        }
+        """The verdicts that are not the expected ones, by plant."""
+        unexpected: dict[PlantName, Verdict] = {}
+        for plant, finding in self.plants.items():
+            if finding.verdict is not self.claim.verdicts[plant]:
+                unexpected[plant] = finding.verdict
+        return unexpected
 
     @property
-    def shown(self) -> Measured:
+    def representative(self) -> Measured:
         """The measurement that stands for the claim, on the plant that decides.
 
-        Of a claim that is meant for some of its choices, or holds for none, it is the one that is
-        nearest to the criterion; of one that holds for every one of them the worst.
+        Of a claim that holds for every one of its choices, it is the worst; of one that is meant
+        for some of them, or holds for none, the nearest to the criterion.
         """
         measured = self.decisive.measured
-        valued = [one for one in (measured, *self.trials.values()) if one.value is not None]
-        if not self.trials or self.verdict is Verdict.UNDETERMINED or not valued:
+        values = [trial for trial in self.trials.values() if trial.value is not None]
+        if measured.value is not None:
+            values.insert(0, measured)
+        if not self.trials or self.verdict is Verdict.UNDETERMINED or not values:
             return measured
-        worst = bool(self.claim.every) and self.verdict is Verdict.SUPPORTED
-        least = (self.claim.sense == "at most") is not worst
-        return (min if least else max)(valued, key=lambda one: one.value or 0.0)
+
+        takes_worst = bool(self.claim.every) and self.verdict is Verdict.SUPPORTED
+        largest_is_worst = self.claim.sense == "at most"
+        if takes_worst is largest_is_worst:
+            return max(values, key=_value)
+        return min(values, key=_value)
 
     @property
     def near(self) -> bool:
         """Whether the verdict would turn if the threshold were half as large again, or half."""
-        value, threshold = self.decisive.measured.value, self.claim.threshold
+        value = self.decisive.measured.value
+        threshold = self.claim.threshold
         if value is None or threshold == 0 or self.claim.exact:
             return False
         return 0.5 <= value / threshold <= 1.5
@@ -263,22 +274,35 @@ class Finding:
         """The value of a choice with which alone the statement holds; empty if as declared."""
         if self.verdict is not Verdict.SUPPORTED or self.claim.holds(self.decisive.measured):
             return ""
-        holding = [trial for trial in self.trials.items() if self.claim.holds(trial[1])]
-        return "; ".join(f"{name}: {at.note}" if at.note else name for name, at in holding)
+
+        holding = []
+        for name, trial in self.trials.items():
+            if self.claim.holds(trial):
+                holding.append(f"{name}: {trial.note}" if trial.note else name)
+        return "; ".join(holding)
 
     @property
     def turns(self) -> str:
-        """With which of the choices the statement is true, and with which not; empty if on none."""
+        """With which choices the statement is true, and with which not; empty unless it turns."""
         if self.verdict is not Verdict.UNDETERMINED:
             return ""
-        sides: dict[bool, list[str]] = {True: [], False: []}
-        for name, at in self.trials.items():
-            if at.value is not None:
-                sides[self.claim.holds(at)].append(f"{name} ({at.value:.3g})")
-        return f"true with {', '.join(sides[True])}; false with {', '.join(sides[False])}"
+
+        true = []
+        false = []
+        for name, trial in self.trials.items():
+            if trial.value is not None:
+                side = true if self.claim.holds(trial) else false
+                side.append(f"{name} ({trial.value:.3g})")
+        return f"true with {', '.join(true)}; false with {', '.join(false)}"
 
 
-# The first of these that a claim has is its sentence's verdict.
+def _value(measured: Measured) -> float:
+    """The value of a measurement that has one."""
+    assert measured.value is not None
+    return measured.value
+
+
+# The verdict of a sentence is the first of these that one of its claims has.
 _WEAKEST = (
     Verdict.REFUTED,
     Verdict.PREMISE_NOT_MET,
@@ -299,7 +323,7 @@ class Sentence:
 
     Attributes:
         quote: Its words.
-        findings: Of the claims that rest on it.
+        findings: Findings about the claims that rest on it.
     """
 
     quote: str
@@ -312,15 +336,18 @@ class Sentence:
 
 
 def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:
-    """The sentences that claims of the chapter rest on, in the claims' order."""
-    under: dict[tuple[str, str], list[Finding]] = {}
+    """Return the sentences that claims of the chapter rest on, in the claims' order."""
+    by_sentence: dict[tuple[str, str], list[Finding]] = {}
     for finding in findings:
         if finding.claim.kind is Kind.CLAIM:
-            under.setdefault((finding.claim.system, finding.claim.quote), []).append(finding)
-    return [Sentence(quote, tuple(own)) for (_, quote), own in under.items()]
+            sentence = (finding.claim.system, finding.claim.quote)
+            by_sentence.setdefault(sentence, []).append(finding)
+    return [Sentence(quote, tuple(group)) for (_, quote), group in by_sentence.items()]
 
 
 def verdicts_of(findings: Iterable[Finding], kind: Kind) -> list[Verdict]:
-    """The verdicts of a kind that are counted: one a sentence, or one a statement."""
-    own = [finding for finding in findings if finding.claim.kind is kind]
-    return [one.verdict for one in (sentences_of(own) if kind is Kind.CLAIM else own)]
+    """Return the verdicts of a kind that are counted: one a sentence, or one a statement."""
+    of_kind = [finding for finding in findings if finding.claim.kind is kind]
+    if kind is Kind.CLAIM:
+        return [sentence.verdict for sentence in sentences_of(of_kind)]
+    return [finding.verdict for finding in of_kind]

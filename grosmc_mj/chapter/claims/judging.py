@@ -1,13 +1,13 @@
-"""How claims are judged, one here or many in processes."""
+"""Judge claims: one in this process, or many in several."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import (
@@ -24,73 +24,118 @@ from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.experiments.plants import PlantName
 
-# Share of the value by which two plants may differ that are taken for one: what rounding leaves
-# after a run of 20 s is a thousandth of it.
+# Relative difference up to which physics counts as equal to the equations. Rounding leaves a
+# thousandth of it after a run of 20 s.
 _SAME = 1e-6
-# Claims of one system that a process takes at once: neighbours in its file look at the same runs.
+# Claims of one system that a process takes at once: neighbours in its file share their runs.
 _PART = 8
 
 
 def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
 
-    What a choice turns it turns on every plant: it is tried on the one that decides.
+    The choices are tried on the plant that decides, and count on every plant.
 
     Args:
-        lab: Where it is measured.
+        lab: Cache of the runs.
         claim: The claim.
-        refine: Whether to look at half the time steps too.
+        refine: Whether to measure at half the time steps too.
     """
-    trials = {
-        choice.written(value): tried(lab, claim, claim.plants[-1], choice, value)
-        for choice in claim.choices
-        if choice.name in (*claim.every, *claim.some)
-        for value in choice.values
-    }
+    trials = _trials(lab, claim)
     plants: dict[PlantName, PlantFinding] = {}
-    for name in claim.plants:
-        measured, refined, finer = claim.measure(lab, name), None, name
-        if refine and not claim.exact:
-            equations = plants.get("corrected") if name == "physics" else None
-            # The same value: the equations stand in, which cost a twentieth.
-            if equations is not None and _same(measured, equations.measured):
-                refined, finer = equations.refined, "corrected"
-            else:
-                refined = claim.measure(lab.refined, name)
-        verdict = _verdict(claim, measured, refined, trials.values())
-        plants[name] = PlantFinding(measured, refined, verdict, finer)
+    for plant in claim.plants:
+        equations = None
+        if plant == "physics":
+            equations = plants.get("corrected")
+        plants[plant] = _judge_on(lab, claim, plant, trials, equations, refine=refine)
+
     finding = Finding(claim, plants, trials=trials)
-    failed = finding.verdict in (Verdict.REFUTED, Verdict.UNDETERMINED)
-    because = claim.premise(lab) if failed and claim.premise is not None else ""
-    for name, on_plant in plants.items():
-        if because and on_plant.verdict is Verdict.REFUTED:
-            plants[name] = replace(on_plant, verdict=Verdict.PREMISE_NOT_MET)
+    if claim.premise is None or finding.verdict not in (Verdict.REFUTED, Verdict.UNDETERMINED):
+        return finding
+
+    because = claim.premise(lab)
+    if because:
+        for plant, on_plant in plants.items():
+            if on_plant.verdict is Verdict.REFUTED:
+                plants[plant] = replace(on_plant, verdict=Verdict.PREMISE_NOT_MET)
     return replace(finding, because=because)
+
+
+def _trials(lab: Laboratory, claim: Claim) -> dict[str, Measured]:
+    """Measurements on the plant that decides, for the choices that the claim is meant for."""
+    trials = {}
+    for choice in claim.choices:
+        if choice.name in (*claim.every, *claim.some):
+            for value in choice.values:
+                measured = tried(lab, claim, claim.plants[-1], choice, value)
+                trials[choice.written(value)] = measured
+    return trials
+
+
+def _judge_on(
+    lab: Laboratory,
+    claim: Claim,
+    plant: PlantName,
+    trials: Mapping[str, Measured],
+    equations: PlantFinding | None,
+    *,
+    refine: bool,
+) -> PlantFinding:
+    """Judge a claim on one plant; ``equations`` is the finding that may stand in for physics."""
+    measured = claim.measure(lab, plant)
+    refined = None
+    finer = plant
+    if refine and not claim.exact:
+        if equations is not None and _same(measured, equations.measured):
+            # Half the time steps cost twenty times as much on physics.
+            refined = equations.refined
+            finer = "corrected"
+        else:
+            refined = claim.measure(lab.refined, plant)
+
+    verdict = _verdict(claim, measured, refined, trials.values())
+    return PlantFinding(measured, refined, verdict, finer)
 
 
 def _verdict(
     claim: Claim, measured: Measured, refined: Measured | None, trials: Iterable[Measured]
 ) -> Verdict:
-    """The verdict on one plant by its values at both time steps and what the choices turn."""
-    both = [measured] if refined is None else [measured, refined]
-    answers = {claim.holds(one) for one in both}
-    strange = any(one.broken or not math.isfinite(one.value or 0.0) for one in both)
-    if strange or len(answers) > 1:
-        return Verdict.INCONCLUSIVE
-    if len(answers | {claim.holds(trial) for trial in trials if not trial.broken}) > 1:
-        return Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
-    return Verdict.SUPPORTED if True in answers else Verdict.REFUTED
+    """The verdict on one plant, by its values at both time steps and by the trials."""
+    values = [measured]
+    if refined is not None:
+        values.append(refined)
+
+    holds = claim.holds(measured)
+    for value in values:
+        if not _conclusive(value) or claim.holds(value) is not holds:
+            return Verdict.INCONCLUSIVE
+
+    for trial in trials:
+        if not trial.broken and claim.holds(trial) is not holds:
+            return Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
+    return Verdict.SUPPORTED if holds else Verdict.REFUTED
 
 
-def _same(one: Measured, other: Measured) -> bool:
-    """Whether two plants are one as far as a measurement tells."""
-    if one.value is None or other.value is None or one.broken or other.broken:
+def _conclusive(measured: Measured) -> bool:
+    """Whether a measurement can be judged; a missing value can: it meets no criterion."""
+    if measured.broken:
         return False
-    return math.isclose(one.value, other.value, rel_tol=_SAME)
+    return measured.value is None or math.isfinite(measured.value)
+
+
+def _same(physics: Measured, equations: Measured) -> bool:
+    """Whether both plants gave the same value."""
+    if physics.value is None or equations.value is None or physics.broken or equations.broken:
+        return False
+    return math.isclose(physics.value, equations.value, rel_tol=_SAME)
 
 
 def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value: Any) -> Measured:
-    """A measurement with another value of a choice; broken where no law can be designed."""
+    """Measure with another value of a choice; broken where no law can be designed.
+
+    Raises:
+        NeedsSlidingModeError: If the law has no sliding variable, which the measurement needs.
+    """
     try:
         if choice.argument:
             return claim.measure(lab, plant, **{choice.argument: value})
@@ -102,13 +147,14 @@ def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value
 
 
 def verdict_differences(findings: Sequence[Finding]) -> list[str]:
-    """One line for each verdict that is not the expected one."""
-    return [
-        f"claim {finding.claim.id} on {plant}: {verdict.value}, expected "
-        f"{finding.claim.verdicts[plant].value}"
-        for finding in findings
-        for plant, verdict in finding.unexpected.items()
-    ]
+    """Return one line for each verdict that is not the expected one."""
+    lines = []
+    for finding in findings:
+        for plant, verdict in finding.unexpected.items():
+            expected = finding.claim.verdicts[plant].value
+            line = f"claim {finding.claim.id} on {plant}: {verdict.value}, expected {expected}"
+            lines.append(line)
+    return lines
 
 
 def judge_claims(
@@ -121,9 +167,9 @@ def judge_claims(
     """Judge claims as ``judge`` does, in their order.
 
     Args:
-        lab: Where they are measured; a process has its like, without the runs that are there.
+        lab: Cache of the runs; another process gets a copy without the runs.
         claims: The claims.
-        executor: Who judges.
+        executor: Executor of the processes.
         advance: Called with a claim's id when it has been judged.
         notice: Called when a worker died and was replaced.
 
@@ -131,26 +177,29 @@ def judge_claims(
         GrosmcError: As a measurement or the executor raises it.
     """
     parts = parts_of(claims)
+    judge_part = partial(_judged, lab, parts)
     findings: dict[str, Finding] = {}
-    with closing(executor.run(partial(_judged, lab, parts), range(len(parts)), notice)) as answers:
+    with closing(executor.run(judge_part, range(len(parts)), notice)) as answers:
         for part in answers:
             for claim, finding in zip(parts[part.index], part.report, strict=True):
-                # What has travelled is a copy.
+                # A finding from another process has a copy of the claim.
                 findings[claim.id] = replace(finding, claim=claim)
                 advance(claim.id)
     return [findings[claim.id] for claim in claims]
 
 
 def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:
-    """Claims in parts, each of one system."""
-    systems = groupby(sorted(claims, key=lambda claim: claim.system), lambda claim: claim.system)
-    return [
-        own[first : first + _PART]
-        for own in (list(of_system) for _, of_system in systems)
-        for first in range(0, len(own), _PART)
-    ]
+    """Return claims in parts, each of one system."""
+    by_system: dict[str, list[Claim]] = {}
+    for claim in sorted(claims, key=attrgetter("system")):
+        by_system.setdefault(claim.system, []).append(claim)
+
+    parts = []
+    for group in by_system.values():
+        parts += [group[first : first + _PART] for first in range(0, len(group), _PART)]
+    return parts
 
 
 def _judged(lab: Laboratory, parts: Sequence[Sequence[Claim]], index: int) -> list[Finding]:
-    """Judge a part; all parts that come to one process are measured in one laboratory."""
+    """Judge a part; all parts that come to one process share its runs."""
     return [judge(lab, claim) for claim in parts[index]]

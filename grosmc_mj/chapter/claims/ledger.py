@@ -1,4 +1,4 @@
-"""The chapter's claims: a file of data a system, each claim with the measurement that it names."""
+"""The chapter's claims, read from a data file for each system."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Measurement:
     """A measurement with the arguments of its claim.
 
     Attributes:
-        function: Of a laboratory and a plant.
+        function: Function of a laboratory, a plant and the arguments.
         arguments: Its further arguments. ``epsilon`` is the arm's gain instead of the case files'.
         take: The extreme over all combinations of the arguments that are lists; empty for none.
         extrapolated: Whether the value is extrapolated to a sampling time of zero.
@@ -36,31 +36,43 @@ class Measurement:
     extrapolated: bool = False
 
     def __call__(self, lab: Laboratory, plant: PlantName, **changed: Any) -> Measured:
-        """The value on a plant; broken where a run that it rests on is."""
-        arguments, points = {**self.arguments, **changed}, list[Measured]()
+        """The value on a plant; broken if a run that it rests on is."""
+        arguments = {**self.arguments, **changed}
         if "epsilon" in arguments:
             lab = lab.varied("laws.grosmc.epsilon", arguments.pop("epsilon"))
-        lists = [name for name in arguments if self.take and isinstance(arguments[name], list)]
+        try:
+            if self.take:
+                return self._extreme(lab, plant, arguments)
+            return self._at(lab, plant, arguments)
+        except NoValueError as error:
+            return Measured(None, str(error), broken=True)
+
+    def _extreme(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+        """The extreme over all combinations of the lists, with all values in its note."""
+        lists = [name for name in arguments if isinstance(arguments[name], list)]
+        points = []
         for values in itertools.product(*(arguments[name] for name in lists)):
-            try:
-                point = self._at(lab, plant, arguments | dict(zip(lists, values, strict=True)))
-            except NoValueError as error:
-                return Measured(None, str(error), broken=True)
-            if not self.take:
-                return point
-            where, note = " ".join(map(str, values)), f" ({point.note})" if point.note else ""
+            combination = dict(zip(lists, values, strict=True))
+            point = self._at(lab, plant, {**arguments, **combination})
+            where = " ".join(map(str, values))
             if point.value is None or point.broken:
                 return point._replace(note=f"{where}: {point.note}")
-            points.append(Measured(point.value, f"{where} {point.value:.3g}{note}"))
+
+            note = f"{where} {point.value:.3g}"
+            if point.note:
+                note += f" ({point.note})"
+            points.append(Measured(point.value, note))
+
         pick = max if self.take == "largest" else min
         extreme = pick(points, key=lambda point: point.value or 0.0)
         return extreme._replace(note="; ".join(point.note for point in points))
 
     def _at(self, lab: Laboratory, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
-        """The value at T, or 2 v(T/2) - v(T): what is left of an error that is linear in T."""
+        """The value v at T, or 2 v(T/2) - v(T), which removes an error that is linear in T."""
         first = self.function(lab, plant, **arguments)
         if not self.extrapolated or first.value is None or first.broken:
             return first
+
         second = self.function(lab.refined, plant, **arguments)
         if second.value is None or second.broken:
             return second
@@ -69,30 +81,49 @@ class Measurement:
 
 
 def read_claims(path: Path) -> list[Claim]:
-    """The claims of a system's file, in its order; the file has the system's name."""
+    """Read the claims of a system's file, in its order; the file has the system's name."""
     content = tomllib.loads(path.read_text(encoding="utf-8"))
     causes = content.pop("causes", {})
-    choices = {key: Choice(**value) for key, value in content.pop("choices", {}).items()}
-    claims = []
-    for name, table in content.items():
-        values = {**WORDS.get(table.get("word", ""), {}), **table, "id": name, "system": path.stem}
-        values["choices"] = [choices[key] for key in table.get("choices", ())]
-        for quantified in ("every", "some"):
-            values[quantified] = [choices[key].name for key in table.get(quantified, ())]
-        values["kind"] = Kind[table.get("kind", "claim").upper()]
-        values["cause"] = causes[table["cause"]] if "cause" in table else ""
-        take, extrapolated = (table["measure"].pop(key, "") for key in ("take", "extrapolated"))
-        function, arguments = _function(table["measure"], path.stem)
-        values["measure"] = Measurement(function, arguments, take, bool(extrapolated))
-        if "premise" in table:
-            function, arguments = _function(table["premise"], path.stem)
-            values["premise"] = partial(function, **arguments)
-        claims.append(Claim(**values))
-    return claims
+    tables = content.pop("choices", {})
+    choices = {key: Choice(**table) for key, table in tables.items()}
+    return [_claim(name, path.stem, table, choices, causes) for name, table in content.items()]
+
+
+def _claim(
+    name: str,
+    system: str,
+    table: Mapping[str, Any],
+    choices: Mapping[str, Choice],
+    causes: Mapping[str, str],
+) -> Claim:
+    """The claim of a table; its choices and its cause are keys of the file's own."""
+    # The limit of a word counts where the table has none.
+    limit = WORDS.get(table.get("word", ""), {})
+    fields = {**limit, **table, "id": name, "system": system}
+    fields["kind"] = Kind[table.get("kind", "claim").upper()]
+    fields["choices"] = [choices[key] for key in table.get("choices", ())]
+    for quantifier in ("every", "some"):
+        fields[quantifier] = [choices[key].name for key in table.get(quantifier, ())]
+    if "cause" in table:
+        fields["cause"] = causes[table["cause"]]
+
+    fields["measure"] = _measurement(table["measure"], system)
+    if "premise" in table:
+        function, arguments = _function(table["premise"], system)
+        fields["premise"] = partial(function, **arguments)
+    return Claim(**fields)
+
+
+def _measurement(table: Mapping[str, Any], system: str) -> Measurement:
+    options = dict(table)
+    take = options.pop("take", "")
+    extrapolated = options.pop("extrapolated", False)
+    function, arguments = _function(options, system)
+    return Measurement(function, arguments, take, extrapolated)
 
 
 def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any], dict[str, Any]]:
-    """The measurement that a table names as MODULE.FUNCTION, with its arguments."""
+    """The function that a table names as MODULE.FUNCTION, and its arguments."""
     arguments = dict(table)
     module, _, name = arguments.pop("function").partition(".")
     function = getattr(import_module(f"grosmc_mj.chapter.claims.measurements.{module}"), name)
@@ -101,32 +132,39 @@ def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any]
     return function, arguments
 
 
-# A system that the chapter says nothing of has no file.
-CLAIMS = tuple(
-    claim
-    for system in SYSTEMS
-    if (path := Path(__file__).with_name(f"{system}.toml")).is_file()
-    for claim in read_claims(path)
-)
+def _all_claims() -> list[Claim]:
+    """The claims of all systems; a system that the chapter does not treat has no file."""
+    claims = []
+    for system in SYSTEMS:
+        path = Path(__file__).with_name(f"{system}.toml")
+        if path.is_file():
+            claims += read_claims(path)
+    return claims
+
+
+CLAIMS = tuple(_all_claims())
 
 
 def select_claims(target: str | None = None) -> list[Claim]:
-    """The claims about a system, one claim by its id, or all.
+    """Return the claims about a system, one claim by its id, or all.
 
     Raises:
         ArgumentError: If there is no such system with claims, and no such claim.
     """
-    if target is not None:
-        systems = dict.fromkeys(claim.system for claim in CLAIMS)
-        require_known("claim", target, [*systems, *(claim.id for claim in CLAIMS)])
-    return [claim for claim in CLAIMS if target in (None, claim.system, claim.id)]
+    if target is None:
+        return list(CLAIMS)
+
+    systems = dict.fromkeys(claim.system for claim in CLAIMS)
+    require_known("claim", target, [*systems, *(claim.id for claim in CLAIMS)])
+    return [claim for claim in CLAIMS if target in (claim.system, claim.id)]
 
 
 def find_claim(name: str) -> Claim:
-    """A claim by its id.
+    """Return a claim by its id.
 
     Raises:
-        ArgumentError: If there is none of that name.
+        ArgumentError: If there is no claim of that name.
     """
-    require_known("claim", name, [claim.id for claim in CLAIMS])
-    return next(claim for claim in CLAIMS if claim.id == name)
+    claims = {claim.id: claim for claim in CLAIMS}
+    require_known("claim", name, claims)
+    return claims[name]

@@ -1,4 +1,4 @@
-"""The page on what the chapter says, generated from the claims."""
+"""The page about the claims, docs/claims.md, generated from the findings."""
 
 from __future__ import annotations
 
@@ -36,15 +36,25 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
         SetupError: If a file cannot be written.
     """
     stories = [finding for finding in findings if is_told(finding)]
-    figures = [
-        write_picture(finding, lab, path.parent / "figures" / f"{finding.claim.id}.png")
-        for finding in stories
-    ]
+    figures = []
+    for finding in stories:
+        figure = path.parent / "figures" / f"{finding.claim.id}.png"
+        figures.append(write_picture(finding, lab, figure))
+
+    page = _page_text(findings, stories, lab)
+    with written_aside(path) as part:
+        part.write_text(page.rstrip() + "\n", encoding="utf-8")
+    return [path, *figures]
+
+
+def _page_text(findings: Sequence[Finding], stories: Sequence[Finding], lab: Laboratory) -> str:
+    """The page in Markdown, with links from the claims' names to their stories."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    template = environment.from_string(_HOME.with_suffix(".md").read_text(encoding="utf-8"))
     tables = claims_tables(findings)
-    page = environment.from_string(_HOME.with_suffix(".md").read_text(encoding="utf-8")).render(
+    page = template.render(
         T=f"{1e3 * lab.settings.control_period:g}",
         brief=tables[:2],
         tables=tables[2:],
@@ -53,18 +63,21 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
         claim_tables=claim_tables,
         appendix=[turning_table(stored_sweeps()), slips_table()],
     )
+    if not stories:
+        return page
+
+    # A name in a cell or a list, not one within a text or a path.
     names = "|".join(re.escape(finding.claim.id) for finding in stories)
-    if names:
-        page = re.sub(rf"(?<=[ |])({names})(?=[,:;]? )", r"[\1](#\1)", page)
-    with written_aside(path) as part:
-        part.write_text(page.rstrip() + "\n", encoding="utf-8")
-    return [path, *figures]
+    return re.sub(rf"(?<=[ |])({names})(?=[,:;]? )", r"[\1](#\1)", page)
 
 
 def slips_table() -> Table:
-    """Slips of the pen in the chapter, in its order."""
-    rows = tomllib.loads(_HOME.with_name("slips.toml").read_text(encoding="utf-8"))["slip"]
-    legend = (
-        "The meaning is plain and no result depends on it. Statements that are judged are not here."
+    """Return the table of the slips of the pen in the chapter, in its order."""
+    slips = tomllib.loads(_HOME.with_name("slips.toml").read_text(encoding="utf-8"))["slip"]
+    return table(
+        "Slips",
+        words(*slips[0]),
+        [list(slip.values()) for slip in slips],
+        legend="The meaning is plain and no result depends on it. Statements that are judged are "
+        "not here.",
     )
-    return table("Slips", words(*rows[0]), [list(row.values()) for row in rows], legend=legend)

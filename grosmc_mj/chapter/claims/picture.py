@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from grosmc_mj.chapter.claims.claim import Finding
+from grosmc_mj.chapter.claims.claim import Finding, Measured
 from grosmc_mj.chapter.figures import claim_panel
 from grosmc_mj.experiments.laboratory import Laboratory
 from grosmc_mj.results.figure import TITLE_SIZE, figure_written
@@ -14,7 +14,7 @@ from grosmc_mj.results.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0
-# Of the height of a figure, for a value of a choice [inch].
+# Height of the row of one value of a choice [inch].
 _ROW = 0.22
 
 
@@ -25,7 +25,8 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
         SetupError: If it cannot be written.
     """
     claim = finding.claim
-    above, below = 1.6 + _ROW * len(finding.trials), 3.6 if claim.drawing else 0.6
+    above = 1.6 + _ROW * len(finding.trials)
+    below = 3.6 if claim.drawing else 0.6
     with figure_written(path, (7.2, above + below), (".png",)) as figure:
         if claim.drawing is None:
             values = figure.subplots()
@@ -41,31 +42,48 @@ def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
 
 
 def _draw_values(axes: Axes, finding: Finding) -> None:
-    """One row for each plant: filled at T, hollow at T/2, and the threshold.
+    """Draw one row for each plant: filled at T, hollow at T/2, and the threshold.
 
-    Then one for each value of the choices that the claim is meant for, on the plant that decides.
+    A row for each value of the choices that the claim is meant for follows, on the plant that
+    decides.
     """
-    claim, points, drawn = finding.claim, [], [finding.claim.threshold]
+    claim = finding.claim
+    rows = list(dict.fromkeys([*finding.plants, *finding.trials]))
     for name, on_plant in finding.plants.items():
         colour = VERDICT_COLOURS[on_plant.verdict.value]
-        points += [
-            (name, on_plant.measured, colour, colour),
-            (name, on_plant.refined, colour, "none"),
-        ]
+        _draw_point(axes, rows.index(name), on_plant.measured, colour, colour)
+        if on_plant.refined is not None:
+            _draw_point(axes, rows.index(name), on_plant.refined, colour, "none")
     for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED
-        points.append((name, trial, colour, colour))
-    rows = list(dict.fromkeys(name for name, *_ in points))
-    for name, at, edge, face in points:
-        if at is not None and at.value is not None:
-            row = rows.index(name)
-            axes.plot(at.value, row, "o", ms=7, mec=edge, mfc=face, mew=1.6, clip_on=False)
-            drawn.append(at.value)
+        _draw_point(axes, rows.index(name), trial, colour, colour)
+
     axes.axvline(claim.threshold, color=OPTIMUM, ls="--", lw=1.2)
     axes.set_yticks(range(len(rows)), rows)
     axes.set_ylim(len(rows) - 0.5, -0.5)
+
+    drawn = [claim.threshold, *_values(finding)]
     if min(drawn) > 0 and max(drawn) > _WIDE * min(drawn):
         axes.set_xscale("log")
-    unit = f" [{claim.unit}]" if claim.unit != "1" else ""
-    words = f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
-    axes.set_xlabel(words)
+    unit = ""
+    if claim.unit != "1":
+        unit = f" [{claim.unit}]"
+    axes.set_xlabel(
+        f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
+    )
+
+
+def _draw_point(axes: Axes, row: int, measured: Measured, edge: str, face: str) -> None:
+    """Draw a measurement, if it has a value."""
+    if measured.value is not None:
+        axes.plot(measured.value, row, "o", ms=7, mec=edge, mfc=face, mew=1.6, clip_on=False)
+
+
+def _values(finding: Finding) -> list[float]:
+    """All values of a finding."""
+    measured = list(finding.trials.values())
+    for on_plant in finding.plants.values():
+        measured.append(on_plant.measured)
+        if on_plant.refined is not None:
+            measured.append(on_plant.refined)
+    return [point.value for point in measured if point.value is not None]

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
+from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, verdicts_of
 from grosmc_mj.chapter.claims.story import claims_tables, turning_table
 from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     KEPT,
@@ -23,71 +25,89 @@ from grosmc_mj.results.result import (
     result,
 )
 
-# Fields of a claim and of a finding that a document has as they are.
-_OF_CLAIM = ("id", "system", "source", "statement", "quote", "equation", "criterion", "sense",
-             "threshold", "unit", "why", "word", "quantifier", "cause", "untested")  # fmt: skip
+# Fields of a claim and of a finding that a document repeats.
+_OF_CLAIM = (
+    "id",
+    "system",
+    "source",
+    "statement",
+    "quote",
+    "equation",
+    "criterion",
+    "sense",
+    "threshold",
+    "unit",
+    "why",
+    "word",
+    "quantifier",
+    "cause",
+    "untested",
+)
 _OF_FINDING = ("turns", "needs", "because")
-# How closely a value repeats that switching amplifies.
+# Relative tolerance of a value on another machine: switching amplifies rounding.
 _SWITCHED = 0.1
 _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be told"}
 
 
 def claims_result(findings: Sequence[Finding], lab: Laboratory) -> dict[str, Any]:
-    """The content of claims.json."""
-    wrong = sum(bool(finding.unexpected) for finding in findings)
-    words = f"{wrong} of {len(findings)} verdicts differ from the expected ones"
-    answer = Answer(
-        question="Claims",
-        verdict=NOT_KEPT if wrong else KEPT,
-        words=words if wrong else "All verdicts are as expected",
-        more=counts_words(findings),
-    )
+    """Return the content of claims.json."""
+    verdict = KEPT
+    sentence = "All verdicts are as expected"
+    unexpected = sum(bool(finding.unexpected) for finding in findings)
+    if unexpected:
+        verdict = NOT_KEPT
+        sentence = f"{unexpected} of {len(findings)} verdicts differ from the expected ones"
+
+    answer = Answer(question="Claims", verdict=verdict, words=sentence, more=counts_words(findings))
     return result(
-        "claims", asdict(lab.settings), seed=0, answers=[answer], sheets=claims_sheets(findings),
-        values=claims_values(findings), claims=[claim_numbers(one, lab) for one in findings],
-    )  # fmt: skip
+        "claims",
+        asdict(lab.settings),
+        seed=0,
+        answers=[answer],
+        sheets=claims_sheets(findings),
+        values=claims_values(findings),
+        claims=[claim_numbers(finding, lab) for finding in findings],
+    )
 
 
 def counts_words(findings: Sequence[Finding]) -> str:
-    """Sentences of the chapter by verdict."""
+    """Return the counts of the chapter's sentences by verdict, in words; empty without any."""
     counts = Counter(verdict.value for verdict in verdicts_of(findings, Kind.CLAIM))
+    if not counts:
+        return ""
     shares = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-    return shares and f"sentences of the chapter: {shares}"
+    return f"sentences of the chapter: {shares}"
 
 
 def claims_sheets(findings: Sequence[Finding]) -> list[Sheet]:
-    """All tables of claims; the page tells the story of each from its numbers."""
-    return [Sheet(table=one) for one in claims_tables(findings) if one.rows]
+    """Return all tables of claims that have rows."""
+    return [Sheet(table=rows) for rows in claims_tables(findings) if rows.rows]
 
 
 def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
-    """The verdicts and values of claims."""
+    """Yield the verdicts and values of claims."""
     for finding in findings:
         claim = finding.claim
-        words = "not as expected" if finding.unexpected else "as expected"
-        yield Value(name=claim.id, value=words)
+        expectation = "not as expected" if finding.unexpected else "as expected"
+        yield Value(name=claim.id, value=expectation)
         for plant, on_plant in finding.plants.items():
-            name, value = f"{claim.id} on {plant}", on_plant.measured.value
+            name = f"{claim.id} on {plant}"
+            value = plain(on_plant.measured.value)
             yield Value(name=f"{name}: verdict", value=on_plant.verdict.value)
-            yield Value(name=name, value=plain(value), unit=claim.unit, relative=_SWITCHED)
+            yield Value(name=name, value=value, unit=claim.unit, relative=_SWITCHED)
 
 
 def claim_numbers(finding: Finding, lab: Laboratory) -> dict[str, Any]:
-    """One claim with its measurements, and the evidence that they have converged."""
-    claim, settings, plants = finding.claim, lab.settings, dict[str, Any]()
-    for name, on_plant in finding.plants.items():
-        evidence: dict[str, Any] = {"exact": on_plant.refined is None}
-        if on_plant.refined is not None:
-            evidence |= {
-                "control_period": [settings.control_period, settings.control_period / 2],
-                "timestep": [settings.timestep, settings.timestep / 2],
-                "values": [on_plant.measured.value, on_plant.refined.value],
-                "notes": [on_plant.measured.note, on_plant.refined.note],
-                "plants": [name, on_plant.finer],
-            }
-        value, note, _ = on_plant.measured
-        plants[name] = {"value": value, "note": note, "verdict": on_plant.verdict.value}
-        plants[name]["evidence"] = evidence
+    """Return one claim with its measurements, and the evidence that they have converged."""
+    claim = finding.claim
+    plants = {}
+    for plant, on_plant in finding.plants.items():
+        plants[plant] = {
+            "value": on_plant.measured.value,
+            "note": on_plant.measured.note,
+            "verdict": on_plant.verdict.value,
+            "evidence": _evidence(plant, on_plant, lab.settings),
+        }
     return {
         **{name: getattr(claim, name) for name in _OF_CLAIM},
         **{name: getattr(finding, name) for name in _OF_FINDING},
@@ -98,35 +118,75 @@ def claim_numbers(finding: Finding, lab: Laboratory) -> dict[str, Any]:
         "plants": plants,
         "trials": {name: trial.value for name, trial in finding.trials.items()},
         "expected": {
-            "verdicts": {name: verdict.value for name, verdict in claim.verdicts.items()},
+            "verdicts": {plant: verdict.value for plant, verdict in claim.verdicts.items()},
             "reason": claim.reason,
         },
     }
 
 
+def _evidence(plant: PlantName, on_plant: PlantFinding, settings: Settings) -> dict[str, Any]:
+    """Values at T and T/2, and the plants that gave them."""
+    measured = on_plant.measured
+    refined = on_plant.refined
+    if refined is None:
+        return {"exact": True}
+    return {
+        "exact": False,
+        "control_period": [settings.control_period, settings.control_period / 2],
+        "timestep": [settings.timestep, settings.timestep / 2],
+        "values": [measured.value, refined.value],
+        "notes": [measured.note, refined.note],
+        "plants": [plant, on_plant.finer],
+    }
+
+
 def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: Laboratory) -> dict[str, Any]:
-    """The content of sweeps.json, of what ``sweep`` yields."""
-    turning = {row["claim"] for row in rows if row["flips"] and not row["printed"]}
+    """Return the content of sweeps.json, from the rows that ``sweep`` yields."""
     claims = {row["claim"] for row in rows}
-    words = f"{len(turning)} of {len(claims)} answers turn on a choice that is not printed"
-    values, charts = list[Value](), list[LineChart]()
+    turning = {row["claim"] for row in rows if row["flips"] and not row["printed"]}
+    answer = Answer(
+        question="Choices that are not printed",
+        verdict=MEASURED,
+        words=f"{len(turning)} of {len(claims)} answers turn on a choice that is not printed",
+    )
+
+    values = []
+    charts = []
     for row in sorted(rows, key=lambda row: not row["flips"]):
-        for trial in row["values"]:
-            name, value = f"{row['claim']} with {trial['choice']}", plain(trial["measured"])
-            values.append(Value(name=name, value=_HOLDS[trial["holds"]]))
-            values.append(Value(name=f"{name}: measured", value=value, relative=_SWITCHED))
-        at = [trial["choice"].removeprefix(f"{row['choice']} = ") for trial in row["values"]]
-        line = Series(
-            name=row["claim"],
-            x=at,
-            y=[plain(trial["measured"]) for trial in row["values"]],
-            texts=at,
-            good=[trial["holds"] for trial in row["values"]],
-        )
-        name = f"{row['claim']}: {row['choice']}" + (", turns" if row["flips"] else "")
-        charts.append(LineChart(name=name, titles=(row["choice"], "measured"), lines=[line]))
+        values += _sweep_values(row)
+        charts.append(_sweep_chart(row))
     return result(
-        "sweeps", asdict(lab.settings), seed=0, values=values, sweeps=rows,
-        answers=[Answer(question="Choices that are not printed", verdict=MEASURED, words=words)],
+        "sweeps",
+        asdict(lab.settings),
+        seed=0,
+        values=values,
+        sweeps=rows,
+        answers=[answer],
         sheets=[Sheet(table=turning_table(rows), charts=charts)],
-    )  # fmt: skip
+    )
+
+
+def _sweep_values(row: Mapping[str, Any]) -> Iterator[Value]:
+    """Answer and measured value of a claim at each value of a choice."""
+    for trial in row["values"]:
+        name = f"{row['claim']} with {trial['choice']}"
+        measured = plain(trial["measured"])
+        yield Value(name=name, value=_HOLDS[trial["holds"]])
+        yield Value(name=f"{name}: measured", value=measured, relative=_SWITCHED)
+
+
+def _sweep_chart(row: Mapping[str, Any]) -> LineChart:
+    """Measured value of a claim over the values of a choice."""
+    trials = row["values"]
+    choices = [trial["choice"].removeprefix(f"{row['choice']} = ") for trial in trials]
+    line = Series(
+        name=row["claim"],
+        x=choices,
+        y=[plain(trial["measured"]) for trial in trials],
+        texts=choices,
+        good=[trial["holds"] for trial in trials],
+    )
+    name = f"{row['claim']}: {row['choice']}"
+    if row["flips"]:
+        name += ", turns"
+    return LineChart(name=name, titles=(row["choice"], "measured"), lines=[line])

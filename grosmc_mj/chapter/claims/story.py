@@ -11,11 +11,13 @@ from grosmc_mj.chapter.claims.claim import (
     Finding,
     Kind,
     Measured,
+    PlantFinding,
     Verdict,
     sentences_of,
     verdicts_of,
 )
 from grosmc_mj.chapter.claims.sweep import stored_flips
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.tables import Column, Table, numbers, table, text, verdicts, words
 
@@ -24,95 +26,122 @@ LEGEND = (
     "choice that the statement needs. Values are on the plant that decides."
 )
 EVIDENCE = [
-    *words("plant"), *numbers("at T", "at T/2"), *verdicts("verdict"), *text("note")
-]  # fmt: skip
+    *words("plant"),
+    *numbers("at T", "at T/2"),
+    *verdicts("verdict"),
+    *text("note"),
+]
 
 
 def number_of(measured: Measured | None) -> str:
-    """A value, or that there is none."""
-    return "none" if measured is None or measured.value is None else f"{measured.value:.3g}"
+    """Return a value in short, or ``none``."""
+    if measured is None or measured.value is None:
+        return "none"
+    return f"{measured.value:.3g}"
 
 
 def needed(claim: Claim) -> str:
-    """The criterion in few characters."""
-    unit = "" if claim.unit in ("1", "unit of s/s") else f" {claim.unit}"
-    return f"{'≤' if claim.sense == 'at most' else '≥'} {claim.threshold:g}{unit}"
+    """Return the criterion in few characters."""
+    relation = "≤" if claim.sense == "at most" else "≥"
+    limit = f"{relation} {claim.threshold:g}"
+    if claim.unit in ("1", "unit of s/s"):
+        return limit
+    return f"{limit} {claim.unit}"
 
 
 def is_told(finding: Finding) -> bool:
-    """Whether the page tells a claim's story: an equation or a proof, or one without support."""
-    has_story = finding.claim.kind in (Kind.MISPRINT, Kind.PROOF)
-    return has_story or finding.verdict is not Verdict.SUPPORTED
+    """Whether the page has the claim's story: of equations, proofs, and claims not supported."""
+    if finding.claim.kind in (Kind.MISPRINT, Kind.PROOF):
+        return True
+    return finding.verdict is not Verdict.SUPPORTED
 
 
 def turning(finding: Finding) -> list[str]:
-    """What the verdict turns on: its threshold, and what is not printed and turns the record."""
+    """Return what can turn the verdict: a near threshold, and choices that are not printed."""
+    reasons = []
+    if finding.near:
+        reasons.append("within 50 % of its threshold")
+
     flips = stored_flips(finding.claim.id)
-    own = [choice.name for choice in finding.claim.choices if not choice.printed]
-    near = ["within 50 % of its threshold"] if finding.near else []
-    return [*near, *(f"flips {flips[name]}" for name in own if name in flips)]
+    unprinted = [choice.name for choice in finding.claim.choices if not choice.printed]
+    return reasons + [f"flips {flips[name]}" for name in unprinted if name in flips]
 
 
 def counts_table(findings: Sequence[Finding]) -> Table:
-    """How many sentences and statements have which verdict."""
-    rows = [
-        (kind.value, *(str(own.count(verdict)) for verdict in Verdict), str(len(own)))
-        for kind in Kind
-        if (own := verdicts_of(findings, kind))
-    ]
-    headers = (*(verdict.value for verdict in Verdict), "all")
-    return table("Verdicts of physics", [*words(""), *numbers(*headers)], rows)
+    """Return the counts of sentences and statements by verdict."""
+    rows = []
+    for kind in Kind:
+        of_kind = verdicts_of(findings, kind)
+        if of_kind:
+            counts = [str(of_kind.count(verdict)) for verdict in Verdict]
+            rows.append([kind.value, *counts, str(len(of_kind))])
+
+    headers = [verdict.value for verdict in Verdict]
+    return table("Verdicts of physics", [*words(""), *numbers(*headers, "all")], rows)
 
 
 def causes_table(findings: Sequence[Finding]) -> Table:
-    """Why claims are not supported, the cause of most of them first."""
+    """Return the causes for which claims are not supported, the most frequent first."""
     causes: dict[str, list[str]] = {}
     for finding in findings:
         if finding.verdict is not Verdict.SUPPORTED:
             causes.setdefault(finding.claim.cause, []).append(finding.claim.id)
-    rows = [(cause, ", ".join(ids), str(len(ids))) for cause, ids in causes.items()]
+
+    rows = []
+    for cause, claims in sorted(causes.items(), key=lambda item: -len(item[1])):
+        rows.append([cause, ", ".join(claims), str(len(claims))])
     columns = [
         Column(header="not supported since", width=50, cut=True),
         Column(header="statements", width=42, cut=True),
         *numbers(""),
     ]
-    return table("", columns, sorted(rows, key=lambda row: -int(row[2])))
+    return table("", columns, rows)
 
 
 def sentences_table(findings: Sequence[Finding]) -> Table:
-    """Each sentence of the chapter with its verdict and the claims under it."""
-    rows = [
-        (
-            sentence.quote,
-            "; ".join(f"{under.claim.id}: {under.verdict.value}" for under in sentence.findings),
-            sentence.verdict.value,
+    """Return each sentence of the chapter with its verdict and the claims under it."""
+    rows = []
+    for sentence in sentences_of(findings):
+        claims = "; ".join(
+            f"{finding.claim.id}: {finding.verdict.value}" for finding in sentence.findings
         )
-        for sentence in sentences_of(findings)
-    ]
+        rows.append([sentence.quote, claims, sentence.verdict.value])
+
     columns = [*text("sentence"), *text("claims under it"), *verdicts("verdict")]
     return table(Kind.CLAIM.value, columns, rows, legend=RULE)
 
 
 def statements_tables(findings: Sequence[Finding]) -> list[Table]:
-    """For each kind its statements, with the value on the plant that decides."""
+    """Return for each kind the table of its statements, with the value on the deciding plant."""
     columns = [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")]
-    rows: dict[Kind, list[tuple[str, ...]]] = {kind: [] for kind in Kind}
-    for finding in findings:
-        claim, needs = finding.claim, f" (with {finding.needs})" if finding.needs else ""
-        rows[claim.kind].append(
-            (
-                claim.id,
-                f"{claim.statement}{needs}: {claim.criterion} [{claim.source}]",
-                f"{number_of(finding.shown)} ({needed(claim)})",
-                finding.verdict.value + (" *" if turning(finding) else ""),
-            )
-        )
-    titles = {kind: kind.value for kind in Kind} | {Kind.CLAIM: "claims under them"}
-    return [table(titles[k], columns, own, legend=LEGEND) for k, own in rows.items() if own]
+    tables = []
+    for kind in Kind:
+        rows = [_statement(finding) for finding in findings if finding.claim.kind is kind]
+        title = "claims under them" if kind is Kind.CLAIM else kind.value
+        if rows:
+            tables.append(table(title, columns, rows, legend=LEGEND))
+    return tables
+
+
+def _statement(finding: Finding) -> list[str]:
+    """The row of one claim."""
+    claim = finding.claim
+    statement = claim.statement
+    if finding.needs:
+        statement += f" (with {finding.needs})"
+    verdict = finding.verdict.value
+    if turning(finding):
+        verdict += " *"
+    return [
+        claim.id,
+        f"{statement}: {claim.criterion} [{claim.source}]",
+        f"{number_of(finding.representative)} ({needed(claim)})",
+        verdict,
+    ]
 
 
 def facts(finding: Finding) -> dict[str, str]:
-    """The story of one claim: a title and a text each."""
+    """Return the story of one claim: titles and texts."""
     claim = finding.claim
     story = {
         "statement": claim.statement,
@@ -134,40 +163,56 @@ def facts(finding: Finding) -> dict[str, str]:
 
 
 def claim_tables(finding: Finding) -> list[Table]:
-    """The story of one claim; and its values on each plant, at T and at half of it."""
+    """Return the story of one claim, and its values on each plant at T and at half of it."""
     story = facts(finding)
     if "equation" in story:
         story["equation"] = in_text(story["equation"])
-    end = "" if finding.claim.unit == "1" else f" {finding.claim.unit}"
-    rows = [
-        (
-            plant,
-            number_of(on_plant.measured) + end,
-            "exact" if on_plant.refined is None else number_of(on_plant.refined) + end,
-            on_plant.verdict.value,
-            on_plant.measured.note,
-        )
-        for plant, on_plant in finding.plants.items()
-    ]
     columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]
+
+    rows = [
+        _evidence(plant, on_plant, finding.claim.unit) for plant, on_plant in finding.plants.items()
+    ]
     return [table("", columns, story.items()), table("", EVIDENCE, rows)]
 
 
+def _evidence(plant: PlantName, on_plant: PlantFinding, unit: str) -> list[str]:
+    """The row of one plant."""
+    suffix = ""
+    if unit != "1":
+        suffix = f" {unit}"
+    refined = "exact"
+    if on_plant.refined is not None:
+        refined = number_of(on_plant.refined) + suffix
+    return [
+        plant,
+        number_of(on_plant.measured) + suffix,
+        refined,
+        on_plant.verdict.value,
+        on_plant.measured.note,
+    ]
+
+
 def claims_tables(findings: Sequence[Finding]) -> list[Table]:
-    """All tables of claims, the briefest first."""
-    brief = [counts_table(findings), causes_table(findings)]
-    return [*brief, sentences_table(findings), *statements_tables(findings)]
+    """Return all tables of claims, the briefest first."""
+    return [
+        counts_table(findings),
+        causes_table(findings),
+        sentences_table(findings),
+        *statements_tables(findings),
+    ]
 
 
 def turning_table(sweeps: Iterable[Mapping[str, Any]]) -> Table:
-    """Where claims change their answer, those that turn on what is not printed first.
+    """Return where claims change their answer, choices that are not printed first.
 
     Args:
-        sweeps: As ``sweep`` yields them.
+        sweeps: Rows that ``sweep`` yields.
     """
-    rows = [
-        (row["claim"], row["choice"] + (" (printed)" if row["printed"] else ""), row["flips"])
-        for row in sorted(sweeps, key=lambda row: row["printed"])
-        if row["flips"]
-    ]
+    rows = []
+    for row in sorted(sweeps, key=lambda row: row["printed"]):
+        if row["flips"]:
+            choice = row["choice"]
+            if row["printed"]:
+                choice += " (printed)"
+            rows.append([row["claim"], choice, row["flips"]])
     return table("What the claims turn on", [*words("claim", "choice"), *text("flips")], rows)

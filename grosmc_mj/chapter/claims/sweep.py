@@ -15,37 +15,40 @@ from grosmc_mj.experiments.laboratory import Laboratory
 
 # Written by `claims sweep --record`.
 STORED = Path(__file__).resolve().parents[1] / "sweeps.json"
-# How finely the value is found at which an answer changes.
+# Bisections between two numbers with different answers.
 _HALVINGS = 5
 
 
 def sweep(
     lab: Laboratory, claims: Sequence[Claim], advance: Callable[[str], object] = lambda _: None
 ) -> Iterator[dict[str, Any]]:
-    """Vary every choice of every claim; those that share a choice share its runs.
+    """Vary every choice of every claim; claims that share a choice share its runs.
 
     Args:
-        lab: Where it is measured.
-        claims: Whose choices.
+        lab: Cache of the runs.
+        claims: Claims whose choices are varied.
         advance: Called after each claim with its id.
 
     Yields:
-        Claim and choice as plain values: what is measured at each value of the choice on the plant
-        that decides, whether the claim holds there (None if nothing can be told), and where its
-        answer flips; empty if it does not.
+        Claim and choice as plain values: the measured value for each value of the choice on the
+        plant that decides, whether the claim holds there (None if it cannot be judged), and where
+        its answer flips; empty if it does not.
     """
     for claim in claims:
         for choice in claim.choices:
-            answers = [_at(lab, claim, choice, value) for value in choice.values]
+            values = []
+            answers = []
+            for value in choice.values:
+                measured, holds = _at(lab, claim, choice, value)
+                trial = {"choice": choice.written(value), "measured": measured, "holds": holds}
+                values.append(trial)
+                answers.append(holds)
             yield {
                 "claim": claim.id,
                 "choice": choice.name,
                 "printed": choice.printed,
-                "values": [
-                    {"choice": choice.written(value), "measured": measured, "holds": holds}
-                    for value, (measured, holds) in zip(choice.values, answers, strict=True)
-                ],
-                "flips": "; ".join(_flips(lab, claim, choice, [holds for _, holds in answers])),
+                "values": values,
+                "flips": "; ".join(_flips(lab, claim, choice, answers)),
             }
         advance(claim.id)
 
@@ -55,34 +58,46 @@ def _at(
 ) -> tuple[float | None, bool | None]:
     """The measured value on the plant that decides, and whether the claim holds there."""
     measured = tried(lab, claim, claim.plants[-1], choice, value)
-    return measured.value, None if measured.broken else claim.holds(measured)
+    if measured.broken:
+        return measured.value, None
+    return measured.value, claim.holds(measured)
 
 
 def _flips(
     lab: Laboratory, claim: Claim, choice: Choice, answers: Sequence[bool | None]
 ) -> Iterator[str]:
-    """Where the answer changes; of numbers halved down."""
-    known = [pair for pair in zip(choice.values, answers, strict=True) if pair[1] is not None]
-    for (low, before), (high, after) in itertools.pairwise(known):
+    """Yield where the answer changes; between two numbers it is found by bisection."""
+    pairs = zip(choice.values, answers, strict=True)
+    judged = [(value, holds) for value, holds in pairs if holds is not None]
+    for (low, before), (high, after) in itertools.pairwise(judged):
         if before is after:
             continue
         if not (isinstance(low, float) and isinstance(high, float)):
             yield f"between {choice.written(low)} and {choice.written(high)}"
             continue
+
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            same = _at(lab, claim, choice, middle)[1] is before
-            low, high = (middle, high) if same else (low, middle)
-        yield f"at {choice.written(float(f'{(low + high) / 2:.3g}'))}"
+            _, holds = _at(lab, claim, choice, middle)
+            if holds is before:
+                low = middle
+            else:
+                high = middle
+        flip = f"{(low + high) / 2:.3g}"
+        yield f"at {choice.written(float(flip))}"
 
 
+# The tables of all claims ask for it.
 @cache
 def stored_sweeps() -> list[dict[str, Any]]:
-    """The sweeps of all claims on record."""
+    """Return the recorded sweeps of all claims."""
     return json.loads(STORED.read_text(encoding="utf-8"))["sweeps"]
 
 
 def stored_flips(claim: str) -> dict[str, str]:
-    """The choices that a claim's answer changes with by the record, and where."""
-    own = (row for row in stored_sweeps() if row["claim"] == claim)
-    return {row["choice"]: row["flips"] for row in own if row["flips"]}
+    """Return the choices that change a claim's answer by the record, and where."""
+    flips = dict[str, str]()
+    for row in stored_sweeps():
+        if row["claim"] == claim and row["flips"]:
+            flips[row["choice"]] = row["flips"]
+    return flips

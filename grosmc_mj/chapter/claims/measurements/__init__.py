@@ -1,1 +1,1 @@
-"""What the claims measure, a module a system and what several share."""
+"""Measurements of the claims: a module for each system, and modules that several systems share."""

@@ -15,8 +15,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import LEAN, holding_ism, holding_lqr
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
-from grosmc_mj.chapter.claims.measurements.measures import from_optimum, of, within
-from grosmc_mj.chapter.claims.measurements.theory import varied
+from grosmc_mj.chapter.claims.measurements.measures import from_optimum, from_run, within
+from grosmc_mj.chapter.claims.measurements.theory import perturbed
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.lqr import LqrDesign, lqr
@@ -33,9 +33,9 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 
 SYSTEM = "cart_pendulum"
-# [s]: the cart takes longer than the pole; case 2 begins its disturbance at 9 s.
+# Durations [s]: the cart takes longer than the pole; case 2 begins its disturbance at 9 s.
 HORIZONS = {"nominal": 20.0, "case1": 20.0, "case2": 30.0}
-# The cart has settled within this of the origin [m].
+# The cart has settled within this distance of the origin [m].
 CART_BAND = 0.02
 # Changes of the pole: matched in mass, not in length.
 UNCERTAINTIES = {
@@ -46,28 +46,30 @@ UNCERTAINTIES = {
 ALONE = "LQR alone"
 # A run is judged by its last part [s].
 _LAST = 5.0
-# What is largest in the first second or two is looked at for this long [s].
+# Duration of runs whose largest value occurs in the first second or two [s].
 _SHORT = 8.0
+# Angles at the start that are tried [deg].
 _STARTS = range(5, 65, 5)
-# A cart that is held stiffly: with it the unmatched length costs most.
+# Weights that hold the cart stiffly: with them the unmatched length costs most.
 _STIFF = np.diag([10.0, 100.0, 1.0, 1.0])
 
+# State and input matrix of a linear model.
 Model = tuple[Array, Array]
 
 
 def holding_case(name: str) -> Experiment:
-    """A case of the chapter over the time that the cart needs."""
+    """Return a case of the chapter over the time that the cart needs."""
     return find_experiment(SYSTEM, name).varied(duration=HORIZONS[name])
 
 
 def rail_half_length(plant: MujocoPlant) -> float:
-    """How far the cart's centre can go to either side [m], from the drawn rail."""
+    """Return how far the cart's centre can go to either side [m], from the drawn rail."""
     rail = plant.model.geom("rail")
     return float(rail.size[0] - abs(rail.pos[0]))
 
 
 def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
-    """The choices of G that are compared, (1, 4) each, and LQR without any."""
+    """Return the choices of G that are compared, (1, 4) each, and LQR without any."""
     return {
         "B+": np.linalg.pinv(optimum.B),
         "[0 0 1 0]": np.array([[0.0, 0.0, 1.0, 0.0]]),
@@ -78,27 +80,32 @@ def projections_of(optimum: LqrDesign) -> dict[str, Array | None]:
 
 
 def projected_law(G: Array | None, realization: Realization) -> Controller:
-    """cart-ism with this G, or cart-lqr.
+    """Return cart-ism with this G, or cart-lqr without one.
 
     Raises:
         GainError: If no switching gain holds the declared family with it.
     """
     physics = MujocoPlant.load(SYSTEM)
+    equations = physics.analytic()
+    model = linearize(physics)
     if G is None:
-        return holding_lqr(physics.analytic(), linearize(physics))
-    return realized(holding_ism(physics.analytic(), linearize(physics), G=G), realization)
+        return holding_lqr(equations, model)
+    return realized(holding_ism(equations, model, G=G), realization)
 
 
 def uncertainty(optimum: LqrDesign, model: Model) -> tuple[Array, Array]:
-    """The matched and the unmatched part of dA - dB K, (n, n) each."""
+    """Return the matched and the unmatched part of dA - dB K, (n, n) each."""
     added, matched = mismatch(optimum, *model)
     return matched, added - matched
 
 
 def amplification(optimum: LqrDesign, G: Array | None, model: Model) -> float | None:
-    """|(I - B (G B)^-1 G) phi_u| / |phi_u| in the spectral norm; None if nothing is unmatched.
+    """Return |(I - B (G B)^-1 G) phi_u| / |phi_u| in the spectral norm.
 
     On s = 0 the switching input answers phi_u with -(G B)^-1 G phi_u, which adds to it.
+
+    Returns:
+        None if there is no G, or nothing is unmatched.
     """
     matched, unmatched = uncertainty(optimum, model)
     size = float(np.linalg.norm(unmatched, 2))
@@ -111,42 +118,50 @@ def amplification(optimum: LqrDesign, G: Array | None, model: Model) -> float | 
 def _slowest_pole(optimum: LqrDesign, G: Array | None, model: Model) -> float:
     """Largest real part of the sliding dynamics or, without G, of A_t - B_t K [1/s]."""
     A_t, B_t = model
-    loop = A_t - B_t @ optimum.K if G is None else sliding_dynamics(optimum, G, A_t, B_t)
+    loop = A_t - B_t @ optimum.K
+    if G is not None:
+        loop = sliding_dynamics(optimum, G, A_t, B_t)
     return float(np.linalg.eigvals(loop).real.max())
 
 
 def distance_from_hold(
     lab: Laboratory, plant: PlantName, *, case: str, controller: str
 ) -> Measured:
-    """The worse of cart and angle at the end of a case, in units of their bands."""
+    """Measure the worse of cart and angle at the end of a case, in units of their bands."""
     result = lab.run(holding_case(case), plant, controller)
     rail = rail_half_length(MujocoPlant.load(SYSTEM))
     if result.status is not Status.COMPLETED:
-        return of(result, None)
+        return from_run(result, None)
+
     x = np.abs(result.trajectory.state)
     late = within(result.trajectory.time, result.case.duration - _LAST)
-    cart, angle, travel = x[late, 0].max(), x[late, 1].max(), x[:, 0].max()
-    # Off the rail it is not held, wherever it ends.
-    off = travel if travel > rail else cart
+    cart = x[late, 0].max()
+    angle = x[late, 1].max()
+    travel = x[:, 0].max()
     note = f"|p| {1e3 * cart:.2g} mm, |θ| {1e3 * angle:.2g} mrad, travel {travel:.3g} of {rail:g} m"
+
+    # A cart that left the rail does not hold, wherever it ends.
+    distance = cart
+    if travel > rail:
+        distance = travel
     band = SETTLING_BAND * abs(result.case.x0[1])
-    return Measured(float(max(off / CART_BAND, angle / band)), note)
+    return Measured(float(max(distance / CART_BAND, angle / band)), note)
 
 
 def _pole(uncertainty: str) -> Experiment:
     """The chapter's start with one change of the pole."""
     edit = UNCERTAINTIES[uncertainty]
-    return varied(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
+    return perturbed(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
 
 
 def deviation(lab: Laboratory, plant: PlantName, *, uncertainty: str) -> Measured:
-    """max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
+    """Measure max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
     result = lab.run(_pole(uncertainty), plant, "cart-ism")
-    return of(result, from_optimum(result.comparison))
+    return from_run(result, from_optimum(result.comparison))
 
 
 def _optimum(lab: Laboratory, plant: PlantName) -> LqrDesign:
-    """The optimum of cart-ism as it is used."""
+    """The optimum that cart-ism is designed for."""
     return lab.controller(holding_case("case1"), plant, "cart-ism").designed.lqr
 
 
@@ -164,58 +179,73 @@ def _unmatched_model(lab: Laboratory, plant: PlantName) -> tuple[LqrDesign, Mode
 
 
 def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measured:
-    """By how much B+ enlarges the unmatched uncertainty, in percent of it."""
+    """Measure by how much B+ enlarges the unmatched uncertainty, in percent of it."""
     optimum, model = _unmatched_model(lab, plant)
-    factors = {
-        name: amplification(optimum, G, model) for name, G in projections_of(optimum).items()
-    }
-    words = ", ".join(f"{name} {value:.3f}" for name, value in factors.items() if value is not None)
-    return Measured(100 * ((factors["B+"] or 0.0) - 1), f"amplification: {words}")
+    factors = {}
+    for name, G in projections_of(optimum).items():
+        factor = amplification(optimum, G, model)
+        if factor is not None:
+            factors[name] = factor
+
+    words = ", ".join(f"{name} {factor:.3f}" for name, factor in factors.items())
+    return Measured(100 * (factors["B+"] - 1), f"amplification: {words}")
 
 
 def slowest_pole_loss(lab: Laboratory, plant: PlantName) -> Measured:
-    """How far the sliding dynamics' pole lies right of LQR's, with the stiff weights [1/s]."""
+    """Measure how far the sliding dynamics' pole lies right of LQR's [1/s].
+
+    The weights are the stiff ones.
+    """
     optimum, model = _unmatched_model(lab, plant)
     stiff = lqr(optimum.A, optimum.B, _STIFF, 1.0)
-    (ours, alone), declared = (
-        [_slowest_pole(design, G, model) for G in (np.linalg.pinv(design.B), None)]
-        for design in (stiff, optimum)
-    )
+    sliding = _slowest_pole(stiff, np.linalg.pinv(stiff.B), model)
+    alone = _slowest_pole(stiff, None, model)
+
+    declared_sliding = _slowest_pole(optimum, np.linalg.pinv(optimum.B), model)
+    declared_alone = _slowest_pole(optimum, None, model)
     note = (
-        f"poles at {ours:.3g} and, LQR alone, {alone:.3g} 1/s; with the declared weights "
-        f"{declared[0]:.3g} and {declared[1]:.3g} 1/s"
+        f"poles at {sliding:.3g} and, LQR alone, {alone:.3g} 1/s; with the declared weights "
+        f"{declared_sliding:.3g} and {declared_alone:.3g} 1/s"
     )
-    return Measured(ours - alone, note)
+    return Measured(sliding - alone, note)
 
 
 def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
-    """Deviation with G = B+ over the least of the others', in case 1."""
+    """Measure the deviation with G = B+ over the least with another G, in case 1."""
     case = holding_case("case1").varied(duration=_SHORT)
     realization = case.with_settings(**lab.settings.changes()).realization
-    results = {
-        name: lab.run(case, plant, "cart-ism")
-        if name == "B+"
-        else lab.run_with(case, plant, projected_law(G, realization))
-        for name, G in projections_of(_optimum(lab, plant)).items()
-    }
-    away = {name: from_optimum(result.comparison) for name, result in results.items()}
-    ratio = away["B+"] / min(value for name, value in away.items() if name != "B+")
+    results = {"B+": lab.run(case, plant, "cart-ism")}
+    for name, G in projections_of(_optimum(lab, plant)).items():
+        if name != "B+":
+            results[name] = lab.run_with(case, plant, projected_law(G, realization))
+
+    deviations = {name: from_optimum(result.comparison) for name, result in results.items()}
+    words = ", ".join(f"{name} {value:.3g} %" for name, value in deviations.items())
+    with_pseudoinverse = deviations.pop("B+")
+    ratio = with_pseudoinverse / min(deviations.values())
     for result in results.values():
         if result.status is not Status.COMPLETED:
-            return of(result, ratio)
-    return Measured(ratio, ", ".join(f"{name} {value:.3g} %" for name, value in away.items()))
+            return from_run(result, ratio)
+    return Measured(ratio, words)
 
 
 def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
-    """How far |θ| under cart-pfl goes beyond its start or the lean asked for, in percent."""
-    cases = [_pole("4m, 4L").varied(x0=(0.0, -math.radians(a), 0.0, 0.0)) for a in _STARTS]
+    """Measure how far |θ| under cart-pfl exceeds its start or the allowed lean, in percent.
+
+    Raises:
+        NoValueError: If a run ended early.
+    """
+    heavier = _pole("4m, 4L")
+    starts = [(0.0, -math.radians(angle), 0.0, 0.0) for angle in _STARTS]
+    cases = [heavier.varied(x0=start) for start in starts]
     _, runs = lab.batch(cases, plant, "cart-pfl")
-    worst = (-math.inf, "")
+
+    measured = []
     for index, angle in enumerate(_STARTS):
         if runs.status[index] is not Status.COMPLETED:
             raise NoValueError(f"not from {angle} degrees")
         largest = float(np.abs(runs.state[index, :, 1]).max())
-        beyond = 100 * (largest / max(math.radians(angle), LEAN) - 1)
+        excess = 100 * (largest / max(math.radians(angle), LEAN) - 1)
         note = f"from {angle} degrees |θ| <= {largest:.4g} rad; asked for: {LEAN:g} rad"
-        worst = max(worst, (beyond, note))
-    return Measured(*worst)
+        measured.append(Measured(excess, note))
+    return max(measured)

@@ -1,7 +1,7 @@
 """Measurements and premises that claims about several systems share.
 
-Here and in the modules beside it every public function that takes a laboratory is one that a
-claim's file names; it gets the claim's system if it has such an argument.
+In this folder every public function that takes a laboratory is one that a claim's file names. It
+gets the claim's system if it has an argument ``system``.
 """
 
 from __future__ import annotations
@@ -27,15 +27,18 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
-# Samples of a run that are looked at: odd, so that both sides of the chatter are met.
+# Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.
 EVERY = 7
 Size = Literal["start", "amplitude"]
+# (q, q', u) -> M and the terms of M q'' = sum of terms.
+ForceBalance = Callable[[float, float, float], tuple[float, Sequence[float]]]
 
 
-def of(result: RunResult, value: float | None, note: str = "") -> Measured:
-    """A value from one run; broken if the run ended early or left the laws' region."""
+def from_run(result: RunResult, value: float | None, note: str = "") -> Measured:
+    """Return a value from one run; broken if the run ended early or left the laws' region."""
     if result.status is not Status.COMPLETED:
         return Measured(value, result.ended, broken=True)
+
     system = result.trajectory.system
     if not all(system.linearizable(x) for x in result.trajectory.state[::20]):
         return Measured(value, f"the run leaves {system.region}", broken=True)
@@ -43,7 +46,7 @@ def of(result: RunResult, value: float | None, note: str = "") -> Measured:
 
 
 def sliding(run: Trajectory) -> Array:
-    """s at the samples of a run, (samples,) or (samples, m).
+    """Return s at the samples of a run, (samples,) or (samples, m).
 
     Raises:
         NeedsSlidingModeError: If its law has none.
@@ -54,7 +57,7 @@ def sliding(run: Trajectory) -> Array:
 
 
 def surface_memory(law: Controller) -> SurfaceMemory:
-    """A new memory of the law's surface.
+    """Return a new memory of the law's surface.
 
     Raises:
         NeedsSlidingModeError: If it has none.
@@ -66,7 +69,7 @@ def surface_memory(law: Controller) -> SurfaceMemory:
 
 
 def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]:
-    """Rows of the instants from ``start`` to ``stop``.
+    """Return the rows of the instants from ``start`` to ``stop`` [s].
 
     Raises:
         NoValueError: If there are none.
@@ -78,15 +81,16 @@ def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]
 
 
 def size_of(comparison: Comparison, percent_of: Size) -> float:
-    """|error(0)|, or the amplitude of the reference."""
+    """Return |error(0)|, or the amplitude of the reference."""
     if percent_of == "amplitude":
         return float(np.abs(comparison.reference).max())
     return abs(float(comparison.error[0]))
 
 
 def from_optimum(comparison: Comparison, percent_of: Size = "start") -> float:
-    """max |y - y*| in percent of the initial error, or of the reference's amplitude."""
-    return 100 * float(np.abs(comparison.deviation).max() / size_of(comparison, percent_of))
+    """Return max |y - y*| in percent of the initial error, or of the reference's amplitude."""
+    largest = np.abs(comparison.deviation).max()
+    return 100 * float(largest / size_of(comparison, percent_of))
 
 
 def deviation(
@@ -99,20 +103,25 @@ def deviation(
     percent_of: Size = "start",
     bandwidth: float | None = None,
 ) -> Measured:
-    """max |y - y*| in percent; of a bandwidth [rad/s], on the bench with such observers."""
+    """Measure max |y - y*| in percent.
+
+    With a bandwidth [rad/s], the case runs on the bench, whose observers have that bandwidth.
+    """
     experiment = find_experiment(system, case)
     if bandwidth is not None:
         experiment = _on_bench(experiment, bandwidth)
     result = lab.run(experiment, plant, controller)
-    return of(result, from_optimum(result.comparison, percent_of))
+    return from_run(result, from_optimum(result.comparison, percent_of))
 
 
 def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
-    """A case in the loop of its system's bench, with observers as fast as that [rad/s]."""
-    case, bench = experiment.case, find_experiment(experiment.case.system, "bench")
+    """A case in the loop of its system's bench, with observers of that bandwidth [rad/s]."""
+    case = experiment.case
+    bench = find_experiment(case.system, "bench")
     loop = bench.case.loop
     assert loop is not None
-    faster = tuple(replace(estimator, bandwidth=bandwidth) for estimator in loop.estimators)
+
+    estimators = tuple(replace(estimator, bandwidth=bandwidth) for estimator in loop.estimators)
     return bench.varied(
         name=f"bench, {case.name}",
         title=f"{case.title}, on the bench",
@@ -120,23 +129,32 @@ def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
         duration=case.duration,
         edits=case.edits,
         disturbances=case.disturbances,
-        loop=replace(loop, estimators=faster),
+        loop=replace(loop, estimators=estimators),
     )
 
 
 def worst_deviation(
     lab: Laboratory, plant: PlantName, cases: Sequence[Experiment], note: str = ""
 ) -> Measured:
-    """The largest of max |y - y*| over experiments under GROSMC, in percent of each start."""
+    """Measure the largest max |y - y*| over experiments under GROSMC, in percent of each start.
+
+    Raises:
+        NoValueError: If a run ended early.
+    """
     law, runs = lab.batch(cases, plant, "grosmc")
-    worst, where = -np.inf, ""
+    worst = -np.inf
+    worst_case = ""
     for index, case in enumerate(cases):
         run = runs[index]
+        title = case.case.title
         if run.status is not Status.COMPLETED:
-            raise NoValueError(f"{case.case.title}: the run ended early")
-        if (away := from_optimum(compare_with_optimum(run, law))) >= worst:
-            worst, where = away, case.case.title
-    return Measured(worst, note or f"worst at {where}")
+            raise NoValueError(f"{title}: the run ended early")
+
+        distance = from_optimum(compare_with_optimum(run, law))
+        if distance >= worst:
+            worst = distance
+            worst_case = title
+    return Measured(worst, note or f"worst at {worst_case}")
 
 
 def late_error(
@@ -149,10 +167,11 @@ def late_error(
     since: float,
     percent_of: Size = "start",
 ) -> Measured:
-    """Largest error from an instant [s] on, in percent."""
+    """Measure the largest error from the instant ``since`` [s] on, in percent."""
     result = lab.case(system, case, plant, controller)
-    error = np.abs(result.comparison.error[within(result.comparison.time, since)])
-    return of(result, 100 * float(error.max()) / size_of(result.comparison, percent_of))
+    comparison = result.comparison
+    error = np.abs(comparison.error[within(comparison.time, since)])
+    return from_run(result, 100 * float(error.max()) / size_of(comparison, percent_of))
 
 
 def difference(
@@ -163,33 +182,44 @@ def difference(
     runs: Sequence[tuple[str, str]],
     until: float = np.inf,
 ) -> Measured:
-    """Largest difference of the errors of two runs, a case and a law each, in percent."""
+    """Measure the largest difference of the errors of two runs in percent.
+
+    Args:
+        lab: Cache of the runs.
+        plant: Plant of both runs.
+        system: System of both runs.
+        runs: Case and law of each run.
+        until: Instant up to which errors are compared [s].
+    """
     results = [lab.case(system, case, plant, controller) for case, controller in runs]
-    broken = next(
-        (result for result in results if result.status is not Status.COMPLETED), results[0]
-    )
-    return of(broken, difference_of(results, until))
+    value = difference_of(results, until)
+    for result in results:
+        if result.status is not Status.COMPLETED:
+            return from_run(result, value)
+    return from_run(results[0], value)
 
 
 def difference_of(results: Sequence[RunResult], until: float = np.inf) -> float:
-    """Largest difference of two runs' errors up to an instant [s], in percent of the second's."""
-    one, other = (result.comparison for result in results)
-    n = min(len(one.time), len(other.time))
-    rows = within(one.time[:n], 0.0, until)
-    away = np.abs(one.error[:n] - other.error[:n])[rows]
-    return 100 * float(away.max()) / abs(float(other.error[0]))
+    """Return the largest difference of two runs' errors, in percent of the second's first error."""
+    first, second = (result.comparison for result in results)
+    n = min(len(first.time), len(second.time))
+    rows = within(first.time[:n], 0.0, until)
+    distance = np.abs(first.error[:n] - second.error[:n])[rows]
+    return 100 * float(distance.max()) / abs(float(second.error[0]))
 
 
 def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
-    """max |y - y*| under GROSMC over that under the LQR."""
-    ours, theirs = (
-        deviation(lab, plant, system=system, case=case, controller=name)
-        for name in ("grosmc", "lqr")
-    )
-    if ours.broken or theirs.broken:
-        return ours if ours.broken else theirs
-    one, other = (metric.value or np.nan for metric in (ours, theirs))
-    return Measured(one / other, f"{one:.3g} % against {other:.3g} %")
+    """Measure max |y - y*| under GROSMC over that under the LQR."""
+    robust = deviation(lab, plant, system=system, case=case, controller="grosmc")
+    linear = deviation(lab, plant, system=system, case=case, controller="lqr")
+    if robust.broken:
+        return robust
+    if linear.broken:
+        return linear
+
+    ours = robust.value or np.nan
+    theirs = linear.value or np.nan
+    return Measured(ours / theirs, f"{ours:.3g} % against {theirs:.3g} %")
 
 
 def excess_cost(
@@ -201,35 +231,41 @@ def excess_cost(
     name: str,
     controller: str = "grosmc",
 ) -> Measured:
-    """J over J*, less 1, in percent."""
+    """Measure J over J*, less 1, in percent; J is the metric of that name."""
     result = lab.case(system, case, plant, controller)
-    J, least = (result.metrics[key].value or np.nan for key in (name, "cost_optimal"))
-    return of(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
+    J = result.metrics[name].value or np.nan
+    least = result.metrics["cost_optimal"].value or np.nan
+    return from_run(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 
 def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
-    """Largest |s_i| over what one sample of the switching term makes of it, at that instant.
+    """Measure the largest |s_i| over the change that one sample of the switching term makes.
 
-    While the gain covers what pushes, |s_i'| is at most twice what the switching term does through
-    the true input gain, 2 rho R_ii: what is pushed plus what pushes back. A sampled law that never
-    leaves the surface by more than one sample stays below 1.
+    While the gain covers the disturbance, |s_i'| is at most twice the effect of the switching term
+    through the true input gain, 2 rho R_ii: the disturbance and the answer to it. A sampled law
+    that never leaves the surface by more than one sample stays below 1.
     """
     result = lab.case(system, case, plant, "grosmc")
-    run, law = result.trajectory, result.controller
+    run = result.trajectory
+    law = result.controller
     s = sliding(run)
     if not len(s) or np.any(s[0]):
-        return of(result, None, "the run starts off its surface")
-    points = balances_along(law, lab.equations(result.experiment, plant), run, EVERY, pushed=False)
-    own_effect = np.diagonal(points.R, axis1=1, axis2=2)
-    bands = 2 * lab.settings.control_period * points.configured[:, None] * own_effect
+        return from_run(result, None, "the run starts off its surface")
+
+    true = lab.equations(result.experiment, plant)
+    points = balances_along(law, true, run, EVERY, pushed=False)
+    gains = np.diagonal(points.R, axis1=1, axis2=2)
+    bands = 2 * lab.settings.control_period * points.configured[:, None] * gains
     if not np.all(points.configured):
-        return of(result, None, "the law does not switch")
+        return from_run(result, None, "the law does not switch")
     if not np.all(bands > 0):
-        return of(result, None, "the law switches the wrong way")
-    away = (np.abs(s[::EVERY]).reshape(bands.shape) / bands).max(axis=1)
-    worst = int(away.argmax())
+        return from_run(result, None, "the law switches the wrong way")
+
+    samples = np.abs(s[::EVERY]).reshape(bands.shape)
+    distances = (samples / bands).max(axis=1)
+    worst = int(distances.argmax())
     note = f"at t = {points.t[worst]:.3g} s; max |s| = {np.abs(s).max():.3g}"
-    return of(result, float(away[worst]), note)
+    return from_run(result, float(distances[worst]), note)
 
 
 def equation_error(
@@ -237,22 +273,26 @@ def equation_error(
     plant: PlantName,
     system: str,
     bounds: Sequence[float],
-    balance: Callable[[float, float, float], tuple[float, Sequence[float]]],
+    balance: ForceBalance,
 ) -> Measured:
-    """Largest residual of M q'' = sum of terms over the largest term, in percent.
+    """Measure the largest residual of M q'' = sum of terms over the largest term, in percent.
 
     Args:
-        lab: Where it is measured.
-        plant: It gives q'', its last acceleration.
-        system: Of which plant.
-        bounds: Of the random q, q' and u, to both sides.
-        balance: (q, q', u) -> M and the terms.
+        lab: Cache of the runs.
+        plant: Plant that gives q'', its last acceleration.
+        system: System of the plant.
+        bounds: Bounds of the random q, q' and u, to both sides.
+        balance: M and the terms.
     """
     derivative = lab.plant(find_experiment(system, "nominal"), plant).derivative
-    random, worst = np.random.default_rng(0), 0.0
+    random = np.random.default_rng(0)
+    worst = 0.0
     for _ in range(300):
         q, rate, u = (random.uniform(-bound, bound) for bound in bounds)
-        x = np.array([q, rate] if system == "arm" else [0.0, q, 0.0, rate])
+        x = np.array([q, rate])
+        if system == "cart_pendulum":
+            x = np.array([0.0, q, 0.0, rate])
+
         mass, terms = balance(q, rate, u)
         residual = mass * derivative(x, u)[-1] - sum(terms)
         worst = max(worst, abs(residual) / np.abs(terms).max())
@@ -260,17 +300,23 @@ def equation_error(
 
 
 def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
-    """The premises of the case that fail, in words; empty if none does."""
-    failed = audit(lab, find_experiment(system, case)).failed()
-    return "; ".join(
-        f"{premise.name} ({premise.source}): {premise.requirement}; margin {_margins(premise)}"
-        + (f", restored by {premise.restores}" if premise.restores else "")
-        for premise in failed
-    )
+    """Return the premises of the case that fail, in words; empty if none does."""
+    lines = []
+    for premise in audit(lab, find_experiment(system, case)).failed():
+        line = (
+            f"{premise.name} ({premise.source}): {premise.requirement}; margin {_margins(premise)}"
+        )
+        if premise.restores:
+            line += f", restored by {premise.restores}"
+        lines.append(line)
+    return "; ".join(lines)
 
 
 def _margins(premise: Premise) -> str:
     """The margins over the region and along the run."""
-    readings = (("over the region", premise.region), ("along the run", premise.along))
-    margins = [f"{r.margin:.3g} {premise.unit} {where}" for where, r in readings if r is not None]
+    margins = []
+    if premise.region is not None:
+        margins.append(f"{premise.region.margin:.3g} {premise.unit} over the region")
+    if premise.along is not None:
+        margins.append(f"{premise.along.margin:.3g} {premise.unit} along the run")
     return " and ".join(margins)

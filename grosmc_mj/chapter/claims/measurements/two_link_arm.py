@@ -7,7 +7,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measurements.measures import EVERY, of, within
+from grosmc_mj.chapter.claims.measurements.measures import EVERY, from_run, within
 from grosmc_mj.chapter.claims.measurements.theory import Derivative, approach
 from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.control import reaching
@@ -23,51 +23,66 @@ from grosmc_mj.physics.edits import BodyEdit
 _SYSTEM = "two_link_arm"
 # B+, with the elbow's s counted like the shoulder's.
 _PSEUDOINVERSE = np.kron(np.eye(2), [[0.0, 1.0]])
-_PLANTS, _STATES, _POSES = 8, 20, 25
+# Random payloads, random states of each, and poses of the elbow.
+_PLANTS = 8
+_STATES = 20
+_POSES = 25
 
 
 def gain_margin(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
-    """Least rho of the law over what is required of it along a run, by the true equations.
+    """Measure the least rho of the law over the required one along a run, by the true equations.
 
     The case ``together`` is 1 kg at the tip, links 5 % longer and every disturbance of case 1.
     """
-    if case != "together":
-        return _least_margin(lab, plant, find_experiment(_SYSTEM, case))
-    pushed, heavier = (find_experiment(_SYSTEM, name).case for name in ("case1", "case2"))
-    both = trial(_SYSTEM, case, heavier.x0, 6.0, heavier.edits, pushed.disturbances)
-    return _least_margin(lab, plant, both)
+    if case == "together":
+        disturbances = find_experiment(_SYSTEM, "case1").case.disturbances
+        heavier = find_experiment(_SYSTEM, "case2").case
+        experiment = trial(_SYSTEM, case, heavier.x0, 6.0, heavier.edits, disturbances)
+    else:
+        experiment = find_experiment(_SYSTEM, case)
 
-
-def _least_margin(lab: Laboratory, plant: PlantName, experiment: Experiment) -> Measured:
-    """Least margin of the gain over a run."""
     result = lab.run(experiment, plant, "grosmc")
     true = lab.equations(experiment, plant)
     points = balances_along(result.controller, true, result.trajectory, EVERY)
     needed = points.required > 0
     least = (points.configured[needed] / points.required[needed]).min(initial=np.inf)
-    return of(result, float(least), f"least r {points.gain_ratio.min():.3g}")
+    return from_run(result, float(least), f"least r {points.gain_ratio.min():.3g}")
 
 
 def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured:
-    """Least authority of G = B+ over the declared poses, up to so many times the payload."""
+    """Measure the least authority of G = B+ over the declared poses.
+
+    The payload goes up to ``payload`` times the nominal one.
+    """
     case = find_experiment(_SYSTEM, "regulation")
     law = lab.controller(case, plant, "grosmc")
-    error, p = law.coordinates, law.parameters
+    error = law.coordinates
+    p = law.parameters
     rows = list(error.linearization.last_rows)
-    projections = {"B+": _PSEUDOINVERSE[:, rows], "own": p.G[:, rows]}
-    least = {"B+": (np.inf, ""), "own": (np.inf, "")}
+    G_plus = _PSEUDOINVERSE[:, rows]
+    G_law = p.G[:, rows]
+
+    least = np.inf
+    least_of_law = np.inf
+    where = ""
     bound = _declared().region[2]
     for mass in np.linspace(1.0, payload, 5).tolist():
         derivative = lab.plant(_payload(mass, case), plant).derivative
         for turn in np.linspace(-bound, bound, _POSES).tolist():
             x = error.place(0.0, [0.0, 0.0, turn, 0.0], p)
             _, E = error.dynamics(0.0, x, p)
-            E_true, where = _true_gain(law, derivative, x), f"{0.2 * mass:.2g} kg"
-            for name, G_r in projections.items():
-                r = float(reaching.gain_margin(G_r @ E_true @ np.linalg.inv(G_r @ E)))
-                least[name] = min(least[name], (r, f"{where}, q2 = {x[1]:.3g} rad"))
-    (r, where), (own, _) = least["B+"], least["own"]
-    return Measured(r, f"at {where}; the law's own G keeps {own:.3g}")
+            E_true = _true_gain(law, derivative, x)
+            least_of_law = min(least_of_law, _authority(G_law, E, E_true))
+            authority = _authority(G_plus, E, E_true)
+            if authority < least:
+                least = authority
+                where = f"{0.2 * mass:.2g} kg, q2 = {x[1]:.3g} rad"
+    return Measured(least, f"at {where}; the law's own G keeps {least_of_law:.3g}")
+
+
+def _authority(G: Array, E: Array, E_true: Array) -> float:
+    """The part of the input gain G E that the true plant keeps, see ``reaching.gain_margin``."""
+    return float(reaching.gain_margin(G @ E_true @ np.linalg.inv(G @ E)))
 
 
 def _true_gain(law: Controller, derivative: Derivative, x: Array) -> Array:
@@ -89,46 +104,59 @@ def _declared() -> Uncertainty:
 
 
 def _payload(mass: float, case: Experiment) -> Experiment:
-    """The start of a case with so many times the payload."""
+    """The start of a case with ``mass`` times the payload."""
     return trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
 
 
 def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
-    """The largest s_i' sgn(s_i) + eta over the declared family, by the plant's own accelerations.
+    """Measure the largest s_i' sgn(s_i) + eta over the declared family.
 
-    At each state the law is evaluated on all four sides of its two surfaces.
+    s' follows from the plant's own accelerations. At each state the law is evaluated on all four
+    sides of its two surfaces.
     """
-    random, worst, declared = np.random.default_rng(1), -np.inf, _declared()
+    declared = _declared()
     law = lab.controller(find_experiment(_SYSTEM, "regulation"), plant, "grosmc")
+    nominal = find_experiment(_SYSTEM, "nominal")
+    wrench = np.array(declared.wrench)
+    random = np.random.default_rng(1)
     low, high = declared.scales["mp"]
-    for mass in (low, high, *random.uniform(low, high, _PLANTS - 2).tolist()):
-        heavier = _payload(mass, find_experiment(_SYSTEM, "nominal"))
-        derivative = lab.plant(heavier, plant).derivative
-        # Any time but the start, at which the law takes z for its own z(0).
-        places = ((random.uniform(-1, 1, 4) * declared.region, 1.0) for _ in range(_STATES))
-        worst = max(worst, approach(law, derivative, places, np.array(declared.wrench)))
-    own = float(getattr(law.parameters, "eta", 0.0))
-    note = f"{_PLANTS} payloads x {_STATES} states; the law's own η is {own:.3g}"
+
+    worst = -np.inf
+    masses = random.uniform(low, high, _PLANTS - 2).tolist()
+    for mass in (low, high, *masses):
+        derivative = lab.plant(_payload(mass, nominal), plant).derivative
+        # At any time but the start, where the law takes z for its own z(0).
+        places = []
+        for _ in range(_STATES):
+            z = random.uniform(-1, 1, 4) * declared.region
+            places.append((z, 1.0))
+        worst = max(worst, approach(law, derivative, places, wrench))
+
+    eta = float(getattr(law.parameters, "eta", 0.0))
+    note = f"{_PLANTS} payloads x {_STATES} states; the law's own η is {eta:.3g}"
     return Measured(worst + declared.reaching_rate, note)
 
 
 def off_the_circle(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
-    """Largest distance of the true tip from its reference in the last turn, in mm."""
+    """Measure the largest distance of the true tip from its reference in the last turn [mm]."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
-    last = within(result.comparison.time, 4.0)
-    off = np.linalg.norm(true_tip(result)[last] - result.comparison.reference[last], axis=1)
-    believed = 1e3 * float(result.comparison.error[last].max())
-    return of(result, 1e3 * float(off.max()), f"by its own kinematics it is {believed:.2g} mm")
+    comparison = result.comparison
+    last = within(comparison.time, 4.0)
+    distance = np.linalg.norm(true_tip(result)[last] - comparison.reference[last], axis=1)
+    believed = 1e3 * float(comparison.error[last].max())
+    note = f"by its own kinematics it is {believed:.2g} mm"
+    return from_run(result, 1e3 * float(distance.max()), note)
 
 
 def elbow_bend(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
-    """Least |sin q2| along the run of GROSMC."""
+    """Measure the least |sin q2| along the run of GROSMC."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
-    return of(result, float(np.abs(np.sin(result.trajectory.state[:, 1])).min()))
+    bend = np.abs(np.sin(result.trajectory.state[:, 1]))
+    return from_run(result, float(bend.min()))
 
 
 def unknown_kinematics(lab: Laboratory) -> str:
-    """Which premise the length errors break."""
+    """Return the premise that errors of the links' lengths break."""
     return (
         "the output map y = h(x) is known (section 4.1: only the dynamics have an uncertain part); "
         "here h has the links' lengths in it, and the law regulates what it believes y to be"
