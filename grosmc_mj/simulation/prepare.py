@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from grosmc_mj.arguments import reals
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, shown
 from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call, refused
@@ -91,22 +92,9 @@ def prepare(
     states = reals(x0)
     starts = np.atleast_2d(states)
 
-    counts = {len(items) for items in (plants, controllers, disturbances, accumulated, starts)}
-    counts.discard(1)
-    if len(counts) > 1 or 0 in counts:
-        raise ArgumentError(
-            f"{len(plants)} plants, {len(controllers)} controllers, {len(disturbances)} "
-            f"disturbance lists and {len(starts)} starts: each must be 1 or the number of "
-            "simulations"
-        )
-    nsim = max(counts, default=1)
+    nsim = _number_of_simulations(plants, controllers, disturbances, accumulated, starts)
     system = plants[0].system
-    n = len(system.states)
-    if starts.shape[1:] != (n,) or not np.all(np.isfinite(starts)):
-        names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
-        raise ArgumentError(
-            f"x0 = {shown(x0)} must be {n} finite numbers for {system.name}: {names}"
-        )
+    _require_starts(x0, starts, system)
     _require_alike(plants, controllers, accumulated)
     plants[0].require_unchanged(plants)
 
@@ -114,20 +102,14 @@ def prepare(
     stride, period = stride_of(control_period, h)
     for item in dict.fromkeys(controllers):
         _require_designed_for(system, item, h, period)
-    if duration / h > _MOST_STEPS:
-        raise ArgumentError(
-            f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
-            f"{_MOST_STEPS:.0e} are made"
-        )
 
     sampled = {item: item.sampled(period) for item in dict.fromkeys(controllers)}
     problem = Problem(
         plants=plants * (nsim // len(plants)),
         controllers=tuple(sampled[item] for item in controllers) * (nsim // len(controllers)),
         meters=accumulated * (nsim // len(accumulated)),
-        x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, n))),
-        # Rounded up.
-        steps=math.ceil(duration / h * (1 - 1e-12)),
+        x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
+        steps=_number_of_steps(duration, h),
         stride=stride,
         timestep=h,
         control_period=period,
@@ -138,8 +120,47 @@ def prepare(
     for item, start in zip(problem.plants, problem.x0, strict=True):
         item.require_start(start)
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
-    single = not counts and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
+    single = nsim == 1 and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
     return problem, single
+
+
+def _number_of_simulations(
+    plants: tuple[Plant, ...],
+    controllers: tuple[Controller, ...],
+    disturbances: tuple[Any, ...],
+    meters: tuple[Any, ...],
+    starts: Array,
+) -> int:
+    """Length of the arguments that are several; a single one serves every simulation."""
+    lengths = {len(items) for items in (plants, controllers, disturbances, meters, starts)}
+    several = lengths - {1}
+    if len(several) > 1 or 0 in several:
+        raise ArgumentError(
+            f"{len(plants)} plants, {len(controllers)} controllers, {len(disturbances)} "
+            f"disturbance lists and {len(starts)} starts: each must be 1 or the number of "
+            "simulations"
+        )
+    return max(lengths)
+
+
+def _require_starts(x0: Any, starts: Array, system: System) -> None:
+    """Refuse starts, (nsim, n), that are not n finite numbers each."""
+    n = len(system.states)
+    if starts.shape[1:] != (n,) or not np.all(np.isfinite(starts)):
+        names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
+        raise ArgumentError(
+            f"x0 = {shown(x0)} must be {n} finite numbers for {system.name}: {names}"
+        )
+
+
+def _number_of_steps(duration: float, h: float) -> int:
+    """Number of timesteps of h [s] in a duration [s], rounded up."""
+    if duration / h > _MOST_STEPS:
+        raise ArgumentError(
+            f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "
+            f"{_MOST_STEPS:.0e} are made"
+        )
+    return math.ceil(duration / h * (1 - 1e-12))
 
 
 def _several(items: Any) -> tuple[Any, ...]:
