@@ -62,8 +62,9 @@ class EquationStepper:
         self.bodies = np.arange(len(self.forces))
 
         self.model = plant.parameters
-        self._numbers = pack(plant.parameters)
+        # It refuses parameters that are no numbers.
         self._numbers_dtype = record_dtype(plant.parameters)
+        self._numbers = pack(plant.parameters)
 
     def write(self, plant: Any) -> None:
         """Give the equations the numbers of a plant."""
