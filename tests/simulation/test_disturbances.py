@@ -15,6 +15,7 @@ from conftest import held
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom, packed, push
 from grosmc_mj.simulation.simulate import simulate
 
@@ -129,28 +130,49 @@ def test_a_profile_of_the_users_own_is_called_once_for_each_timestep(record: boo
     np.testing.assert_array_equal(run.wrench[-1], 20.0 * np.array(PUSH))
 
 
-@pytest.mark.parametrize("kind", ["physics", "analytic"])
-def test_wrench_acts_in_its_window_and_leaves_no_trace(kind: str) -> None:
-    """Bit by bit the undisturbed run before its window, and an undisturbed restart after it."""
+KICK = Disturbance("payload", (0.2, 0.1, -0.3, 0.4, 0.5, 0.6), Pulse(0.05, 0.08))
+HELD_ARM = held((0.3, 0.2))
+ARM_START = [-0.4, -0.1, 0.2, 0.5]
+each_kind = pytest.mark.parametrize("kind", ["physics", "analytic"])
+
+
+@cache
+def arm(kind: str) -> Plant:
     plant = MujocoPlant.load("two_link_arm")
-    model = plant if kind == "physics" else plant.analytic()
-    control = held((0.3, 0.2))
-    wrench = (0.2, 0.1, -0.3, 0.4, 0.5, 0.6)
-    kick = Disturbance("payload", wrench, Pulse(0.05, 0.08))
-    x0 = [-0.4, -0.1, 0.2, 0.5]
+    if kind == "physics":
+        return plant
+    return plant.analytic()
 
-    pushed = simulate(model, control, x0, duration=0.1, disturbances=[kick])
-    free = simulate(model, control, x0, duration=0.1)
-    np.testing.assert_array_equal(pushed.state[:51], free.state[:51])
-    assert np.all(np.any(pushed.state[51:] != free.state[51:], axis=1))
 
-    restarted = simulate(model, control, pushed.state[80], duration=0.02)
-    np.testing.assert_array_equal(pushed.state[80:], restarted.state)
+def kicked_arm(kind: str) -> gm.Trajectory:
+    """The arm under held torques, with a wrench from 0.05 s to 0.08 s."""
+    return simulate(arm(kind), HELD_ARM, ARM_START, duration=0.1, disturbances=[KICK])
 
-    assert pushed.wrench is not None
+
+@each_kind
+def test_wrench_acts_from_the_start_of_its_window(kind: str) -> None:
+    """Before it the run is the undisturbed one, bit by bit."""
+    kicked = kicked_arm(kind)
+    free = simulate(arm(kind), HELD_ARM, ARM_START, duration=0.1)
+    np.testing.assert_array_equal(kicked.state[:51], free.state[:51])
+    assert np.all(np.any(kicked.state[51:] != free.state[51:], axis=1))
+
+
+@each_kind
+def test_wrench_leaves_no_trace(kind: str) -> None:
+    """After its window the run is an undisturbed restart, bit by bit."""
+    kicked = kicked_arm(kind)
+    restarted = simulate(arm(kind), HELD_ARM, kicked.state[80], duration=0.02)
+    np.testing.assert_array_equal(kicked.state[80:], restarted.state)
+
+
+@each_kind
+def test_wrench_is_recorded_in_its_window(kind: str) -> None:
+    kicked = kicked_arm(kind)
+    assert kicked.wrench is not None
     expected = np.zeros((100, 6))
-    expected[50:80] = wrench
-    np.testing.assert_array_equal(pushed.wrench.reshape(100, -1, 6)[:, -1], expected)
+    expected[50:80] = KICK.wrench
+    np.testing.assert_array_equal(kicked.wrench.reshape(100, -1, 6)[:, -1], expected)
 
 
 @cache

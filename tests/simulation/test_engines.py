@@ -433,7 +433,8 @@ def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
     body, _ = EDITED[system]
     edits = [BodyEdit(body, 1.5, 1.2), AddedMass(body, 0.1)]
     plant = plant_of(system, integrator).changed(edits)
-    run = simulate(**(arguments | {"plant": plant}), duration=0.1, control_period=3e-3)
+    arguments["plant"] = plant
+    run = simulate(**arguments, duration=0.1, control_period=3e-3)
     assert run.physics is not None
     assert run.wrench is not None
 
@@ -475,7 +476,7 @@ CROWDED = f"""
 
 
 @pytest.mark.parametrize(("engine", "threads"), [("native", 2), ("python", 1)])
-def test_an_error_of_mujoco_s_is_one_of_the_model_and_ends_no_process(
+def test_an_error_of_mujoco_s_ends_no_process(
     engine: Engine, threads: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
     plant = Robot.from_mjcf(CROWDED).plant
