@@ -118,9 +118,7 @@ def coasting(law: Any, samples: int = 1500, *, settled: bool = False, **number: 
         ("eso", {"bandwidth": 50.0}),
     ],
 )
-def test_a_constant_rate_is_estimated_exactly_in_the_end(
-    law: str, number: dict[str, float]
-) -> None:
+def test_a_constant_rate_is_estimated_exactly_in_the_end(law: str, number: dict[str, Any]) -> None:
     error = coasting(law, **number)
     assert error[0] == -RATE
     assert np.abs(error[-100:]).max() < ROUNDING
@@ -135,7 +133,7 @@ def test_a_constant_rate_is_estimated_exactly_in_the_end(
         ("high-gain", {"bandwidth": 50.0}),
     ],
 )
-def test_a_settled_estimator_is_exact_from_the_start(law: str, number: dict[str, float]) -> None:
+def test_a_settled_estimator_is_exact_from_the_start(law: str, number: dict[str, Any]) -> None:
     error = coasting(law, 200, settled=True, **number)
     assert np.abs(error).max() < ROUNDING
 

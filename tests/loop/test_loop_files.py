@@ -193,6 +193,7 @@ def short_bench_run() -> RunResult:
 def test_measurements_are_kept_in_files(tmp_path: Path) -> None:
     loaded = gm.load_trajectory(short_bench_run().save(tmp_path / "run.parquet"))
     np.testing.assert_array_equal(loaded.seen, short_bench_run().trajectory.seen)
+    assert loaded.seen is not None
     assert not np.array_equal(loaded.seen, loaded.state[:-1])
 
 

@@ -131,7 +131,7 @@ def test_a_law_in_a_loop_gets_no_second_one() -> None:
     ],
 )
 def test_a_run_with_other_periods_than_its_loop_is_refused(
-    periods: dict[str, float], words: str
+    periods: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
         simulate(servo(), LOOPED, (0, 0), duration=0.1, **periods)
