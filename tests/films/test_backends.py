@@ -107,9 +107,8 @@ def test_a_trial_that_fails_says_so_in_one_line(
     assert "\n" not in str(error.value)
 
 
-def test_a_trial_has_its_own_backend_and_no_setting_for_pyopengl(
-    monkeypatch: pytest.MonkeyPatch, pretend: Pretend
-) -> None:
+def test_a_trial_has_its_own_environment(monkeypatch: pytest.MonkeyPatch, pretend: Pretend) -> None:
+    """Neither the user's backend nor the user's setting for PyOpenGL."""
     monkeypatch.setenv("MUJOCO_GL", "glfw")
     monkeypatch.setenv("PYOPENGL_PLATFORM", "glx")
     pretend('echo "renderer: $MUJOCO_GL, $PYOPENGL_PLATFORM"')

@@ -217,13 +217,16 @@ def test_the_largest_torque_is_that_of_all_scenes() -> None:
     assert largest > 0
 
 
-def test_a_run_that_ended_early_stays_there_and_is_pushed_no_more() -> None:
-    """It ends at 0.5 s in the middle of its push."""
+def test_a_run_that_ended_early_stays_there() -> None:
     shown = film_of_two(servo(), servo(end=50))
     whole, short = shown.takes
     assert list(shown.rows(whole)) == list(range(0, 1000, 100))
     assert list(shown.rows(short)) == [0, 100, 200, 300, 400, 500, 500, 500, 500, 500]
 
+
+def test_a_run_that_ended_early_is_pushed_no_more() -> None:
+    """It ends at 0.5 s in the middle of its push."""
+    shown = film_of_two(servo(), servo(end=50))
     pushed = [np.any(scene.wrench, axis=(1, 2)) for scene in storyboard(shown).scenes]
     assert np.flatnonzero(pushed[0]).tolist() == [4, 5]
     assert np.flatnonzero(pushed[1]).tolist() == [4]
@@ -706,13 +709,19 @@ def test_a_frame_has_the_curves_up_to_its_instant(maker: frames.FrameMaker, inde
 
 
 @each_index
-def test_a_frame_has_its_pictures_and_a_clock_besides(maker: frames.FrameMaker, index: int) -> None:
-    chart = board_of_two().chart
+def test_a_frame_has_the_rendered_pictures(maker: frames.FrameMaker, index: int) -> None:
     frame = maker.frame(index)
-    for box in chart.pictures:
+    for box in board_of_two().chart.pictures:
         assert np.all(frame[box] == 77)
 
-    # Nothing changes beside pictures and curves but the clock, right of the title.
+
+@each_index
+def test_beside_pictures_and_curves_only_the_clock_changes(
+    maker: frames.FrameMaker, index: int
+) -> None:
+    """It is right of the title."""
+    chart = board_of_two().chart
+    frame = maker.frame(index)
     changed = np.any(frame != chart.empty, axis=2)
     for box in (*chart.pictures, *chart.areas):
         changed[box] = False

@@ -173,7 +173,7 @@ def test_the_poster_is_the_frame_in_the_middle(
         np.testing.assert_array_equal(np.asarray(poster), frames_of_pair[2])
 
 
-def test_films_are_equal_whoever_draws_and_writes_them(
+def test_a_film_does_not_depend_on_its_workers(
     written: Written, pair: Film, backend: str, tmp_path: Path
 ) -> None:
     again = write_film(pair, tmp_path / "again.mp4", backend=backend, workers=1)
@@ -243,7 +243,7 @@ def test_a_frame_shows_its_recorded_state(
     assert np.ptp(tips, axis=0).max() > 10
 
 
-def test_a_frame_is_the_same_whoever_draws_it_and_after_which(
+def test_a_frame_depends_neither_on_its_worker_nor_on_the_one_before(
     heavy_pole: Storyboard, frames_of_heavy_pole: list[np.ndarray], backend: str
 ) -> None:
     scenes = [scene._replace(physics=scene.physics[::-1]) for scene in heavy_pole.scenes]
@@ -337,9 +337,8 @@ def test_a_film_that_lacks_a_file_is_not_current(suffix: str, tiny: Path) -> Non
 
 
 @pytest.fixture(scope="module")
-def by_command(backend: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def by_command(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """Folder of a film of a file's case, and the output of the command."""
-    assert backend
     folder = tmp_path_factory.mktemp("command")
     size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--laws", "lqr", "--gif")
     output = io.StringIO()
@@ -435,7 +434,7 @@ def test_an_interrupt_before_the_first_frame_is_not_taken_for_an_error_of_ffmpeg
     ],
     ids=["interrupt", "worker", "ffmpeg"],
 )
-def test_an_older_film_survives_and_no_process_does(
+def test_a_film_that_is_broken_off_leaves_no_trace(
     event: Callable[[], None],
     code: int,
     words: str,

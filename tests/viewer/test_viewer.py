@@ -184,14 +184,19 @@ def test_a_window_that_stood_still_is_not_caught_up_with(watch: Callable[..., Fa
     assert window.states[-1][0] == pytest.approx(LONGEST, abs=1.1e-3)
 
 
-def test_an_undefined_law_is_named_and_the_last_good_state_stays(
-    watch: Callable[..., FakeWindow],
-) -> None:
+def falling() -> Run:
     """From 80 degrees the pole falls below the horizontal under a steady force."""
     force = Disturbance("pole", (-64.0, 0, 0, 0, 0, 0), Pulse(0.0, 9.0))
-    fallen = disturbed(x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
-    window = watch(fallen, 60, speed=8.0)
+    return disturbed(x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
+
+
+def test_an_undefined_law_is_named(watch: Callable[..., FakeWindow]) -> None:
+    window = watch(falling(), 60, speed=8.0)
     assert "the law is undefined" in window.texts[-1]["stopped"]
+
+
+def test_the_last_state_with_a_defined_law_stays(watch: Callable[..., FakeWindow]) -> None:
+    window = watch(falling(), 60, speed=8.0)
     assert window.states[-1][0] < 4.9
     assert np.all(np.isfinite(window.states))
     np.testing.assert_array_equal(window.states[-1], window.states[-2])
