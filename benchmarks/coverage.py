@@ -25,8 +25,9 @@ from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import parameters_of
 
-# The shipped servo: inertia [kg m^2], damping [N m s/rad], torque constant [N m/A].
-INERTIA, DAMPING, TORQUE = 0.0577, 0.0088, 0.667
+# The shipped servo: inertia [kg m^2], torque constant [N m/A].
+INERTIA = 0.0577
+TORQUE = 0.667
 # Standard deviation of a measured angle [rad].
 NOISE = 1e-3
 # Time between two measurements, and timestep of the simulation [s].

@@ -76,7 +76,7 @@ def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Pat
     assert rows[2].untimed == pytest.approx((1 / 4, 1 / 5, 1 / 3))
 
 
-def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
+def page_of_two_tables() -> str:
     row = Throughput(
         "law",
         1024,
@@ -85,8 +85,16 @@ def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
         untimed=Ratio(0.943, 0.91, 0.96),
     )
     table = throughput_table([row], "arm")
-    text = tables_text([table, table])
-    assert text.count("| law | 1024 | 2.5e+05 | 1.54 | 1.50-1.56 | 0.94 | 0.91-0.96 |") == 2
+    return tables_text([table, table])
+
+
+def test_a_page_has_every_table() -> None:
+    row = "| law | 1024 | 2.5e+05 | 1.54 | 1.50-1.56 | 0.94 | 0.91-0.96 |"
+    assert page_of_two_tables().count(row) == 2
+
+
+def test_a_page_says_the_machine_that_was_measured() -> None:
+    text = page_of_two_tables()
     assert f"{os.cpu_count()} cores" in text
     assert f"mujoco {mujoco.__version__}" in text
 
@@ -172,9 +180,8 @@ def test_the_implicit_law_is_of_first_order(switching_run: SwitchingRun) -> None
     assert ["implicit", "1.00"] in [row[:2] for row in switching_run.rows]
 
 
-def test_the_estimate_is_of_second_order_and_diverges_from_gain_ratio_2_on(
-    switching_run: SwitchingRun,
-) -> None:
+def test_the_estimate_is_of_second_order(switching_run: SwitchingRun) -> None:
+    """It diverges from r = 2 on."""
     assert ["implicit-estimate", "2.00", "2.10"] in switching_run.first_and_last(2)
 
 
