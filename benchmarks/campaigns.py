@@ -1,4 +1,4 @@
-"""What a campaign costs: beside MuJoCo's open loop, in seconds, in memory, and by its workers."""
+"""Cost of campaigns: throughput beside MuJoCo's open loop, time, memory and worker processes."""
 
 from __future__ import annotations
 
@@ -26,19 +26,27 @@ from grosmc_mj.sweep.runs import meters_for, ready
 from grosmc_mj.sweep.screening import Batch
 from grosmc_mj.sweep.store import Folder, shards_of
 
-_PLANTS, _STEPS = 4096, 800
+_PLANTS = 4096
+_STEPS = 800
 _LAW = "grosmc"
-# Of what is run to see its memory: as short as one likes, since nothing is recorded.
+# Duration of runs that show the memory [s]: it may be short, since nothing is recorded.
 _BLINK = 0.05
+# Plants in a part of a campaign, and parts for each worker.
+_SHARD = 256
+_PARTS = 5
+# Requirement that runs of any duration can keep.
+_REQUIREMENT = """[[requirement]]
+deviation_below = "2 mrad"
+"""
 
 
 class Cost(NamedTuple):
     """A whole campaign, in a process of its own.
 
     Attributes:
-        runs: Plants under one controller.
-        duration: Of each run [s].
-        integrator: MuJoCo's.
+        runs: Number of plants under one controller.
+        duration: Duration of each run [s].
+        integrator: MuJoCo's integrator.
         seconds: Wall time of the whole command, with its start and its statistics.
         megabytes: Largest memory of the process, its libraries included.
     """
@@ -54,7 +62,7 @@ class Scaling(NamedTuple):
     """A number of worker processes, one thread each.
 
     Attributes:
-        workers: How many.
+        workers: Number of processes.
         rate: Runs a second, once the workers have begun.
         efficiency: Rate of a worker over that of a single one.
     """
@@ -71,24 +79,31 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
 
     Args:
         rounds: Number of rounds.
-        integrator: MuJoCo's.
+        integrator: MuJoCo's integrator.
     """
-    asked = {"runs": _PLANTS, "controllers": (_LAW,), "integrator": integrator}
-    campaign = Campaign.of(specification_of("cart_pendulum", **asked))
+    specification = specification_of(
+        "cart_pendulum",
+        runs=_PLANTS,
+        controllers=(_LAW,),
+        integrator=integrator,
+    )
+    campaign = Campaign.of(specification)
+    experiment = campaign.experiment
+
     batch = Batch(campaign, campaign.values(range(_PLANTS)), [0] * _PLANTS)
-    experiment, plants = campaign.experiment, batch.physics
+    plants = batch.physics
     runs = [ready(experiment, batch.row(_LAW, i, plants[i])) for i in range(_PLANTS)]
-    starts, laws = np.array([run.case.x0 for run in runs]), [run.law for run in runs]
-    meters = meters_for(experiment, runs, campaign.requirements)
+    starts = np.array([run.case.x0 for run in runs])
+
     shipped, untimed = open_batches(plants, starts, _STEPS)
     closed = closed_loop(
         "campaign: GROSMC, meters, torque",
         plants,
-        laws,
+        [run.law for run in runs],
         starts,
         _STEPS,
-        meters=meters,
-        control_period=campaign.experiment.settings.control_period,
+        meters=meters_for(experiment, runs, campaign.requirements),
+        control_period=experiment.settings.control_period,
         disturbances=[list(run.case.disturbances) for run in runs],
     )
     return measured(shipped, untimed, [closed], rounds)
@@ -98,7 +113,7 @@ def costs(sizes: Sequence[tuple[int, float, Integrator]]) -> list[Cost]:
     """Whole campaigns of the pendulum under GROSMC, each in a fresh process.
 
     Args:
-        sizes: Runs, their duration [s] and the integrator.
+        sizes: Number of runs, their duration [s] and the integrator.
 
     Raises:
         SetupError: If one fails.
@@ -107,7 +122,7 @@ def costs(sizes: Sequence[tuple[int, float, Integrator]]) -> list[Cost]:
 
 
 def whole_campaigns() -> list[tuple[int, float, Integrator]]:
-    """Two that differ in the number of their runs by a factor of 100, and a long one."""
+    """Sizes of two campaigns, one with 100 times the runs of the other, and of a long one."""
     return [
         (1000, _BLINK, "implicitfast"),
         (100_000, _BLINK, "implicitfast"),
@@ -116,80 +131,110 @@ def whole_campaigns() -> list[tuple[int, float, Integrator]]:
 
 
 def _cost(runs: int, duration: float, integrator: Integrator) -> Cost:
-    """One of them."""
+    """Measure one campaign in a fresh process."""
     with tempfile.TemporaryDirectory() as scratch:
-        file = Path(scratch) / "pendulum.toml"
-        file.write_text(_text(), encoding="utf-8")
         command = [
-            *(sys.executable, "-m", "grosmc_mj.cli", "campaign", str(file)),
-            *("--runs", str(runs), "--duration", str(duration), "--laws", _LAW),
-            *("--integrator", integrator, "--no-figures", "--out", str(Path(scratch) / "campaign")),
+            sys.executable,
+            "-m",
+            "grosmc_mj.cli",
+            "campaign",
+            str(_write_campaign(scratch)),
+            "--runs",
+            str(runs),
+            "--duration",
+            str(duration),
+            "--laws",
+            _LAW,
+            "--integrator",
+            integrator,
+            "--no-figures",
+            "--out",
+            str(Path(scratch) / "campaign"),
         ]
         began = time.perf_counter()
         with Path(os.devnull).open("w") as nowhere:
             child = subprocess.Popen(command, stdout=nowhere, stderr=subprocess.PIPE)
-            said = child.stderr.read().decode() if child.stderr else ""
-            _, status, used = os.wait4(child.pid, 0)
+            assert child.stderr is not None
+            error = child.stderr.read().decode()
+            # Unlike wait(), this tells the memory of the very process.
+            _, status, usage = os.wait4(child.pid, 0)
             child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode:
-            raise SetupError(f"a campaign of {runs} runs failed: {said.strip()}")
         seconds = time.perf_counter() - began
-    return Cost(runs, duration, integrator, seconds, used.ru_maxrss / 1024)
+
+    if child.returncode:
+        raise SetupError(f"a campaign of {runs} runs failed: {error.strip()}")
+    return Cost(runs, duration, integrator, seconds, usage.ru_maxrss / 1024)
 
 
-def _text() -> str:
-    """The pendulum's campaign with a requirement that runs of any duration can keep."""
+def _write_campaign(folder: str) -> Path:
+    """Write the pendulum's campaign with a requirement that runs of any duration can keep."""
     text = campaign_files()["cart_pendulum"].read_text(encoding="utf-8")
-    return text.split("[[requirement]]")[0] + '[[requirement]]\ndeviation_below = "2 mrad"\n'
+    before_requirements, *_ = text.split("[[requirement]]")
+    file = Path(folder) / "pendulum.toml"
+    file.write_text(before_requirements + _REQUIREMENT, encoding="utf-8")
+    return file
 
 
 def scalings(workers: Sequence[int], duration: float = 2.0) -> list[Scaling]:
-    """The rate of worker processes, four parts of 256 plants for each; the first is the baseline.
+    """Rate of worker processes; the first number of workers is the baseline.
 
-    With implicitfast: the shorter a step, the more what surrounds it costs.
+    With implicitfast: the shorter a step, the more the work around it costs.
 
     Args:
         workers: Numbers of processes.
-        duration: Of each run [s].
+        duration: Duration of each run [s].
     """
-    found: list[Scaling] = []
-    for count in workers:
-        rate = _rate(count, duration)
-        alone = found[0].rate / found[0].workers if found else rate / count
-        found.append(Scaling(count, rate, rate / count / alone))
-    return found
+    rates = [_rate(count, duration) for count in workers]
+    baseline = rates[0] / workers[0]
+    return [
+        Scaling(count, rate, rate / count / baseline)
+        for count, rate in zip(workers, rates, strict=True)
+    ]
+
+
+class _Span(NamedTuple):
+    """Start and end of a part of a campaign, in seconds of the clock."""
+
+    start: float
+    end: float
 
 
 def _rate(workers: int, duration: float) -> float:
     """Runs a second of some workers, after each has designed its laws in a part of its own."""
-    parts, size = 5 * workers, 256
+    spans = _spans(workers, duration)
+    # The first part of each worker has the design and the loading of compiled code in it.
+    starts = sorted(span.start for span in spans)
+    all_began = starts[workers - 1]
+    later = [span for span in spans if span.start > all_began]
+
+    first = min(span.start for span in later)
+    last = max(span.end for span in later)
+    return len(later) * _SHARD / (last - first)
+
+
+def _spans(workers: int, duration: float) -> list[_Span]:
+    """Run a campaign with some workers, a first part and four others for each."""
+    parts = _PARTS * workers
     with tempfile.TemporaryDirectory() as scratch, without_graphics():
-        file = Path(scratch) / "pendulum.toml"
-        file.write_text(_text(), encoding="utf-8")
-        campaign = Campaign.of(
-            specification_of(
-                str(file),
-                runs=parts * size,
-                shard=size,
-                controllers=(_LAW,),
-                duration=duration,
-                integrator="implicitfast",
-            )
+        specification = specification_of(
+            str(_write_campaign(scratch)),
+            runs=parts * _SHARD,
+            shard=_SHARD,
+            controllers=(_LAW,),
+            duration=duration,
+            integrator="implicitfast",
         )
+        campaign = Campaign.of(specification)
         folder = Folder(Path(scratch) / "campaign")
         folder.begin(campaign, resume=False)
+
         executor = make_executor("processes", workers=workers)
         work = partial(_timed, shards_of(campaign, folder, threads=1))
-        spans = [each.report for each in executor.run(work, range(parts), lambda _: None)]
-    # The first part of each worker has the design and the loading of compiled code in it.
-    began = max(sorted(start for start, _ in spans)[:workers])
-    later = [(start, end) for start, end in spans if start > began]
-    first = min(start for start, _ in later)
-    return len(later) * size / (max(end for _, end in later) - first)
+        return [part.report for part in executor.run(work, range(parts), lambda _: None)]
 
 
-def _timed(shard: Callable[[int], object], index: int) -> tuple[float, float]:
-    """Run a part; when it began and ended."""
-    began = time.time()
+def _timed(shard: Callable[[int], object], index: int) -> _Span:
+    """Run a part."""
+    start = time.time()
     shard(index)
-    return began, time.time()
+    return _Span(start, time.time())

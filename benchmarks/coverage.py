@@ -25,9 +25,17 @@ from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import parameters_of
 
-# The shipped servo: inertia [kg m^2], damping [N m s/rad], torque constant [N m/A].
-INERTIA, DAMPING, TORQUE = 0.0577, 0.0088, 0.667
-NOISE, SAMPLING, FINE, SECONDS = 1e-3, 2e-3, 5e-5, 10.0
+# The shipped servo: inertia [kg m^2], torque constant [N m/A].
+INERTIA = 0.0577
+TORQUE = 0.667
+# Standard deviation of a measured angle [rad].
+NOISE = 1e-3
+# Time between two measurements, and timestep of the simulation [s].
+SAMPLING = 2e-3
+FINE = 5e-5
+# Length of a log [s], and measurements for which an input is held.
+SECONDS = 10.0
+HELD = 60
 CASE = """
 title = "A servo to identify"
 plant = { system = "servo" }
@@ -45,7 +53,7 @@ NAMES = ("rotor mass scale", "shaft damping", "computing delay")
 
 
 def case(folder: Path) -> Experiment:
-    """The case that the machines are fitted to."""
+    """Case that the machines are fitted to."""
     path = folder / "servo_to_identify.toml"
     path.write_text(CASE, encoding="utf-8")
     return experiment_of(parse_case_file(CASE, path), path)
@@ -54,60 +62,102 @@ def case(folder: Path) -> Experiment:
 def machine(number: int) -> tuple[Array, Log]:
     """A servo by its number: the true values of ``NAMES``, and a log of it, exact to 50 us."""
     random = np.random.default_rng([7, number])
-    scale, damping = random.uniform(0.6, 2.5), random.uniform(0.004, 0.03)
+    scale = random.uniform(0.6, 2.5)
+    damping = random.uniform(0.004, 0.03)
     delay = random.uniform(1e-3, 8e-3)
-    steps, every = round(SECONDS / FINE), round(SAMPLING / FINE)
-    time = np.arange(steps // every) * SAMPLING
-    u = np.repeat(random.uniform(-0.8, 0.8, len(time) // 60 + 1), 60)[: len(time)]
-    late, inertia = round(delay / FINE), scale * INERTIA
-    angle, rate, angles = 0.0, 0.0, np.zeros(len(time))
+    samples = round(SECONDS / FINE) // round(SAMPLING / FINE)
+    levels = random.uniform(-0.8, 0.8, samples // HELD + 1)
+    u = np.repeat(levels, HELD)[:samples]
+    late = round(delay / FINE)
+
+    angles = simulated_angles(u, scale * INERTIA, damping, late)
+    measured = angles + NOISE * random.standard_normal(samples)
+    log = Log(
+        f"servo {number}",
+        np.arange(samples) * SAMPLING,
+        u[:, None],
+        {"rotor angle": measured},
+        [slice(0, samples)],
+    )
+    return np.array([scale, damping, late * FINE]), log
+
+
+def simulated_angles(u: Array, inertia: float, damping: float, late: int) -> Array:
+    """Angle of a servo at each measurement, from rest, exact while the input is held.
+
+    Args:
+        u: Input at each measurement, (N,).
+        inertia: [kg m^2].
+        damping: Viscous friction [N m s/rad].
+        late: Delay of the input in timesteps.
+    """
+    every = round(SAMPLING / FINE)
     fades = np.exp(-damping * FINE / inertia)
-    for k in range(steps):
+    angle = 0.0
+    rate = 0.0
+    angles = np.zeros(len(u))
+    for k in range(round(SECONDS / FINE)):
         if k % every == 0:
             angles[k // every] = angle
+        # The rate at which friction balances the input.
         end = TORQUE * u[max(k - late, 0) // every] / damping
         angle += end * FINE + (rate - end) * (1 - fades) * inertia / damping
         rate = end + (rate - end) * fades
-    measured = angles + NOISE * random.standard_normal(len(time))
-    true = np.array([scale, damping, late * FINE])
-    whole = [slice(0, len(time))]
-    return true, Log(f"servo {number}", time, u[:, None], {"rotor angle": measured}, whole)
+    return angles
 
 
 def fitted(experiment: Experiment, log: Log) -> Fit:
-    """The fit of a machine."""
+    """Fit of a machine."""
     parameters = parameters_of(experiment, NAMES)
     plant = experiment.plant("physics")
     return fit(parameters, log, plant, horizon=1.0, timestep=1e-3)
 
 
-def covered(true: Array, found: Fit) -> dict[str, Any]:
-    """Which intervals contain the true values."""
+def estimates(true: Array, found: Fit) -> dict[str, Any]:
+    """True value, fitted value and half the width of the interval of each parameter."""
     half = np.full(len(true), np.nan)
     half[found.fitted] = found.half
-    rows = zip(NAMES, true, found.values, half, strict=True)
-    return {n: {"true": t, "value": v, "half": h} for n, t, v, h in rows}
+    columns = zip(NAMES, true, found.values, half, strict=True)
+    return {
+        name: {"true": true_value, "value": value, "half": half_width}
+        for name, true_value, value, half_width in columns
+    }
+
+
+def contains_truth(estimate: dict[str, float]) -> bool:
+    """True if the interval of a parameter contains the true value."""
+    return abs(estimate["value"] - estimate["true"]) <= estimate["half"]
+
+
+def print_coverage(lines: list[str]) -> None:
+    """Print for each parameter how many intervals contain the true value."""
+    machines = [json.loads(line) for line in lines]
+    for name in NAMES:
+        inside = sum(contains_truth(machine[name]) for machine in machines)
+        low, high = stats.binomtest(inside, len(machines)).proportion_ci(0.95)
+        ends = f"{100 * low:.1f} to {100 * high:.1f} %"
+        print(f"{name}: {inside} of {len(machines)}, {ends}")  # noqa: T201
 
 
 def main() -> None:
     """Measure, a machine a line."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("file", type=Path)
-    options.add_argument("--machines", type=int, default=200)
-    asked = options.parse_args()
-    done = asked.file.read_text().splitlines() if asked.file.is_file() else []
-    experiment = case(asked.file.parent)
-    with asked.file.open("a", encoding="utf-8") as file:
-        for number in range(len(done), asked.machines):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--machines", type=int, default=200)
+    options = parser.parse_args()
+
+    lines = []
+    if options.file.is_file():
+        lines = options.file.read_text().splitlines()
+
+    experiment = case(options.file.parent)
+    with options.file.open("a", encoding="utf-8") as file:
+        for number in range(len(lines), options.machines):
             true, log = machine(number)
-            done.append(json.dumps(covered(true, fitted(experiment, log))))
-            print(done[-1], file=file, flush=True)
-    rows = [json.loads(line) for line in done]
-    for name in NAMES:
-        inside = sum(abs(r[name]["value"] - r[name]["true"]) <= r[name]["half"] for r in rows)
-        low, high = stats.binomtest(inside, len(rows)).proportion_ci(0.95)
-        ends = f"{100 * low:.1f} to {100 * high:.1f} %"
-        print(f"{name}: {inside} of {len(rows)}, {ends}")  # noqa: T201
+            line = json.dumps(estimates(true, fitted(experiment, log)))
+            print(line, file=file, flush=True)
+            lines.append(line)
+    print_coverage(lines)
 
 
 if __name__ == "__main__":

@@ -11,32 +11,33 @@ from benchmarks.timing import Throughput, measured
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.plants import SYSTEMS
 
-_SIMULATIONS, _STEPS = 1024, 500
+_SIMULATIONS = 1024
+_STEPS = 500
 _LAW = "grosmc"
 
 
 def benchmark_machines(rounds: int = 5) -> dict[str, Sequence[Throughput]]:
     """Measure 1024 copies of each shipped machine with all its parts, without its loop.
 
-    The law is asked at every timestep; in open loop the machine begins where it does there.
+    The law is sampled at every timestep; the open loop begins at the same start.
 
     Args:
         rounds: Number of rounds.
 
     Returns:
-        By case.
+        Measured loops by case.
     """
     return {f"{system}/machine": _benchmark(system, rounds) for system in SYSTEMS}
 
 
 def _benchmark(system: str, rounds: int) -> list[Throughput]:
-    """One machine."""
+    """Measure one machine."""
     machine = find_experiment(system, "machine")
     experiment = machine.varied(loop=None).with_settings(control_period=machine.settings.timestep)
-    plant = experiment.plant("physics")
-    plants = [plant] * _SIMULATIONS
-    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
     law = experiment.law("physics", _LAW)
+    plants = [experiment.plant("physics")] * _SIMULATIONS
+    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
+
     shipped, untimed = open_batches(plants, starts, _STEPS)
     closed = closed_loop(f"{system}: GROSMC, native, batch", plants, law, starts, _STEPS)
     return measured(shipped, untimed, [closed], rounds)

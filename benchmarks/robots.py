@@ -10,9 +10,14 @@ from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
 from grosmc_mj.cases.jaco.jaco import jaco
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
+_SIMULATIONS = 1024
+_STEPS = 200
 # A compiled Jaco is 1.7 MB of meshes, so several simulations share one.
-_SIMULATIONS, _PAYLOADS, _HEAVIEST, _STEPS = 1024, 64, 1.5, 200
+_PAYLOADS = 64
+# Largest mass of a payload [kg].
+_HEAVIEST = 1.5
 
 
 def benchmark_robots(rounds: int = 5) -> list[Throughput]:
@@ -28,12 +33,9 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
     """
     experiment = Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
     law = experiment.law("physics", "grosmc")
-    nominal = jaco()
-    (payload,) = experiment.case.edits
-    masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
-    loaded = [nominal.plant.edited(replace(payload, mass=mass)) for mass in masses]
-    plants = [loaded[i % _PAYLOADS] for i in range(_SIMULATIONS)]
+    plants = _loaded_arms(experiment)
     starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
+
     name = "GROSMC, native, batch"
     shipped, untimed = open_batches(plants, starts, _STEPS)
     loops = [
@@ -41,3 +43,12 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
         closed_loop(f"{name}, recorded", plants, law, starts, _STEPS, record=True),
     ]
     return measured(shipped, untimed, loops, rounds)
+
+
+def _loaded_arms(experiment: Experiment) -> list[MujocoPlant]:
+    """Arms with the payload of a case in different masses, one for each simulation."""
+    (payload,) = experiment.case.edits
+    nominal = jaco().plant
+    masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
+    loaded = [nominal.edited(replace(payload, mass=mass)) for mass in masses]
+    return [loaded[i % _PAYLOADS] for i in range(_SIMULATIONS)]

@@ -1,4 +1,4 @@
-"""Laws in a loop as tests ask for them: scripted inputs, and the servo that meets them."""
+"""Laws in a loop for the tests: scripted inputs to a servo."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CURRENT = SERVO.input.name
 
 @dataclass(frozen=True, eq=False)
 class Script:
-    """What is asked for at each sample, the time between two [s], and what observers believe in."""
+    """Input at each sample, the time between two [s], and the model of the observers."""
 
     u: Array
     period: float
@@ -48,15 +48,16 @@ def as_scripted(t: float, x: Any, memory: Any, p: Any) -> float:
     memory.samples += 1.0
     for i in range(2):
         memory.x[i] = x[i]
-    # One that predicts is asked for what comes after the end.
-    memory.v = p.u[min(round(t / p.period), len(p.u) - 1)]
+    # A law that predicts is asked beyond the end.
+    sample = min(round(t / p.period), len(p.u) - 1)
+    memory.v = p.u[sample]
     return memory.v
 
 
 def scripted(
     u: Sequence[float] | Array, period: float = H, *, modelled: bool = False
 ) -> Controller:
-    """An open loop that asks for one number after the other, with a design model or without."""
+    """An open loop that sends one input after the other, with a design model or without."""
     lqr = nominal().law("corrected", "lqr")
     script = Script(np.array(u, float), period, lqr.parameters.plant, lqr.parameters.reference)
     design = lqr.design if modelled else None
@@ -78,11 +79,19 @@ def played(
     disturbances: Sequence[Disturbance] = (),
     **options: Any,
 ) -> Trajectory:
-    """The servo under a script in a loop, as long as there is something to ask for."""
-    periods: dict[str, Any] = {"control_period": stride * H, "timestep": H}
-    law = in_loop(scripted(u, stride * H, modelled=modelled), loop, SERVO, **options, **periods)
-    periods |= {"duration": len(u) * stride * H, "engine": "python"}
-    return simulate(servo(), law, x0, disturbances=disturbances, **periods)
+    """The servo under a script in a loop, for as long as the script lasts."""
+    control_period = stride * H
+    periods: dict[str, Any] = {"control_period": control_period, "timestep": H}
+    script = scripted(u, control_period, modelled=modelled)
+    return simulate(
+        servo(),
+        in_loop(script, loop, SERVO, **options, **periods),
+        x0,
+        duration=len(u) * control_period,
+        disturbances=disturbances,
+        engine="python",
+        **periods,
+    )
 
 
 def applied(law: Controller) -> AppliedLoop:
@@ -92,12 +101,12 @@ def applied(law: Controller) -> AppliedLoop:
 
 
 def seen(run: Trajectory) -> Array:
-    """What a law in a loop saw."""
+    """States that a law in a loop got, a row for each timestep."""
     assert run.seen is not None
     return run.seen
 
 
 @cache
 def nominal(**settings: Any) -> Experiment:
-    """The servo's nominal case, run in another way."""
+    """The servo's nominal case with other simulation settings."""
     return Experiment.load("servo/nominal").with_settings(**settings)

@@ -1,4 +1,4 @@
-"""Films of the cases: the results of runs as films, and what lies beside each film."""
+"""Films of the cases: results of runs as films, and the document beside each film."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.runs import RunResult, Settings
 
-# What validate shows of every case; smaller than a single film, since there are many.
+# Controllers and format of the films of validate: smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")
 SMALL = Format(width=800, height=450, fps=15)
 
@@ -74,45 +74,40 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
 def film_of(
     results: Sequence[RunResult], form: Format | None = None, names: Sequence[str] = ()
 ) -> Film:
-    """The film of one case: its runs in MuJoCo, side by side.
+    """Film of one case: its runs in MuJoCo, side by side.
 
     The ghost is the nominal optimal trajectory of each law or, where the reference moves, the
     reference.
 
     Args:
         results: Runs of one case on physics.
-        form: How it is cut.
-        names: What the controllers were asked for as; by default their own names.
+        form: Format of the film.
+        names: Names of the controllers in the film; by default their own.
 
     Raises:
         ArgumentError: If the runs are not of one case on physics.
     """
-    cases = {(result.case.system, result.case.name) for result in results}
-    if len(cases) != 1 or any(result.plant != "physics" for result in results):
-        raise ArgumentError("a film shows runs of one case on physics")
-    case, system, physics = results[0].case, results[0].trajectory.system, results[0].true
+    _refuse_several_cases(results)
+    case = results[0].case
+    system = results[0].trajectory.system
+    physics = results[0].true
     assert isinstance(physics, MujocoPlant)
-    spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
-    moving = max(spans) > _STILL
-    errors = [result.controller.designed.error for result in results]
-    # A law of the whole state holds more than the controlled coordinates: the first of these is
-    # shown in place of s.
-    of_states = any(isinstance(error, StateCoordinates) for error in errors)
-    others = [i for i in range(len(system.states)) if i not in system.controlled]
-    takes, names = [], names or [result.controller.name for result in results]
+
+    moving = _reference_moves(results)
+    names = names or [result.controller.name for result in results]
     styles = law_styles(names)
+    takes = []
     for result, name in zip(results, names, strict=True):
-        ended, until = _ENDED[result.status], float(result.trajectory.valid_until)
-        takes.append(
-            Take(
-                label=styles[name].label,
-                colour=styles[name].colour,
-                run=result.trajectory,
-                ghost=_ghost(result, moving=moving),
-                sliding_unit=result.controller.designed.sliding_unit,
-                ended=ended and f"{ended} at {until:.2f} s",
-            )
+        take = Take(
+            label=styles[name].label,
+            colour=styles[name].colour,
+            run=result.trajectory,
+            ghost=_ghost(result, moving=moving),
+            sliding_unit=result.controller.designed.sliding_unit,
+            ended=_early_end(result),
         )
+        takes.append(take)
+
     return Film(
         title=f"{system.title}, {case.name}: {case.title}",
         model=physics.model,
@@ -120,42 +115,78 @@ def film_of(
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
-        beside=others[0] if of_states else None,
+        beside=_coordinate_beside(results),
     )
 
 
-def _ghost(result: RunResult, *, moving: bool) -> Array:
-    """Where the controlled coordinates should have been, (N + 1, controlled).
+def _refuse_several_cases(results: Sequence[RunResult]) -> None:
+    """Raise an ArgumentError if the runs are not of one case on physics."""
+    cases = {(result.case.system, result.case.name) for result in results}
+    on_physics = all(result.plant == "physics" for result in results)
+    if len(cases) != 1 or not on_physics:
+        raise ArgumentError("a film shows runs of one case on physics")
 
-    That is the reference, if it moves, or the optimum: as they are where outputs are coordinates,
-    else as the coordinates that have these outputs.
+
+def _reference_moves(results: Sequence[RunResult]) -> bool:
+    """True if the reference of any run moves."""
+    spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
+    return max(spans) > _STILL
+
+
+def _early_end(result: RunResult) -> str:
+    """Words for the end of a run that ended early, empty for one that did not."""
+    reason = _ENDED[result.status]
+    if not reason:
+        return ""
+    until = float(result.trajectory.valid_until)
+    return f"{reason} at {until:.2f} s"
+
+
+def _coordinate_beside(results: Sequence[RunResult]) -> int | None:
+    """First coordinate that is not controlled, to be shown in place of s.
+
+    None unless there is a law of the whole state, which holds more than the controlled coordinates.
     """
-    comparison, law = result.comparison, result.controller
-    error, controlled = law.designed.error, list(result.trajectory.system.controlled)
+    errors = [result.controller.designed.error for result in results]
+    if not any(isinstance(error, StateCoordinates) for error in errors):
+        return None
+    system = results[0].trajectory.system
+    return next(i for i in range(len(system.states)) if i not in system.controlled)
+
+
+def _ghost(result: RunResult, *, moving: bool) -> Array:
+    """Controlled coordinates of the reference, if it moves, or of the optimum, (N + 1, controlled).
+
+    Where outputs are no coordinates, the coordinates that have these outputs.
+    """
+    comparison = result.comparison
+    error = result.controller.designed.error
     if not isinstance(error, ErrorCoordinates) or error.outputs is None:
         return comparison.reference if moving else comparison.optimum
-    z = np.zeros_like(comparison.optimal) if moving else comparison.optimal
-    # As the true plant has them: an arm whose links are longer than believed is drawn longer too.
-    true = replace(law.parameters, plant=result.plant_parameters)
-    rows, last = [], None
-    for t, row in zip(comparison.time, z, strict=True):
-        last = error.place(t, row, true, last)
-        rows.append(last[controlled])
+
+    z = comparison.optimal
+    if moving:
+        z = np.zeros_like(z)
+    # With the true plant's numbers: an arm whose links are longer than believed is drawn longer.
+    p = replace(result.controller.parameters, plant=result.plant_parameters)
+    controlled = list(result.trajectory.system.controlled)
+    rows = []
+    state = None
+    for t, z_t in zip(comparison.time, z, strict=True):
+        state = error.place(t, z_t, p, state)
+        rows.append(state[controlled])
     return np.array(rows)
 
 
 def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:
-    """One film for each case whose runs under ``CONTROLLERS`` are there."""
-    runs = {
-        (result.case, result.controller.name): result
-        for result in results
-        if result.plant == "physics"
-    }
+    """Films of the cases that have runs on physics under all of ``CONTROLLERS``."""
+    on_physics = [result for result in results if result.plant == "physics"]
+    runs = {(result.case, result.controller.name): result for result in on_physics}
     films = []
     for case in dict.fromkeys(result.case for result in results):
-        shown = [runs[case, name] for name in CONTROLLERS if (case, name) in runs]
-        if len(shown) == len(CONTROLLERS):
-            films.append((case, film_of(shown, form)))
+        if all((case, name) in runs for name in CONTROLLERS):
+            film = film_of([runs[case, name] for name in CONTROLLERS], form)
+            films.append((case, film))
     return films
 
 
@@ -174,64 +205,86 @@ def write_case_film(
     """Write a film and, beside it, a JSON file with all that it was made from.
 
     Args:
-        case: What was run.
-        film: Of its runs.
-        path: The MP4.
-        settings: How it was run.
-        backend: As for ``write_film``.
-        workers: As for ``write_film``.
-        pool: As for ``write_film``.
-        gif: As for ``write_film``.
-        advance: As for ``write_film``.
+        case: Case of the film.
+        film: Film of runs of the case.
+        path: Path of the MP4.
+        settings: Simulation settings of the runs.
+        backend: See ``write_film``.
+        workers: See ``write_film``.
+        pool: See ``write_film``.
+        gif: See ``write_film``.
+        advance: See ``write_film``.
 
     Raises:
         SetupError: If it cannot be rendered or written.
     """
     written = write_film(
-        film, path, backend=backend, workers=workers, pool=pool, gif=gif, advance=advance
+        film,
+        path,
+        backend=backend,
+        workers=workers,
+        pool=pool,
+        gif=gif,
+        advance=advance,
     )
-    write_json(
-        path.with_suffix(".json"),
-        {
-            **origin(seed_of(case)),
-            "configuration": {
-                **asdict(settings),
-                "case": case_document(case),
-                "controllers": [take.label for take in film.takes],
-                "film": {**asdict(film.format), "camera": film.camera_name, "stop": film.stop},
-                "backend": written.backend,
-                "ffmpeg": {"version": written.ffmpeg.version},
-            },
-            "frames": written.frames,
-            "duration": {"value": written.frames / film.format.fps, "unit": "s"},
-            "drawn_from": film_digest(written.board),
-            "sha256": _sha256(path),
-        },
-    )
+    configuration = {
+        **asdict(settings),
+        "case": case_document(case),
+        "controllers": [take.label for take in film.takes],
+        "film": {**asdict(film.format), "camera": film.camera_name, "stop": film.stop},
+        "backend": written.backend,
+        "ffmpeg": {"version": written.ffmpeg.version},
+    }
+    document = {
+        **origin(seed_of(case)),
+        "configuration": configuration,
+        "frames": written.frames,
+        "duration": {"value": written.frames / film.format.fps, "unit": "s"},
+        "drawn_from": film_digest(written.board),
+        "sha256": _sha256(path),
+    }
+    write_json(path.with_suffix(".json"), document)
     return written
 
 
 def is_current(film: Film, path: Path) -> bool:
     """Whether this very film is there, whole: drawn from the same data by the same code."""
     try:
-        beside = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        there = path.with_suffix(".png").is_file() and beside["sha256"] == _sha256(path)
-        return there and beside["drawn_from"] == film_digest(storyboard(film))
+        if not path.with_suffix(".png").is_file():
+            return False
+        document = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        if document["sha256"] != _sha256(path):
+            return False
+        return document["drawn_from"] == film_digest(storyboard(film))
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
 
 def film_digest(board: Storyboard) -> str:
     """Hash of all that a film's frames depend on: states, model, format and drawing code."""
-    digest, model = hashlib.sha256(), np.zeros(mujoco.mj_sizeModel(board.model), np.uint8)
+    model = np.zeros(mujoco.mj_sizeModel(board.model), np.uint8)
     mujoco.mj_saveModel(board.model, None, model)
-    parts: list[Any] = [model, board.times, *board.chart, board.camera, board.placement]
-    parts += [board.speed, board.largest, mujoco.__version__]
+    parts: list[Any] = [
+        model,
+        board.times,
+        *board.chart,
+        board.camera,
+        board.placement,
+        board.speed,
+        board.largest,
+        mujoco.__version__,
+    ]
     for scene in board.scenes:
         parts += scene
-    parts += [path.read_bytes() for path in sorted(Path(drawing_code).parent.glob("*.py"))]
+    for path in sorted(Path(drawing_code).parent.glob("*.py")):
+        parts.append(path.read_bytes())
+
+    digest = hashlib.sha256()
     for part in parts:
-        digest.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+        if isinstance(part, np.ndarray):
+            digest.update(part.tobytes())
+        else:
+            digest.update(repr(part).encode())
     return digest.hexdigest()
 
 

@@ -1,9 +1,13 @@
-"""The benchmark measures what it says; how fast it is, no test asserts."""
+"""Benchmarks: their ratios and tables; no test asserts how fast anything is."""
 
+from __future__ import annotations
+
+import contextlib
+import io
 import os
 from collections.abc import Iterable
 from itertools import repeat
-from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -72,12 +76,25 @@ def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Pat
     assert rows[2].untimed == pytest.approx((1 / 4, 1 / 5, 1 / 3))
 
 
-def test_a_page_has_every_table_and_what_it_was_measured_on() -> None:
-    rows = [
-        Throughput("law", 1024, 2.5e5, Ratio(1.543, 1.5, 1.56), Ratio(0.943, 0.91, 0.96)),
-    ]
-    text = tables_text([throughput_table(rows, "arm")] * 2)
-    assert text.count("| law | 1024 | 2.5e+05 | 1.54 | 1.50-1.56 | 0.94 | 0.91-0.96 |") == 2
+def page_of_two_tables() -> str:
+    row = Throughput(
+        "law",
+        1024,
+        2.5e5,
+        shipped=Ratio(1.543, 1.5, 1.56),
+        untimed=Ratio(0.943, 0.91, 0.96),
+    )
+    table = throughput_table([row], "arm")
+    return tables_text([table, table])
+
+
+def test_a_page_has_every_table() -> None:
+    row = "| law | 1024 | 2.5e+05 | 1.54 | 1.50-1.56 | 0.94 | 0.91-0.96 |"
+    assert page_of_two_tables().count(row) == 2
+
+
+def test_a_page_says_the_machine_that_was_measured() -> None:
+    text = page_of_two_tables()
     assert f"{os.cpu_count()} cores" in text
     assert f"mujoco {mujoco.__version__}" in text
 
@@ -101,14 +118,16 @@ def test_costs_grow_with_states_and_inputs(monkeypatch: Patch) -> None:
     monkeypatch.setattr("benchmarks.growth._STEPS", 5)
     monkeypatch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
     servo, arm = benchmark_growth(rounds=1)
-    assert (servo.states, servo.inputs) == (2, 1)
-    assert (arm.states, arm.inputs) == (4, 2)
+    assert servo.states == 2
+    assert servo.inputs == 1
+    assert arm.states == 4
+    assert arm.inputs == 2
     assert servo.shipped_step > 0
 
 
 @pytest.mark.slow
 def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
-    """With motors at their joints and what swings straight below its hinge."""
+    """With motors at their joints, and the swinging load straight below its hinge."""
     plant = gm.MujocoPlant.load("cart_pendulum").edited(
         gm.machine.Transmission("slider", 0.1, stiffness=1e4),
         gm.machine.SwingingLoad("cart", 0.1, 0.2),
@@ -117,27 +136,54 @@ def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
     law = gm.Experiment.load("cart_pendulum/nominal").law("physics", "lqr")
     run = gm.simulate(plant, law, x0, duration=0.001)
     assert run.physics is not None
-    begun = batch_at([plant] * 2, x0)
-    np.testing.assert_array_equal(begun.bind("qpos"), run.physics[:, 0, 1:5])
-    np.testing.assert_array_equal(begun.bind("qvel"), run.physics[:, 0, 5:9])
+    batch = batch_at([plant] * 2, x0)
+    start = run.physics[:, 0]
+    np.testing.assert_array_equal(batch.bind("qpos"), start[:, 1:5])
+    np.testing.assert_array_equal(batch.bind("qvel"), start[:, 5:9])
 
 
-def test_switching_laws_are_tabled_and_drawn(
-    monkeypatch: Patch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(switching, "LAWS", ("implicit", "implicit-estimate"))
-    monkeypatch.setattr(switching, "SAMPLE_TIMES", (2e-3, 1e-3))
-    monkeypatch.setattr(switching, "GAIN_RATIOS", (1.0, 1.9, 2.1))
-    monkeypatch.setattr(switching, "CONTROL_PERIODS", (1e-3,))
-    monkeypatch.setattr(switching, "DRAWN", ("servo/nominal",))
-    monkeypatch.setattr(switching, "CASES", ("servo/nominal",))
-    figure = tmp_path / "switching.png"
-    switching.main([str(figure)])
+class SwitchingRun(NamedTuple):
+    """Output of the switching benchmark: words of each printed line, and the files."""
 
-    assert list(tmp_path.iterdir()) == [figure]
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["implicit", "1.00"] in [row[:2] for row in rows]
-    # The estimate is of second order, and diverges from r = 2 on.
-    assert ["implicit-estimate", "2.00", "2.10"] in [[*row[:2], *row[-1:]] for row in rows]
-    # Nominally the implicit law costs the optimum.
-    assert ["servo/nominal", "implicit", "1"] in [[*row[:2], *row[-1:]] for row in rows]
+    rows: list[list[str]]
+    files: list[str]
+
+    def first_and_last(self, count: int) -> list[list[str]]:
+        """First words of each line, and its last one."""
+        return [[*row[:count], *row[-1:]] for row in self.rows]
+
+
+@pytest.fixture(scope="module")
+def switching_run(tmp_path_factory: pytest.TempPathFactory) -> SwitchingRun:
+    """A small run of the switching benchmark."""
+    folder = tmp_path_factory.mktemp("switching")
+    output = io.StringIO()
+    with Patch.context() as patch, contextlib.redirect_stdout(output):
+        patch.setattr(switching, "LAWS", ("implicit", "implicit-estimate"))
+        patch.setattr(switching, "SAMPLE_TIMES", (2e-3, 1e-3))
+        patch.setattr(switching, "GAIN_RATIOS", (1.0, 1.9, 2.1))
+        patch.setattr(switching, "CONTROL_PERIODS", (1e-3,))
+        patch.setattr(switching, "DRAWN", ("servo/nominal",))
+        patch.setattr(switching, "CASES", ("servo/nominal",))
+        switching.main([str(folder / "switching.png")])
+
+    rows = [line.split() for line in output.getvalue().splitlines()]
+    files = [path.name for path in folder.iterdir()]
+    return SwitchingRun(rows, files)
+
+
+def test_switching_laws_are_drawn_in_one_picture(switching_run: SwitchingRun) -> None:
+    assert switching_run.files == ["switching.png"]
+
+
+def test_the_implicit_law_is_of_first_order(switching_run: SwitchingRun) -> None:
+    assert ["implicit", "1.00"] in [row[:2] for row in switching_run.rows]
+
+
+def test_the_estimate_is_of_second_order(switching_run: SwitchingRun) -> None:
+    """It diverges from r = 2 on."""
+    assert ["implicit-estimate", "2.00", "2.10"] in switching_run.first_and_last(2)
+
+
+def test_nominally_the_implicit_law_costs_the_optimum(switching_run: SwitchingRun) -> None:
+    assert ["servo/nominal", "implicit", "1"] in switching_run.first_and_last(2)

@@ -1,4 +1,4 @@
-"""OpenGL backends and ffmpeg: which are taken, and what is said of those that are not there."""
+"""OpenGL backends and ffmpeg: the choice among them, and the errors without them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Pretend = Callable[[str], Callable[[], int]]
 
 @pytest.fixture(autouse=True)
 def _bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
-    """No display, no wish, nothing tried yet, and a cache of one's own."""
+    """No display, no chosen backend, no trial yet, and an empty cache folder."""
     probe.cache_clear()
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL", "PYOPENGL_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
@@ -36,7 +36,8 @@ def _bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
 @pytest.fixture
 def pretend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Pretend:
     """Let a shell script answer in place of the trial; the function returned counts the trials."""
-    program, trials = tmp_path / "interpreter", tmp_path / "trials"
+    program = tmp_path / "interpreter"
+    trials = tmp_path / "trials"
     monkeypatch.setattr(sys, "executable", str(program))
 
     def answer(script: str) -> Callable[[], int]:
@@ -49,25 +50,39 @@ def pretend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Pretend:
     return answer
 
 
+@pytest.mark.parametrize(
+    ("wish", "display", "tried"),
+    [
+        (None, "", "egl, osmesa"),
+        (" ", ":0", "egl, osmesa, glfw"),
+        ("EGL ", ":0", "egl"),
+    ],
+)
 def test_a_wish_is_tried_alone_else_glfw_last_where_there_is_a_display(
-    pretend: Pretend, monkeypatch: pytest.MonkeyPatch
+    wish: str | None, display: str, tried: str, pretend: Pretend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for wish, display, tried in (
-        (None, "", "egl, osmesa"), (" ", ":0", "egl, osmesa, glfw"), ("EGL ", ":0", "egl"),
-    ):  # fmt: skip
-        monkeypatch.setenv("WAYLAND_DISPLAY", display)
-        count = pretend("echo 'it is broken' >&2; exit 1")
-        with pytest.raises(SetupError) as error:
-            find_backend(wish)
-        names = re.findall(r"(\w+): (?:it is broken|lib\w+)", str(error.value))
-        assert (", ".join(names), count()) == (tried, len(names))
+    monkeypatch.setenv("WAYLAND_DISPLAY", display)
+    count = pretend("echo 'it is broken' >&2; exit 1")
+    with pytest.raises(SetupError) as error:
+        find_backend(wish)
+    names = re.findall(r"(\w+): (?:it is broken|lib\w+)", str(error.value))
+    assert ", ".join(names) == tried
+    assert count() == len(names)
+
+
+def test_an_unknown_backend_is_refused(pretend: Pretend) -> None:
+    pretend("exit 1")
     with pytest.raises(SetupError, match=r"MUJOCO_GL: unknown backend 'banana': .*run: unset MUJO"):
         find_backend("banana")
-    # The next one is tried if one fails, and none twice.
+
+
+def test_the_next_backend_is_tried_if_one_fails_but_none_twice(pretend: Pretend) -> None:
     count = pretend(f"case $MUJOCO_GL in egl) kill -SEGV $$;; osmesa) echo noise; {ANSWER};; esac")
     for _ in range(2):
         trial = find_backend()
-        assert (trial.backend, trial.renderer, count()) == ("osmesa", "a pretended one", 2)
+        assert trial.backend == "osmesa"
+        assert trial.renderer == "a pretended one"
+        assert count() == 2
 
 
 @pytest.mark.parametrize(
@@ -92,14 +107,17 @@ def test_a_trial_that_fails_says_so_in_one_line(
     assert "\n" not in str(error.value)
 
 
-def test_the_trial_has_its_own_backend_and_not_the_user_s_setting_for_pyopengl(
-    monkeypatch: pytest.MonkeyPatch, pretend: Pretend
-) -> None:
+def test_a_trial_has_its_own_environment(monkeypatch: pytest.MonkeyPatch, pretend: Pretend) -> None:
+    """Neither the user's backend nor the user's setting for PyOpenGL."""
     monkeypatch.setenv("MUJOCO_GL", "glfw")
     monkeypatch.setenv("PYOPENGL_PLATFORM", "glx")
     pretend('echo "renderer: $MUJOCO_GL, $PYOPENGL_PLATFORM"')
     assert probe("egl").renderer == "egl,"
     assert "no display" in probe("glfw").reason
+
+
+def test_graphics_are_disabled_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
     with without_graphics():
         assert os.environ["MUJOCO_GL"] == "disabled"
     assert os.environ["MUJOCO_GL"] == "glfw"
@@ -119,11 +137,16 @@ def test_a_backend_that_works_renders_whatever_the_user_s_files_are_called(
         pytest.skip(str(error))
 
 
-def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    pretend: Pretend,
-) -> None:  # fmt: skip
-    assert Path(find_ffmpeg().path).is_file()
+FILM = ("film", "servo/nominal", "--laws", "lqr", "--to", "0.1", "-o", "f.mp4")
+CASE = ("run", "servo/nominal", "--laws", "lqr", "--no-figures")
+NO_OPENGL = (
+    "no OpenGL backend renders off-screen (egl: libEGL.so.1 is not installed; "
+    "osmesa: libOSMesa.so.8 is not installed); run: apt-get install libegl1 libgl1-mesa-dri\n"
+)
+
+
+@pytest.fixture
+def _without_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pretend: Pretend) -> None:
     pretend("exit 1")
     monkeypatch.chdir(tmp_path)
     load = ctypes.CDLL
@@ -134,19 +157,33 @@ def test_a_machine_without_opengl_or_ffmpeg_has_all_but_films(
         return load(name, *arguments, **options)
 
     monkeypatch.setattr(ctypes, "CDLL", hidden)
-    film = ("film", "servo/nominal", "--laws", "lqr", "--to", "0.1", "-o", "f.mp4")
-    reason = (
-        "no OpenGL backend renders off-screen (egl: libEGL.so.1 is not installed; "
-        "osmesa: libOSMesa.so.8 is not installed); run: apt-get install libegl1 libgl1-mesa-dri\n"
-    )
-    assert run(*film) == cli.WRONG
-    assert capsys.readouterr().err == f"grosmc-mj: {reason}"
-    case = ("run", "servo/nominal", "--laws", "lqr", "--no-figures")
-    assert run(*case, "--film") == cli.DONE
-    assert f"No films: {reason}" in capsys.readouterr().out
+
+
+def test_ffmpeg_is_found() -> None:
+    assert Path(find_ffmpeg().path).is_file()
+
+
+@pytest.mark.usefixtures("_without_opengl")
+def test_without_opengl_a_film_is_refused_with_the_remedy(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(*FILM) == cli.WRONG
+    assert capsys.readouterr().err == f"grosmc-mj: {NO_OPENGL}"
+
+
+@pytest.mark.usefixtures("_without_opengl")
+def test_without_opengl_a_run_has_all_but_its_film(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*CASE, "--film") == cli.DONE
+    assert f"No films: {NO_OPENGL}" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("_without_opengl")
+def test_without_opengl_and_ffmpeg_one_line_has_both_remedies(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    assert run(*film) == cli.WRONG
-    lines = capsys.readouterr().err
-    remedies = re.findall(r"run: (apt-get [^;\n]*)", lines)
-    assert lines.count("\n") == 1
+    assert run(*FILM) == cli.WRONG
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    remedies = re.findall(r"run: (apt-get [^;\n]*)", error)
     assert remedies == ["apt-get install libegl1 libgl1-mesa-dri", "apt-get install ffmpeg"]

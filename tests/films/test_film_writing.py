@@ -1,9 +1,10 @@
-"""Rendered films: their pictures, their files, and what an interrupt or a death leaves."""
+"""Rendered films: their pictures and files, also after an interrupt or the end of a process."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import itertools
 import json
 import math
@@ -59,10 +60,12 @@ def backend() -> str:
         pytest.skip(f"no films can be made here: {error}")
 
 
-@pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def _quick() -> Iterator[None]:
     """No line of progress, however slow the machine is."""
-    monkeypatch.setattr(screen, "LINE_EVERY", math.inf)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(screen, "LINE_EVERY", math.inf)
+        yield
 
 
 @cache
@@ -80,12 +83,15 @@ def under_lqr(system: str, case: str, form: Format) -> Film:
 
 
 def without_ghost(film: Film) -> Film:
-    return replace(film, takes=tuple(replace(take, ghost=None) for take in film.takes))
+    takes = [replace(take, ghost=None) for take in film.takes]
+    return replace(film, takes=tuple(takes))
 
 
 @pytest.fixture(scope="module")
 def pair() -> Film:
-    return film_of([result("cart_pendulum", "nominal", name) for name in ("lqr", "grosmc")], PAIR)
+    lqr = result("cart_pendulum", "nominal", "lqr")
+    grosmc = result("cart_pendulum", "nominal", "grosmc")
+    return film_of([lqr, grosmc], PAIR)
 
 
 @pytest.fixture(scope="module")
@@ -94,99 +100,177 @@ def written(pair: Film, backend: str, tmp_path_factory: pytest.TempPathFactory) 
     return write_film(pair, path, backend=backend, workers=2, gif=True)
 
 
-def test_the_file_is_one_that_every_browser_plays_as_long_as_the_data(written: Written) -> None:
+def test_the_film_is_one_that_every_browser_plays(written: Written) -> None:
     command = ["ffprobe", "-v", "error", "-count_frames", "-show_streams", "-of", "json"]
     done = subprocess.run([*command, written.film], capture_output=True, text=True, check=True)
     (stream,) = json.loads(done.stdout)["streams"]
-    assert int(stream["nb_read_frames"]) == written.frames == 5
+    assert written.frames == 5
+    assert int(stream["nb_read_frames"]) == 5
     assert float(stream["duration"]) == pytest.approx(1.0, abs=1e-3)
-    kind = {"codec_name": "h264", "pix_fmt": "yuv420p", "width": PAIR.width, "height": PAIR.height}
-    colours = dict.fromkeys(("color_space", "color_primaries", "color_transfer"), "bt709")
-    assert {**kind, **colours, "color_range": "tv"}.items() <= stream.items()
-    # It can begin before all of it is there.
+    expected = {
+        "codec_name": "h264",
+        "pix_fmt": "yuv420p",
+        "width": PAIR.width,
+        "height": PAIR.height,
+        "color_space": "bt709",
+        "color_primaries": "bt709",
+        "color_transfer": "bt709",
+        "color_range": "tv",
+    }
+    assert expected.items() <= stream.items()
+
+
+def test_the_film_can_begin_before_all_of_it_is_there(written: Written) -> None:
     content = written.film.read_bytes()
     assert 0 < content.find(b"moov") < content.find(b"mdat")
+
+
+def test_a_film_has_a_poster_and_a_gif_beside_it(written: Written) -> None:
     names = {path.name for path in written.film.parent.iterdir()}
     assert names == {"pair.mp4", "pair.png", "pair.gif"}
+
+
+def test_the_gif_moves_as_long_as_the_film(written: Written) -> None:
     assert written.gif is not None
+    pictures = []
+    milliseconds = 0
     with Image.open(written.gif) as gif:
-        assert (gif.size, gif.info["loop"]) == ((PAIR.width, PAIR.height), 0)
-        pictures = [np.array(one.convert("RGB"), int) for one in ImageSequence.Iterator(gif)]
-        shown = sum(one.info["duration"] for one in ImageSequence.Iterator(gif)) / 1000
-    assert shown == pytest.approx(1.0, abs=0.15)
+        assert gif.size == (PAIR.width, PAIR.height)
+        # It begins anew without end.
+        assert gif.info["loop"] == 0
+        for picture in ImageSequence.Iterator(gif):
+            pictures.append(np.array(picture.convert("RGB"), int))
+            milliseconds += picture.info["duration"]
+    assert milliseconds / 1000 == pytest.approx(1.0, abs=0.15)
     assert np.abs(pictures[0] - pictures[-1]).mean() > 1
 
 
-def test_decoded_frames_are_the_drawn_ones_whoever_draws_and_writes_them(
-    written: Written, pair: Film, backend: str, tmp_path: Path
+@pytest.fixture(scope="module")
+def frames_of_pair(pair: Film, backend: str) -> list[np.ndarray]:
+    return drawn(storyboard(pair), backend, 1)
+
+
+def test_decoded_frames_are_the_drawn_ones(
+    written: Written, frames_of_pair: list[np.ndarray]
 ) -> None:
-    frames = drawn(storyboard(pair), backend, 1)
     decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
-    for decoded_frame, frame in zip(decoded, frames, strict=True):
+    for decoded_frame, frame in zip(decoded, frames_of_pair, strict=True):
         # Lossy, and colours at half the resolution; a wrong colour matrix alone costs more.
         assert np.abs(decoded_frame - frame).mean() < 3
         assert frame.std() > 20
+
+
+def test_decoded_frames_move(written: Written) -> None:
+    decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
     for before, after in itertools.pairwise(decoded):
         assert np.abs(before - after).mean() > 0.1
+
+
+def test_the_poster_is_the_frame_in_the_middle(
+    written: Written, frames_of_pair: list[np.ndarray]
+) -> None:
     with Image.open(written.poster) as poster:
-        np.testing.assert_array_equal(np.asarray(poster), frames[2])
+        np.testing.assert_array_equal(np.asarray(poster), frames_of_pair[2])
+
+
+def test_a_film_does_not_depend_on_its_workers(
+    written: Written, pair: Film, backend: str, tmp_path: Path
+) -> None:
     again = write_film(pair, tmp_path / "again.mp4", backend=backend, workers=1)
     assert again.film.read_bytes() == written.film.read_bytes()
     assert again.poster.read_bytes() == written.poster.read_bytes()
     assert again.gif is None
 
 
-def pole_ends(board: Storyboard, index: int) -> Iterator[np.ndarray]:
+def pole_ends(board: Storyboard, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Column and row of the hinge and of the tip, by the model's own camera and its placement."""
     data = mujoco.MjData(board.model)
     state = board.scenes[0].physics[index]
     mujoco.mj_setState(board.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     mujoco.mj_forward(board.model, data)
+    hinge = pixel_of(data.body("pole").xpos, board, data)
+    tip = pixel_of(data.site("tip").xpos, board, data)
+    return hinge, tip
+
+
+def pixel_of(point: np.ndarray, board: Storyboard, data: mujoco.MjData) -> np.ndarray:
+    """Column and row of a point in the first picture."""
     height, width = board.chart.empty[board.chart.pictures[0]].shape[:2]
+    field_of_view = math.radians(board.model.cam_fovy[board.camera])
+    focal_length = height / 2 / math.tan(field_of_view / 2)
+
     axes = data.cam_xmat[board.camera].reshape(3, 3)
-    focal = height / 2 / math.tan(math.radians(board.model.cam_fovy[board.camera]) / 2)
-    for point in (data.body("pole").xpos, data.site("tip").xpos):
-        right, up, back = (point - data.cam_xpos[board.camera]) @ axes - board.placement
-        yield np.array([width / 2, height / 2]) + focal * np.array([right, -up]) / -back
+    right, up, back = (point - data.cam_xpos[board.camera]) @ axes - board.placement
+    centre = np.array([width / 2, height / 2])
+    return centre + focal_length * np.array([right, -up]) / -back
 
 
-def drawn_tip(shown: np.ndarray, hinge: np.ndarray) -> np.ndarray:
+def drawn_tip(picture: np.ndarray, hinge: np.ndarray) -> np.ndarray:
     """Outermost point of the pole's vermilion cap; the rail's mark is below the hinge."""
-    red, green, blue = np.moveaxis(shown.astype(int), 2, 0)
-    rows, columns = np.nonzero((red > 1.5 * green) & (green > 1.2 * blue) & (red > 60))
-    pixels = np.column_stack([columns, rows])[rows < hinge[1]] + 0.5
-    along = pixels.mean(axis=0) - hinge
-    along /= np.linalg.norm(along)
-    return hinge + along * (((pixels - hinge) @ along).max() + 0.5)
+    red, green, blue = np.moveaxis(picture.astype(int), 2, 0)
+    vermilion = (red > 1.5 * green) & (green > 1.2 * blue) & (red > 60)
+    rows, columns = np.nonzero(vermilion)
+    above = rows < hinge[1]
+    pixels = np.column_stack([columns, rows])[above] + 0.5
+
+    direction = pixels.mean(axis=0) - hinge
+    direction /= np.linalg.norm(direction)
+    length = ((pixels - hinge) @ direction).max() + 0.5
+    return hinge + direction * length
 
 
-def test_a_frame_shows_its_recorded_state_whoever_draws_it_and_after_which(backend: str) -> None:
+@pytest.fixture(scope="module")
+def heavy_pole() -> Storyboard:
     """A pole of four times the mass and the length."""
-    board = storyboard(without_ghost(under_lqr("cart_pendulum", "case1", LOOK)))
-    frames = drawn(board, backend, 1)
+    return storyboard(without_ghost(under_lqr("cart_pendulum", "case1", LOOK)))
+
+
+@pytest.fixture(scope="module")
+def frames_of_heavy_pole(heavy_pole: Storyboard, backend: str) -> list[np.ndarray]:
+    return drawn(heavy_pole, backend, 1)
+
+
+def test_a_frame_shows_its_recorded_state(
+    heavy_pole: Storyboard, frames_of_heavy_pole: list[np.ndarray]
+) -> None:
     tips = []
-    for index, frame in enumerate(frames):
-        hinge, tip = pole_ends(board, index)
-        assert np.linalg.norm(drawn_tip(frame[board.chart.pictures[0]], hinge) - tip) < 2
+    for index, frame in enumerate(frames_of_heavy_pole):
+        hinge, tip = pole_ends(heavy_pole, index)
+        picture = frame[heavy_pole.chart.pictures[0]]
+        assert np.linalg.norm(drawn_tip(picture, hinge) - tip) < 2
         tips.append(tip)
     # Else it would be a still.
     assert np.ptp(tips, axis=0).max() > 10
-    scenes = tuple(scene._replace(physics=scene.physics[::-1]) for scene in board.scenes)
-    backwards = replace(board, times=board.times[::-1], scenes=scenes)
-    for one, other in zip(frames, drawn(backwards, backend, 2)[::-1], strict=True):
-        np.testing.assert_array_equal(one, other)
-    second = {"egl": "osmesa"}.get(backend, "egl")
-    if probe(second).works:
-        for one, frame in zip(frames, drawn(board, second, 1), strict=True):
-            differences = np.abs(one.astype(int) - frame)
-            # Another rasterizer may decide otherwise about an edge.
-            assert differences.mean() < 1
-            assert np.percentile(differences, 99.9) < 16
+
+
+def test_a_frame_depends_neither_on_its_worker_nor_on_the_one_before(
+    heavy_pole: Storyboard, frames_of_heavy_pole: list[np.ndarray], backend: str
+) -> None:
+    scenes = [scene._replace(physics=scene.physics[::-1]) for scene in heavy_pole.scenes]
+    backwards = replace(heavy_pole, times=heavy_pole.times[::-1], scenes=tuple(scenes))
+    frames = drawn(backwards, backend, 2)
+    np.testing.assert_array_equal(frames[::-1], frames_of_heavy_pole)
+
+
+def test_a_second_backend_draws_nearly_the_same(
+    heavy_pole: Storyboard, frames_of_heavy_pole: list[np.ndarray], backend: str
+) -> None:
+    second = "osmesa" if backend == "egl" else "egl"
+    if not probe(second).works:
+        pytest.skip(f"{second} does not work here")
+    frames = drawn(heavy_pole, second, 1)
+    for frame, expected in zip(frames, frames_of_heavy_pole, strict=True):
+        differences = np.abs(frame.astype(int) - expected)
+        # Another rasterizer may decide otherwise about an edge.
+        assert differences.mean() < 1
+        assert np.percentile(differences, 99.9) < 16
 
 
 def test_one_pool_draws_one_film_after_another_as_each_alone(backend: str) -> None:
-    films = (under_lqr("servo", "nominal", TINY), under_lqr("cart_pendulum", "case1", LOOK))
-    boards = [storyboard(film) for film in films]
+    boards = [
+        storyboard(under_lqr("servo", "nominal", TINY)),
+        storyboard(under_lqr("cart_pendulum", "case1", LOOK)),
+    ]
     alone = [drawn(board, backend, 1) for board in boards]
     with RenderingPool(backend, 2) as pool:
         # A film that is broken off leaves the pool to the next.
@@ -197,58 +281,122 @@ def test_one_pool_draws_one_film_after_another_as_each_alone(backend: str) -> No
             np.testing.assert_array_equal(together, alone[number])
 
 
-def test_a_film_is_current_for_the_same_runs_in_the_same_format_alone(
-    backend: str, tmp_path: Path
-) -> None:
-    path, film = tmp_path / "tiny.mp4", under_lqr("servo", "nominal", TINY)
+def tiny_film() -> Film:
+    return under_lqr("servo", "nominal", TINY)
+
+
+def slower_film() -> Film:
+    return under_lqr("servo", "nominal", replace(TINY, speed=0.9))
+
+
+def film_of_another_law() -> Film:
+    return film_of([result("servo", "nominal", "grosmc")], TINY)
+
+
+@pytest.fixture(scope="module")
+def tiny(backend: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A film of the servo's nominal case that is written."""
+    path = tmp_path_factory.mktemp("current") / "tiny.mp4"
     case = find_case("servo", "nominal")
-    write_case_film(case, film, path, settings=Settings(), backend=backend, workers=1)
-    assert is_current(film_of([run_case(case, "physics", "lqr", Settings())], TINY), path)
-    for other in (
-        without_ghost(film),
-        under_lqr("servo", "nominal", replace(TINY, speed=0.9)),
-        film_of([result("servo", "nominal", "grosmc")], TINY),
-    ):
-        assert not is_current(other, path)
-    for suffix, damage in ((".mp4", b"less"), (".png", None), (".json", b"less"), (".json", None)):
-        part = path.with_suffix(suffix)
-        content = part.read_bytes()
-        part.write_bytes(damage) if damage else part.unlink()
-        assert not is_current(film, path)
-        part.write_bytes(content)
-    assert is_current(film, path)
+    write_case_film(case, tiny_film(), path, settings=Settings(), backend=backend, workers=1)
+    return path
 
 
-def test_the_command_writes_film_poster_gif_and_a_document_of_a_file_s_case(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
+def test_a_film_is_current_for_the_same_runs_in_the_same_format(tiny: Path) -> None:
+    repeated = run_case(find_case("servo", "nominal"), "physics", "lqr", Settings())
+    assert is_current(film_of([repeated], TINY), tiny)
+
+
+@pytest.mark.parametrize(
+    "other", [lambda: without_ghost(tiny_film()), slower_film, film_of_another_law]
+)
+def test_a_film_is_not_current_for_another_one(other: Callable[[], Film], tiny: Path) -> None:
+    assert not is_current(other(), tiny)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".json"])
+def test_a_film_with_a_damaged_file_is_not_current(suffix: str, tiny: Path) -> None:
+    part = tiny.with_suffix(suffix)
+    content = part.read_bytes()
+    part.write_bytes(b"less")
+    assert not is_current(tiny_film(), tiny)
+
+    part.write_bytes(content)
+    assert is_current(tiny_film(), tiny)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".json"])
+def test_a_film_that_lacks_a_file_is_not_current(suffix: str, tiny: Path) -> None:
+    part = tiny.with_suffix(suffix)
+    content = part.read_bytes()
+    part.unlink()
+    assert not is_current(tiny_film(), tiny)
+
+    part.write_bytes(content)
+    assert is_current(tiny_film(), tiny)
+
+
+@pytest.fixture(scope="module")
+def by_command(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Folder of a film of a file's case, and the output of the command."""
+    folder = tmp_path_factory.mktemp("command")
     size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--laws", "lqr", "--gif")
-    assert run("film", "small.toml", *size) == cli.DONE
-    folder = Path("renders") / "films"
-    assert capsys.readouterr().out.startswith("2 frames, 0.5 s, ")
-    names = {f"small.{suffix}" for suffix in ("mp4", "png", "gif", "json")}
-    assert {path.name for path in folder.iterdir()} == names
+    output = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(output):
+        Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
+        assert run("film", "small.toml", *size) == cli.DONE
+    return folder / "renders" / "films", output.getvalue()
+
+
+def test_the_command_says_how_long_the_film_is(by_command: tuple[Path, str]) -> None:
+    _, output = by_command
+    assert output.startswith("2 frames, 0.5 s, ")
+
+
+def test_the_command_writes_film_poster_gif_and_a_document(by_command: tuple[Path, str]) -> None:
+    folder, _ = by_command
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"small.mp4", "small.png", "small.gif", "small.json"}
+
+
+def test_the_document_says_all_that_a_film_was_made_from(by_command: tuple[Path, str]) -> None:
+    folder, _ = by_command
     document = json.loads((folder / "small.json").read_text(encoding="utf-8"))
-    assert (document["frames"], document["duration"]) == (2, {"value": 0.5, "unit": "s"})
-    assert document["sha256"] == hashlib.sha256((folder / "small.mp4").read_bytes()).hexdigest()
+    assert document["frames"] == 2
+    assert document["duration"] == {"value": 0.5, "unit": "s"}
+    content = (folder / "small.mp4").read_bytes()
+    assert document["sha256"] == hashlib.sha256(content).hexdigest()
+
     configuration = document["configuration"]
     assert configuration["controllers"] == ["LQR"]
-    shown = {"width": 320, "height": 240, "fps": 4, "speed": 1.0, "start": 0.0, "stop": 0.5}
-    assert configuration["film"] == {**shown, "camera": "fixed"}
+    assert configuration["film"] == {
+        "width": 320,
+        "height": 240,
+        "fps": 4,
+        "speed": 1.0,
+        "start": 0.0,
+        "stop": 0.5,
+        "camera": "fixed",
+    }
+
+
+def is_living_child(folder: Path) -> bool:
+    """True if a folder of /proc is of a living child of this process."""
+    after_name = (folder / "stat").read_text().rpartition(")")[2]
+    state, parent = after_name.split()[:2]
+    return state != "Z" and int(parent) == os.getpid()
 
 
 def children(word: str) -> list[int]:
     """Living children of this process with a word in their command line."""
-    found = []
+    pids = []
     for folder in Path("/proc").glob("[0-9]*"):
+        # A process may end meanwhile.
         with contextlib.suppress(OSError):
-            state, parent = (folder / "stat").read_text().rpartition(")")[2].split()[:2]
-            mine = (state != "Z", int(parent)) == (True, os.getpid())
-            if mine and word.encode() in (folder / "cmdline").read_bytes():
-                found.append(int(folder.name))
-    return found
+            command = (folder / "cmdline").read_bytes()
+            if is_living_child(folder) and word.encode() in command:
+                pids.append(int(folder.name))
+    return pids
 
 
 def interrupt() -> None:
@@ -261,7 +409,7 @@ def kill(word: str) -> None:
 
 
 class BrokenPool(RenderingPool):
-    """One that is interrupted before its first frame."""
+    """A pool that is interrupted before its first frame."""
 
     def frames(self, board: Storyboard) -> Generator[np.ndarray]:
         raise KeyboardInterrupt
@@ -286,25 +434,38 @@ def test_an_interrupt_before_the_first_frame_is_not_taken_for_an_error_of_ffmpeg
     ],
     ids=["interrupt", "worker", "ffmpeg"],
 )
-def test_an_interrupt_or_the_end_of_a_process_leaves_an_older_film_and_no_process(
-    event: Callable[[], None], code: int, words: str, tmp_path: Path,
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_a_film_that_is_broken_off_leaves_no_trace(
+    event: Callable[[], None],
+    code: int,
+    words: str,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     @contextlib.contextmanager
     def progress(_total: int, _unit: str = "") -> Iterator[Callable[[str], None]]:
-        frames = iter(range(100_000))
-        yield lambda _text="": (next(frames) == 2 and event(), None)[1]
+        frames = itertools.count()
+
+        def advance(_text: str = "") -> None:
+            if next(frames) == 2:
+                event()
+
+        yield advance
 
     monkeypatch.setattr(screen, "progress", progress)
-    older = {f"f.{suffix}": f"an older {suffix}" for suffix in ("mp4", "png", "json")}
+    older = {
+        "f.mp4": "an older mp4",
+        "f.png": "an older png",
+        "f.json": "an older json",
+    }
     for name, content in older.items():
         (tmp_path / name).write_text(content)
-    film = ("film", "cart_pendulum/nominal", "--laws", "lqr", "--size", "320x240", "--fps",
-            "10", "--workers", "1", "--gif", "-o")  # fmt: skip
-    assert run(*film, tmp_path / "f.mp4") == code
-    output = capfd.readouterr()
-    assert_one_line(output.err)
-    assert words in output.err
-    assert ".part" not in output.err
+
+    case = ("cart_pendulum/nominal", "--laws", "lqr", "--size", "320x240", "--fps", "10")
+    assert run("film", *case, "--workers", "1", "--gif", "-o", tmp_path / "f.mp4") == code
+    error = capfd.readouterr().err
+    assert_one_line(error)
+    assert words in error
+    assert ".part" not in error
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == older
     assert not children("ffmpeg")

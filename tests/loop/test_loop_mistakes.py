@@ -1,8 +1,7 @@
-"""One clear line for each way in which a loop can be wrong."""
+"""Loops that are refused, each with one clear line."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import pytest
@@ -14,52 +13,126 @@ from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
 
 LQR = nominal().law("corrected", "lqr")
+LOOPED = in_loop(LQR, Loop(), SERVO)
+WITHOUT_MODEL = scripted([0.0])
+
 KALMAN = (Estimator((ANGLE, SPEED), "kalman", load=1.0),)
+TWO_KALMAN = (
+    Estimator((ANGLE,), "kalman", load=1.0),
+    Estimator((SPEED,), "kalman", load=1.0),
+)
 OBSERVER = (Estimator((SPEED,), "eso", bandwidth=1.0),)
-PLAIN = in_loop(LQR, Loop(), SERVO)
-around = partial(in_loop, LQR, system=SERVO)
-played = partial(simulate, servo(), PLAIN, (0, 0), duration=0.1)
-# Past the type checker.
-wrong: Any = partial
-MISTAKES: list[tuple[Any, str]] = [
-    # A number of a part by itself.
-    (wrong(Estimator, ()), r"of = \(\) must be names of states, at least one"),
-    (wrong(Estimator, (SPEED,), "eso"), "eso needs bandwidth"),
-    (wrong(Estimator, (SPEED,), slope=3), "difference needs no number, has no time_constant, slop"),
-    (wrong(Estimator, (SPEED,), "levnt"), "unknown estimator 'levnt': did you mean 'levant'"),
-    (wrong(Loop().changed, "sensor", ANGLE, noise=1), r"there is no \[\[sensor\]\]"),
-    # A part around a law of the servo.
-    (wrong(around, Loop(Computing(delay=1.5 * H))), r"computing: delay = 0.0015 s is no multiple"),
-    (wrong(around, Loop(Computing(delay=0.4 * H))), "take 0.001 s, or a shorter timestep"),
-    (wrong(around, Loop(Computing(jitter=H))), "must be shorter than the control period"),
-    (wrong(around, Loop(actuators=(Actuator(CURRENT, lag=1e6),))), r"lag = 1e\+06 s is more than"),
-    (wrong(around, Loop(sensors=(Sensor("rotor angel"),))), "unknown state .* did you mean 'rotor"),
-    (wrong(around, Loop(sensors=(Sensor(ANGLE),) * 2)), "2 sensors of 'rotor angle': give one"),
-    (wrong(around, Loop(estimators=(Estimator((ANGLE,)),))), "is none of rotor speed"),
-    (wrong(around, Loop(estimators=KALMAN)), r"sensors with noise or resolution: there is no \[\["),
-    (wrong(around, Loop(sensors=(Sensor(ANGLE),), estimators=KALMAN)), "angle has neither"),
-    (wrong(around, Loop(sensors=(Sensor(ANGLE, 1e-3),), estimators=(
-        Estimator((ANGLE,), "kalman", load=1.0), Estimator((SPEED,), "kalman", load=1.0),
-    ))), "two filters by kalman: give one of them all states"),
-    (wrong(around, Loop(sensors=(Sensor(ANGLE, period=2 * H),), estimators=OBSERVER)),
-     "eso runs at the law's pace: the sensor of rotor angle has a period of its own"),
-    (wrong(around, Loop(estimators=KALMAN, sensors=(
-        Sensor(ANGLE, 1e-3, delay=H), Sensor(SPEED, 1e-3, delay=2 * H),
-    ))), "kalman: the measurements have different ages, rotor angle 0.001 s, rotor speed 0.002 s"),
-    # Options, and laws that do not fit.
-    (wrong(around, Loop(), known=Loop(Computing(delay=0.1 * H))), "0.0001 s is no multiple"),
-    (wrong(around, Loop(), control_period=1.5 * H), "period 0.0015 s is no multiple"),
-    (wrong(around, Loop(), control_period=1e6 * H), "1000 s is 1000000 timesteps"),
-    (wrong(in_loop, scripted([0.0]), Loop(), SERVO, predict=True), "which predict needs"),
-    (wrong(in_loop, scripted([0.0]), Loop(estimators=OBSERVER), SERVO), "model, which eso needs"),
-    (wrong(in_loop, PLAIN, Loop(), SERVO), "lqr is in a loop already"),
-    (wrong(played, timestep=H / 10, control_period=H), "a timestep of 0.001 s, not 0.0001 s"),
-    (wrong(played, control_period=2 * H), "a control period of 0.001 s, not 0.002 s"),
-]  # fmt: skip
+TWO_AGES = (
+    Sensor(ANGLE, 1e-3, delay=H),
+    Sensor(SPEED, 1e-3, delay=2 * H),
+)
 
 
-@pytest.mark.parametrize(("make", "words"), MISTAKES)
-def test_a_loop_that_cannot_be_is_refused_in_one_line(make: Any, words: str) -> None:
-    with pytest.raises(ArgumentError, match=words) as refused:
-        make()
+def assert_one_line(refused: pytest.ExceptionInfo[ArgumentError]) -> None:
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("of", "options", "words"),
+    [
+        ((), {}, r"of = \(\) must be names of states, at least one"),
+        ((SPEED,), {"law": "eso"}, "eso needs bandwidth"),
+        ((SPEED,), {"slope": 3}, "difference needs no number, has no time_constant, slop"),
+        ((SPEED,), {"law": "levnt"}, "unknown estimator 'levnt': did you mean 'levant'"),
+    ],
+)
+def test_an_estimator_with_wrong_numbers_is_refused(
+    of: tuple[str, ...], options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words) as refused:
+        Estimator(of, **options)
+    assert_one_line(refused)
+
+
+def test_a_part_that_is_not_there_cannot_be_changed() -> None:
+    with pytest.raises(ArgumentError, match=r"there is no \[\[sensor\]\]") as refused:
+        Loop().changed("sensor", ANGLE, noise=1)
+    assert_one_line(refused)
+
+
+@pytest.mark.parametrize(
+    ("loop", "words"),
+    [
+        (Loop(Computing(delay=1.5 * H)), r"computing: delay = 0.0015 s is no multiple"),
+        (Loop(Computing(delay=0.4 * H)), "take 0.001 s, or a shorter timestep"),
+        (Loop(Computing(jitter=H)), "must be shorter than the control period"),
+        (Loop(actuators=(Actuator(CURRENT, lag=1e6),)), r"lag = 1e\+06 s is more than"),
+        (Loop(sensors=(Sensor("rotor angel"),)), "unknown state .* did you mean 'rotor"),
+        (Loop(sensors=(Sensor(ANGLE), Sensor(ANGLE))), "2 sensors of 'rotor angle': give one"),
+        (Loop(estimators=(Estimator((ANGLE,)),)), "is none of rotor speed"),
+        (Loop(estimators=KALMAN), r"sensors with noise or resolution: there is no \[\["),
+        (Loop(sensors=(Sensor(ANGLE),), estimators=KALMAN), "angle has neither"),
+        (
+            Loop(sensors=(Sensor(ANGLE, 1e-3),), estimators=TWO_KALMAN),
+            "two filters by kalman: give one of them all states",
+        ),
+        (
+            Loop(sensors=(Sensor(ANGLE, period=2 * H),), estimators=OBSERVER),
+            "eso runs at the law's pace: the sensor of rotor angle has a period of its own",
+        ),
+        (
+            Loop(sensors=TWO_AGES, estimators=KALMAN),
+            "kalman: the measurements have different ages, "
+            "rotor angle 0.001 s, rotor speed 0.002 s",
+        ),
+    ],
+)
+def test_a_loop_that_does_not_fit_the_servo_is_refused(loop: Loop, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words) as refused:
+        in_loop(LQR, loop, SERVO)
+    assert_one_line(refused)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"known": Loop(Computing(delay=0.1 * H))}, "0.0001 s is no multiple"),
+        ({"control_period": 1.5 * H}, "period 0.0015 s is no multiple"),
+        ({"control_period": 1e6 * H}, "1000 s is 1000000 timesteps"),
+    ],
+)
+def test_wrong_options_of_a_loop_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words) as refused:
+        in_loop(LQR, Loop(), SERVO, **options)
+    assert_one_line(refused)
+
+
+def test_a_law_without_a_model_cannot_predict() -> None:
+    with pytest.raises(ArgumentError, match="which predict needs") as refused:
+        in_loop(WITHOUT_MODEL, Loop(), SERVO, predict=True)
+    assert_one_line(refused)
+
+
+def test_a_law_without_a_model_has_no_observer() -> None:
+    with pytest.raises(ArgumentError, match="model, which eso needs") as refused:
+        in_loop(WITHOUT_MODEL, Loop(estimators=OBSERVER), SERVO)
+    assert_one_line(refused)
+
+
+def test_a_law_in_a_loop_gets_no_second_one() -> None:
+    with pytest.raises(ArgumentError, match="lqr is in a loop already") as refused:
+        in_loop(LOOPED, Loop(), SERVO)
+    assert_one_line(refused)
+
+
+@pytest.mark.parametrize(
+    ("periods", "words"),
+    [
+        (
+            {"timestep": H / 10, "control_period": H},
+            "a timestep of 0.001 s, not 0.0001 s",
+        ),
+        ({"control_period": 2 * H}, "a control period of 0.001 s, not 0.002 s"),
+    ],
+)
+def test_a_run_with_other_periods_than_its_loop_is_refused(
+    periods: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ArgumentError, match=words) as refused:
+        simulate(servo(), LOOPED, (0, 0), duration=0.1, **periods)
+    assert_one_line(refused)

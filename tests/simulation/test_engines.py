@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import signal
 import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -34,18 +35,31 @@ from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 FIELDS = (
-    "state", "command", "input", "sliding", "weighed", "memory", "seen", "wrench", "physics",
-    "status", "valid_until",
-)  # fmt: skip
+    "state",
+    "command",
+    "input",
+    "sliding",
+    "weighed",
+    "memory",
+    "seen",
+    "wrench",
+    "physics",
+    "status",
+    "valid_until",
+)
 ENGINES: tuple[Engine, Engine] = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)
 H = 1e-3
-ROBOTS = {"tree": TREE, "lag": ONE.format("", LAG), "delay": ONE.format("", DELAY),
-          "coupled": TWO.format(SECOND, COMPLIANT)}  # fmt: skip
+ROBOTS = {
+    "tree": TREE,
+    "lag": ONE.format("", LAG),
+    "delay": ONE.format("", DELAY),
+    "coupled": TWO.format(SECOND, COMPLIANT),
+}
 SHIPPED = ("servo", "cart_pendulum", "arm", "two_link_arm")
 
 
-def assert_equal(a: Trajectory, b: Trajectory, fields: tuple[str, ...] = FIELDS) -> None:
+def assert_equal(a: Trajectory, b: Trajectory, fields: Sequence[str] = FIELDS) -> None:
     """Every bit of two trajectories: both engines use one libm in one order of operations."""
     for name in fields:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
@@ -61,9 +75,11 @@ def robot(system: str, integrator: Any = None) -> Robot:
 
 @cache
 def plant_of(system: str, integrator: Any) -> Plant:
+    if system == "tree":
+        tool = AddedMass("tool", 0.5, (0.1, 0.0, 0.0))
+        return robot(system, integrator).built.edited(tool)
     if system in ROBOTS:
-        plant = robot(system, integrator).built
-        return plant.edited(AddedMass("tool", 0.5, (0.1, 0.0, 0.0))) if system == "tree" else plant
+        return robot(system, integrator).built
     if system == "machine":
         return Experiment.load("servo/machine").plant("physics")
     if integrator in ("corrected", "printed"):
@@ -73,185 +89,304 @@ def plant_of(system: str, integrator: Any) -> Plant:
 
 @cache
 def law_of(system: str, law: str = "grosmc") -> Controller:
-    if system not in ROBOTS:
-        case = "servo/nominal" if system == "machine" else f"{system}/nominal"
-        return Experiment.load(case).law("corrected", law)
+    if system in ROBOTS:
+        return law_of_robot(system, law)
+    if system == "machine":
+        return Experiment.load("servo/nominal").law("corrected", law)
+    return Experiment.load(f"{system}/nominal").law("corrected", law)
+
+
+def law_of_robot(system: str, law: str) -> Controller:
     n = robot(system).joints
-    series = FourierSeries(2.0, np.full(n, 0.1), np.zeros((n, 1)), np.full((n, 1), 0.2))
+    series = FourierSeries(
+        2.0,
+        np.full(n, 0.1),
+        np.zeros((n, 1)),
+        np.full((n, 1), 0.2),
+    )
     Q = np.kron(np.eye(n), np.diag([100.0, 0.0]))
     task = robot(system).task(fourier_series(n, 1), series, Q, np.eye(n))
-    return linearized_lqr(task, "lqr") if law == "lqr" else tracking_grosmc(task, 5.0, 2.0)
+    if law == "lqr":
+        return linearized_lqr(task, "lqr")
+    return tracking_grosmc(task, 5.0, 2.0)
 
 
 ESTIMATORS: dict[str, dict[str, Any]] = {
-    "difference": {"law": "difference"}, "filtered": {"law": "filtered", "time_constant": 3e-3},
-    "levant": {"law": "levant", "slope": 40.0}, "high-gain": {"law": "high-gain", "bandwidth": 150},
-    "eso": {"law": "eso", "bandwidth": 150.0}, "kalman": {"law": "kalman", "load": 1.0},
-}  # fmt: skip
+    "difference": {"law": "difference"},
+    "filtered": {"law": "filtered", "time_constant": 3e-3},
+    "levant": {"law": "levant", "slope": 40.0, "settled": False},
+    "high-gain": {"law": "high-gain", "bandwidth": 150},
+    "eso": {"law": "eso", "bandwidth": 150.0},
+    "kalman": {"law": "kalman", "load": 1.0},
+}
 
 
 @cache
-def law_in_loop(system: str, integrator: str, law: str, loop: str) -> Controller:
+def law_in_loop(system: str, integrator: str, law: str, estimator: str) -> Controller:
     """A law in a loop where every part does something, with an estimator of this kind."""
-    plant, bare = plant_of(system, integrator), law_of(system, law)
+    plant = plant_of(system, integrator)
     n = len(plant.system.states) // 2
-    positions, rates = plant.system.states[:n], plant.system.states[n:]
-    parts = Loop(
+    positions = [state.name for state in plant.system.states[:n]]
+    rates = tuple(state.name for state in plant.system.states[n:])
+
+    sensors = [Sensor(name, 1e-5, noise=1e-5, bias=1e-5, delay=H) for name in positions]
+    actuators = [
+        Actuator(
+            u.name,
+            delay=H,
+            resolution=1e-3,
+            limit=60.0,
+            rate_limit=1e4,
+            lag=1.5e-3,
+            dead_zone=1e-3,
+        )
+        for u in plant.system.inputs
+    ]
+    loop = Loop(
         Computing(delay=2 * H, jitter=H, missed=0.05),
-        tuple(Sensor(x.name, 1e-5, noise=1e-5, bias=1e-5, delay=H) for x in positions),
-        (Estimator(tuple(x.name for x in rates), **ESTIMATORS[loop], settled=loop != "levant"),),
-        tuple(
-            Actuator(u.name, H, 1e-3, limit=60.0, rate_limit=1e4, lag=1.5e-3, dead_zone=1e-3)
-            for u in plant.system.inputs
-        ),
+        tuple(sensors),
+        (Estimator(rates, **ESTIMATORS[estimator]),),
+        tuple(actuators),
         seed=1,
     )
-    periods: dict[str, Any] = {"control_period": 2 * H, "timestep": H}
-    return in_loop(bare, parts, plant.system, predict=loop != "difference", **periods)
+    return in_loop(
+        law_of(system, law),
+        loop,
+        plant.system,
+        predict=estimator != "difference",
+        control_period=2 * H,
+        timestep=H,
+    )
 
 
-MATRIX = [
-    *itertools.product(itertools.product(SHIPPED, ("corrected", "implicitfast", "RK4")),
-                       ["grosmc"], ("ideal", "eso")),
-    *itertools.product([("cart_pendulum", "printed"), ("arm", "printed"), ("arm", "Euler"),
-                        ("arm", "implicit"), ("machine", "own"), ("lag", "RK4"), ("delay", "RK4"),
-                        ("coupled", None), ("tree", "RK4")], ["grosmc"], ["ideal"]),
-    (("tree", "Euler"), "lqr", "ideal"),
-    (("arm", "corrected"), "adaptive", "ideal"),
-    (("tree", "implicitfast"), "grosmc", "eso"),
-    *((("cart_pendulum", "RK4"), "lqr", loop) for loop in ("ideal", "eso")),
-    (("two_link_arm", "corrected"), "pd", "ideal"),
-    *((("servo", "corrected"), "grosmc", kind) for kind in ESTIMATORS if kind != "eso"),
-    *((("cart_pendulum", "RK4"), law, "ideal") for law in ("cart-lqr", "cart-ism", "cart-pfl")),
-]  # fmt: skip
+# Plant, integrator and law, without a loop.
+IDEAL = [
+    *itertools.product(SHIPPED, ("corrected", "implicitfast", "RK4"), ["grosmc"]),
+    ("cart_pendulum", "printed", "grosmc"),
+    ("arm", "printed", "grosmc"),
+    ("arm", "Euler", "grosmc"),
+    ("arm", "implicit", "grosmc"),
+    ("machine", "own", "grosmc"),
+    ("lag", "RK4", "grosmc"),
+    ("delay", "RK4", "grosmc"),
+    ("coupled", None, "grosmc"),
+    ("tree", "RK4", "grosmc"),
+    ("tree", "Euler", "lqr"),
+    ("arm", "corrected", "adaptive"),
+    ("cart_pendulum", "RK4", "lqr"),
+    ("two_link_arm", "corrected", "pd"),
+    ("cart_pendulum", "RK4", "cart-lqr"),
+    ("cart_pendulum", "RK4", "cart-ism"),
+    ("cart_pendulum", "RK4", "cart-pfl"),
+]
+# Plant, integrator, law and estimator, in a loop.
+LOOPED = [
+    *itertools.product(SHIPPED, ("corrected", "implicitfast", "RK4"), ["grosmc"], ["eso"]),
+    ("tree", "implicitfast", "grosmc", "eso"),
+    ("cart_pendulum", "RK4", "lqr", "eso"),
+    ("servo", "corrected", "grosmc", "difference"),
+    ("servo", "corrected", "grosmc", "filtered"),
+    ("servo", "corrected", "grosmc", "levant"),
+    ("servo", "corrected", "grosmc", "high-gain"),
+    ("servo", "corrected", "grosmc", "kalman"),
+]
+
+
+def run_where_engines_agree(plant: Plant, law: Controller) -> Trajectory:
+    """A run of 50 steps under a disturbance, which is the same in both engines."""
+    h = plant.step_length or H
+    start = 0.1 * (1.0 + np.arange(len(plant.system.states)))
+    wrench = (0.3, 0, -0.2, 0, 0.1, 0)
+    options: dict[str, Any] = {
+        "duration": 50 * h,
+        "control_period": 2 * h,
+        "timestep": h,
+        "disturbances": [Disturbance(plant.system.bodies[-1], wrench, SineFrom(20.0, 0.01))],
+    }
+    native = simulate(plant, law, start, engine="native", **options)
+    python = simulate(plant, law, start, engine="python", **options)
+    assert_equal(native, python)
+
+    assert len(native.time) == 51
+    assert np.all(np.ptp(native.state, axis=0) > 0)
+    return native
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("plant", "law", "loop"), MATRIX, ids=str)
-def test_both_engines_agree_in_every_bit(plant: tuple[str, str], law: str, loop: str) -> None:
-    where, ideal = plant_of(*plant), loop == "ideal"
-    h = where.step_length or H
-    start = 0.1 * (1.0 + np.arange(len(where.system.states)))
-    push = Disturbance(where.system.bodies[-1], (0.3, 0, -0.2, 0, 0.1, 0), SineFrom(20.0, 0.01))
-    control = law_of(plant[0], law) if ideal else law_in_loop(*plant, law, loop)
-    native, python = (
-        simulate(where, control, start, duration=50 * h, control_period=2 * h, timestep=h,
-                 disturbances=[push], engine=engine)
-        for engine in ENGINES
-    )  # fmt: skip
-    assert len(native.time) == 51
-    assert np.all(np.ptp(native.state, axis=0) > 0)
-    assert_equal(native, python)
-    # A loop is at work: neither the input nor the state that the law gets is the ideal one.
-    assert ideal or np.abs(native.input - native.command).max() > 0.1
-    assert ideal or not np.array_equal(seen(native), native.state[:-1])
+@pytest.mark.parametrize(("system", "integrator", "law"), IDEAL)
+def test_both_engines_agree_in_every_bit(system: str, integrator: str, law: str) -> None:
+    run_where_engines_agree(plant_of(system, integrator), law_of(system, law))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "integrator", "law", "estimator"), LOOPED)
+def test_both_engines_agree_in_every_bit_of_a_loop(
+    system: str, integrator: str, law: str, estimator: str
+) -> None:
+    looped = law_in_loop(system, integrator, law, estimator)
+    run = run_where_engines_agree(plant_of(system, integrator), looped)
+    # The loop is at work: neither the input nor the state that the law gets is the ideal one.
+    assert np.abs(run.input - run.command).max() > 0.1
+    assert not np.array_equal(seen(run), run.state[:-1])
 
 
 # Batches
 
-# An edited body of each system, its parameter in the equations, and its pushes.
+# An edited body of each system, its parameter in the equations, and its disturbances.
 EDITED = {"servo": ("rotor", "J"), "cart_pendulum": ("pole", "m"), "arm": ("link", "m")}
-PUSHES = {
-    "servo": [("rotor", (0, 0, 0, 0, -0.7, 0), SineFrom(9.0, 0.05))],
+DISTURBANCES = {
+    "servo": [Disturbance("rotor", (0, 0, 0, 0, -0.7, 0), SineFrom(9.0, 0.05))],
     "cart_pendulum": [
-        ("cart", (2.0, 0, 0, 0, 0, 0), Pulse(0.03, 0.06)),
-        ("pole", (0.3, 0, -0.2, 0, 0.1, 0), SineFrom(7.0)),
-        ("pole", (-0.1, 0, 0.2, 0, -0.03, 0), lambda t: t),
+        Disturbance("cart", (2.0, 0, 0, 0, 0, 0), Pulse(0.03, 0.06)),
+        Disturbance("pole", (0.3, 0, -0.2, 0, 0.1, 0), SineFrom(7.0)),
+        Disturbance("pole", (-0.1, 0, 0.2, 0, -0.03, 0), lambda t: t),
     ],
-    "arm": [("link", (0.05, 0, -0.2, 0, 0.1, 0), SineFrom(20.0, phase=0.3))],
-    "delay": [("link", (0.05, 0, -0.2, 0, 0.1, 0), Pulse(0.0, 0.05))],
-}  # fmt: skip
+    "arm": [Disturbance("link", (0.05, 0, -0.2, 0, 0.1, 0), SineFrom(20.0, phase=0.3))],
+    "delay": [Disturbance("link", (0.05, 0, -0.2, 0, 0.1, 0), Pulse(0.0, 0.05))],
+}
+EACH_4: dict[str, Any] = {"duration": 0.1, "control_period": 2e-3}
 
 
-def batch(system: str, kind: str, count: int = 4) -> dict[str, Any]:
+def scaled_plant(system: str, kind: str, scale: float) -> Plant:
+    plant = plant_of(system, kind)
+    if system not in EDITED:
+        return plant
+    body, parameter = EDITED[system]
+    if kind == "corrected":
+        return plant.changed(scales={parameter: scale})
+    return plant.changed([BodyEdit(body, scale, scale)])
+
+
+def scaled_law(system: str, scale: float) -> Controller:
+    law = law_of(system)
+    gain = "k" if system in ROBOTS else "K"
+    scaled = scale * getattr(law.parameters, gain)
+    return replace(law, parameters=replace(law.parameters, **{gain: scaled}))
+
+
+def arguments_of_batch(system: str, kind: str, count: int = 4) -> dict[str, Any]:
     """Simulations that differ in plant, controller, start and number of disturbances."""
-    scales, law, plant = 1 + 0.1 * np.arange(count), law_of(system), plant_of(system, kind)
-    plants: list[Plant] = [plant] * count
-    if system in EDITED:
-        body, name = EDITED[system]
-        plants = [
-            plant.changed(scales={name: a}) if kind == "corrected"
-            else plant.changed([BodyEdit(body, a, a)]) for a in scales.tolist()
-        ]  # fmt: skip
-    key = "k" if system in ROBOTS else "K"
-    numbers = [replace(law.parameters, **{key: a * getattr(law.parameters, key)}) for a in scales]
+    scales = (1 + 0.1 * np.arange(count)).tolist()
     x0 = [0.1, 0.0] if system in ROBOTS else find_case(system, "nominal").x0
-    pushes = [Disturbance(*push) for push in PUSHES[system]]
+    disturbances = DISTURBANCES[system] * count
     return {
-        "plant": plants,
-        "controller": [replace(law, parameters=p) for p in numbers],
+        "plant": [scaled_plant(system, kind, scale) for scale in scales],
+        "controller": [scaled_law(system, scale) for scale in scales],
         "x0": np.array(x0) + 0.01 * np.arange(count)[:, None],
-        "disturbances": [(pushes * count)[: count - 1 - k] for k in range(count)],
+        "disturbances": [disturbances[: count - 1 - k] for k in range(count)],
     }
 
 
-@pytest.mark.parametrize(
+def arguments_of_run(batch: dict[str, Any], i: int) -> dict[str, Any]:
+    """Arguments of one run of a batch."""
+    return {name: items[i] for name, items in batch.items()}
+
+
+each_batch = pytest.mark.parametrize(
     ("system", "kind"),
     [("servo", "corrected"), ("cart_pendulum", "RK4"), ("arm", "implicitfast"), ("delay", "RK4")],
 )
-def test_a_batch_is_its_single_runs_on_any_threads_in_either_engine(system: str, kind: str) -> None:
-    runs = batch(system, kind)
-    options: dict[str, Any] = {"duration": 0.1, "control_period": 2e-3}
-    together = simulate(**runs, engine="python", **options)
-    for i in range(4):
-        alone = simulate(**{name: items[i] for name, items in runs.items()}, **options)
-        # A batch with any disturbance has a table for each run; a free run has none.
-        assert_equal(together[i], alone, tuple(f for f in FIELDS if i < 3 or f != "wrench"))
-    # An argument that stands once serves every run.
-    once = {name: items[1] for name, items in runs.items()}
-    for name in ("plant", "controller", "x0", "disturbances"):
-        alone = simulate(**{**once, name: runs[name][2]}, **options)
-        shared = simulate(**{**once, name: runs[name]}, **options)
-        assert_equal(shared[2], alone, ("state", "command", "sliding"))
-    many: Any = {name: [item for _ in range(8) for item in items] for name, items in runs.items()}
+
+
+@each_batch
+def test_a_batch_is_its_single_runs(system: str, kind: str) -> None:
+    batch = arguments_of_batch(system, kind)
+    together = simulate(**batch, engine="python", **EACH_4)
+    for i in range(3):
+        alone = simulate(**arguments_of_run(batch, i), **EACH_4)
+        assert_equal(together[i], alone)
+
+    # A batch with any disturbance has a table for each run; a free run has none.
+    free = simulate(**arguments_of_run(batch, 3), **EACH_4)
+    assert_equal(together[3], free, [name for name in FIELDS if name != "wrench"])
+
+
+@pytest.mark.parametrize("argument", ["plant", "controller", "x0", "disturbances"])
+@each_batch
+def test_an_argument_that_stands_once_serves_every_run(
+    system: str, kind: str, argument: str
+) -> None:
+    batch = arguments_of_batch(system, kind)
+    shared = arguments_of_run(batch, 1)
+    together = simulate(**(shared | {argument: batch[argument]}), **EACH_4)
+    alone = simulate(**(shared | {argument: batch[argument][2]}), **EACH_4)
+    assert_equal(together[2], alone, ("state", "command", "sliding"))
+
+
+@each_batch
+def test_a_batch_is_the_same_on_any_threads(system: str, kind: str) -> None:
+    batch = arguments_of_batch(system, kind)
+    expected = simulate(**batch, engine="python", **EACH_4)
+    repeated: dict[str, Any] = {name: list(items) * 8 for name, items in batch.items()}
     for threads in (1, 3):
-        repeated = simulate(**many, threads=threads, **options)
+        run = simulate(**repeated, threads=threads, **EACH_4)
         for name in FIELDS:
-            rows = getattr(together, name)
+            rows = getattr(expected, name)
             if rows is not None:
-                expected = np.concatenate([rows] * 8)
-                np.testing.assert_array_equal(getattr(repeated, name), expected, err_msg=name)
+                values = getattr(run, name)
+                np.testing.assert_array_equal(values, np.concatenate([rows] * 8), err_msg=name)
+
+
+def run_pendulums(kind: str, engine: Engine, *, record: bool) -> Trajectory:
+    batch = arguments_of_batch("cart_pendulum", kind, 2)
+    return simulate(**batch, duration=0.1, control_period=3e-3, engine=engine, record=record)
 
 
 @each_engine
 @pytest.mark.parametrize("kind", ["corrected", "RK4"])
-def test_ends_are_those_of_the_record_and_pieces_have_no_seam(kind, engine, monkeypatch) -> None:
-    """Where Python looks for Ctrl-C, the held input and the wrench stay."""
-    runs = batch("cart_pendulum", kind, 2)
-    options: dict[str, Any] = {"duration": 0.1, "control_period": 3e-3, "engine": engine}
-    full, short = (simulate(**runs, record=record, **options) for record in (True, False))
+def test_ends_are_those_of_the_record(kind: str, engine: Engine) -> None:
+    full = run_pendulums(kind, engine, record=True)
+    short = run_pendulums(kind, engine, record=False)
     np.testing.assert_array_equal(short.time, [0.0, 0.1])
-    for field in ("state", "physics", "command", "sliding", "weighed", "memory", "wrench"):
-        rows, ends = getattr(full, field), getattr(short, field)
+    for name in ("state", "physics"):
+        rows = getattr(full, name)
         if rows is not None:
-            last = [0, -1] if field in ("state", "physics") else [-1]
-            np.testing.assert_array_equal(ends, rows[:, last], err_msg=field)
+            ends = getattr(short, name)
+            np.testing.assert_array_equal(ends, rows[:, [0, -1]], err_msg=name)
+    for name in ("command", "sliding", "weighed", "memory", "wrench"):
+        rows = getattr(full, name)
+        if rows is not None:
+            ends = getattr(short, name)
+            np.testing.assert_array_equal(ends, rows[:, [-1]], err_msg=name)
+
+
+@each_engine
+@pytest.mark.parametrize("kind", ["corrected", "RK4"])
+@pytest.mark.parametrize("record", [True, False])
+def test_pieces_of_a_run_have_no_seam(
+    kind: str, engine: Engine, record: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where Python looks for Ctrl-C, the held input and the wrench stay."""
+    unbroken = run_pendulums(kind, engine, record=record)
     monkeypatch.setattr(native_engine, "_FIRST_STEPS", 2)
     monkeypatch.setattr(native_engine, "_PAUSE", 1e-5)
-    for unbroken, record in ((full, True), (short, False)):
-        assert_equal(unbroken, simulate(**runs, record=record, **options))
+    assert_equal(unbroken, run_pendulums(kind, engine, record=record))
+
+
+def nominal_run(system: str, engine: Engine) -> Trajectory:
+    x0 = find_case(system, "nominal").x0
+    return simulate(plant_of(system, "RK4"), law_of(system), x0, duration=0.1, engine=engine)
 
 
 def test_runs_on_several_threads_of_python_do_not_meet() -> None:
-    def run(case: tuple[str, Engine]) -> Trajectory:
-        x0 = find_case(case[0], "nominal").x0
-        return simulate(plant_of(case[0], "RK4"), law_of(case[0]), x0, duration=0.1, engine=case[1])
-
-    cases: list[tuple[str, Engine]] = [(s, e) for s in EDITED for e in ENGINES] * 2
+    cases = list(itertools.product(EDITED, ENGINES)) * 2
     with ThreadPoolExecutor(len(cases)) as pool:
-        for one, case in zip(pool.map(run, cases), cases, strict=True):
-            assert_equal(one, run(case))
+        runs = list(pool.map(nominal_run, *zip(*cases, strict=True)))
+    for (system, engine), run in zip(cases, runs, strict=True):
+        assert_equal(run, nominal_run(system, engine))
 
 
 @pytest.mark.parametrize(("system", "kind"), [("servo", "corrected"), ("two_link_arm", "RK4")])
 def test_a_loop_without_parts_is_no_loop(system: str, kind: str) -> None:
-    plant, law, x0 = plant_of(system, kind), law_of(system), find_case(system, "nominal").x0
+    plant = plant_of(system, kind)
+    law = law_of(system)
+    x0 = find_case(system, "nominal").x0
     periods: dict[str, Any] = {"control_period": 4 * H, "timestep": H}
-    bare, looped = (
-        simulate(plant, one, x0, duration=0.1, **periods)
-        for one in (law, in_loop(law, Loop(), plant.system, **periods))
-    )
-    assert_equal(bare, looped, tuple(name for name in FIELDS if name not in ("seen", "memory")))
+    empty_loop = in_loop(law, Loop(), plant.system, **periods)
+
+    bare = simulate(plant, law, x0, duration=0.1, **periods)
+    looped = simulate(plant, empty_loop, x0, duration=0.1, **periods)
+    assert_equal(bare, looped, [name for name in FIELDS if name not in ("seen", "memory")])
     np.testing.assert_array_equal(seen(looped), bare.state[np.arange(100) // 4 * 4])
     assert bare.seen is None
 
@@ -261,7 +396,8 @@ def test_a_loop_without_parts_is_no_loop(system: str, kind: str) -> None:
 
 def sampling(t: float, x: Any, memory: Any, p: Any) -> float:
     memory.samples += 1.0
-    memory.x[0], memory.x[1] = x[0], x[1]
+    memory.x[0] = x[0]
+    memory.x[1] = x[1]
     return t
 
 
@@ -273,8 +409,14 @@ def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(kind: str, engine
     9 k timesteps of 1 ms and k periods of 9 ms differ in binary.
     """
     law = replace(held(0.0), law=sampling, memory=Noticed)
-    run = simulate(plant_of("servo", kind), law, [0.3, 1.0], duration=0.2, control_period=9e-3,
-                   engine=engine)  # fmt: skip
+    run = simulate(
+        plant_of("servo", kind),
+        law,
+        [0.3, 1.0],
+        duration=0.2,
+        control_period=9e-3,
+        engine=engine,
+    )
     k = np.arange(200) // 9
     np.testing.assert_array_equal(run.memory["samples"], k + 1)
     np.testing.assert_array_equal(run.command, k * 9e-3)
@@ -287,19 +429,26 @@ def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(kind: str, engine
 )
 def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
     """With the plant's own model, as drawn, from the start on and from each recorded state."""
-    one: dict[str, Any] = {name: items[0] for name, items in batch(system, integrator).items()}
-    plant = plant_of(system, integrator).changed([BodyEdit(EDITED[system][0], 1.5, 1.2),
-                                                  AddedMass(EDITED[system][0], 0.1)])  # fmt: skip
-    run = simulate(**{**one, "plant": plant}, duration=0.1, control_period=3e-3)
+    arguments = arguments_of_run(arguments_of_batch(system, integrator), 0)
+    body, _ = EDITED[system]
+    edits = [BodyEdit(body, 1.5, 1.2), AddedMass(body, 0.1)]
+    plant = plant_of(system, integrator).changed(edits)
+    arguments["plant"] = plant
+    run = simulate(**arguments, duration=0.1, control_period=3e-3)
     assert run.physics is not None
     assert run.wrench is not None
-    model, n = plant.model, plant.system.degrees_of_freedom
-    plain, replayed = mujoco.MjData(model), mujoco.MjData(model)
-    plain.qpos[:], plain.qvel[:] = run.state[0, :n], run.state[0, n:]
+
+    model = plant.model
+    n = plant.system.degrees_of_freedom
     bodies = [model.body(name).id for name in plant.system.bodies]
+    plain = mujoco.MjData(model)
+    plain.qpos[:] = run.state[0, :n]
+    plain.qvel[:] = run.state[0, n:]
+    replayed = mujoco.MjData(model)
     for i in range(100):
         mujoco.mj_setState(model, replayed, run.physics[i], mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        assert replayed.time == pytest.approx(run.time[i], rel=1e-12)  # MuJoCo adds up the steps
+        # MuJoCo adds up the steps.
+        assert replayed.time == pytest.approx(run.time[i], rel=1e-12)
         for data in (plain, replayed):
             data.ctrl[:] = run.command[i]
             data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
@@ -311,44 +460,67 @@ def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
 # Errors of MuJoCo's, which end a process that calls it by its address, and Ctrl-C
 
 
+# More contacts with the floor than the memory holds.
+BOX = "<geom type='box' size='.04 .04 .04' pos='{} 0 0'/>"
+BOXES = "".join(BOX.format(i / 10) for i in range(64))
+CROWDED = f"""
+<mujoco>
+  <size memory="40k"/>
+  <worldbody>
+    <geom type="plane" size="9 9 1"/>
+    <body pos="0 0 .1"><joint name="fall" type="slide" axis="0 0 1"/>{BOXES}</body>
+  </worldbody>
+  <actuator><motor name="fall" joint="fall"/></actuator>
+</mujoco>
+"""
+
+
 @pytest.mark.parametrize(("engine", "threads"), [("native", 2), ("python", 1)])
-def test_an_error_of_mujoco_s_is_one_of_the_model_and_ends_no_process(
+def test_an_error_of_mujoco_s_ends_no_process(
     engine: Engine, threads: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A body that falls on the floor with more contacts than its memory holds."""
-    boxes = "".join(f"<geom type='box' size='.04 .04 .04' pos='{i / 10} 0 0'/>" for i in range(64))
-    plant = Robot.from_mjcf(
-        "<mujoco><size memory='40k'/><worldbody><geom type='plane' size='9 9 1'/><body pos='0 0 "
-        f".1'><joint name='fall' type='slide' axis='0 0 1'/>{boxes}</body></worldbody>"
-        "<actuator><motor name='fall' joint='fall'/></actuator></mujoco>"
-    ).plant
-    two, options = [[0.0, 0.0], [1.0, 0.0]], {"engine": engine, "threads": threads}
+    plant = Robot.from_mjcf(CROWDED).plant
+    starts = [[0.0, 0.0], [1.0, 0.0]]
+    options: dict[str, Any] = {"engine": engine, "threads": threads}
     for _ in range(2):
         with pytest.raises(ModelError, match="MuJoCo cannot step the model: mj_stackAlloc"):
-            simulate(plant, held(1.0), two, duration=0.5, **options)
-    after = simulate(plant, held(1.0), two, duration=0.01, **options)
-    assert after.valid_until.tolist() == [0.01, 0.01]
+            simulate(plant, held(1.0), starts, duration=0.5, **options)
+
+    # The next run is as ever.
+    run = simulate(plant, held(1.0), starts, duration=0.01, **options)
+    assert run.valid_until.tolist() == [0.01, 0.01]
     assert capfd.readouterr().err == ""
 
 
-def test_ctrl_c_ends_a_long_run() -> None:
-    """Of minutes, after which the next run is as ever."""
-    plant, law, starts = plant_of("servo", "RK4"), law_of("servo", "lqr"), np.ones((2, 2))
-    options: dict[str, Any] = {"record": False, "threads": 2}
+@pytest.fixture
+def press_ctrl_c() -> Iterator[Callable[[float], None]]:
+    """Press Ctrl-C after some seconds."""
 
-    def press(*_: Any) -> None:
+    def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
+    def press_after(seconds: float) -> None:
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+    previous = signal.signal(signal.SIGALRM, interrupt)
+    yield press_after
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.signal(signal.SIGALRM, previous)
+
+
+def test_ctrl_c_ends_a_long_run(press_ctrl_c: Callable[[float], None]) -> None:
+    """Of minutes, after which the next run is as ever."""
+    plant = plant_of("servo", "RK4")
+    law = law_of("servo", "lqr")
+    starts = np.ones((2, 2))
+    options: dict[str, Any] = {"record": False, "threads": 2}
     before = simulate(plant, law, starts, duration=0.1, **options)
-    was = signal.signal(signal.SIGALRM, press)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.5)
-        began = time.monotonic()
-        with pytest.raises(KeyboardInterrupt):
-            simulate(plant, law, starts, duration=90_000.0, **options)
-        # 0.2 s, and a busy machine.
-        assert time.monotonic() - began < 5
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, was)
+
+    press_ctrl_c(0.5)
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        simulate(plant, law, starts, duration=90_000.0, **options)
+    # 0.2 s, and a busy machine.
+    assert time.monotonic() - began < 5
+
     assert_equal(simulate(plant, law, starts, duration=0.1, **options), before)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,10 +40,12 @@ def controller(
 
 def run(law: Any, kind: str, engine: Engine, system: str = "servo") -> gm.Trajectory:
     """A few samples of a law on a plant at rest."""
-    plant, mine = physics(system), law if isinstance(law, Controller) else controller(law, system)
+    plant = physics(system)
     target = plant if kind == "physics" else plant.analytic()
-    return gm.simulate(target, mine, 0 * np.arange(len(plant.system.states)), duration=0.01,
-                       engine=engine)  # fmt: skip
+    if not isinstance(law, Controller):
+        law = controller(law, system)
+    x0 = np.zeros(len(plant.system.states))
+    return gm.simulate(target, law, x0, duration=0.01, engine=engine)
 
 
 # Laws that fail, or return something else than one input, then than two
@@ -67,43 +70,60 @@ def nothing_later(t: float, x: Any, memory: Any, p: Any) -> float | None:
     return 0.0
 
 
-def at_line(law: Any, t: str) -> str:
-    source, first = inspect.getsourcelines(law)
-    return rf"{HERE}:{first + len(source) - 1}: IndexError: .*\(mine at t = {t} s\)"
+def last_line_of(law: Any) -> int:
+    lines, first = inspect.getsourcelines(law)
+    return first + len(lines) - 1
 
 
-def returned(words: str, needed: str = "a number") -> str:
-    return f"mine returned ({words}), must return {needed}"
+WRONG_LAWS = [
+    (
+        "servo",
+        beyond_the_state,
+        rf"{HERE}:{last_line_of(beyond_the_state)}: IndexError: .*\(mine at t = 0.006 s\)",
+    ),
+    (
+        "servo",
+        nothing_later,
+        r"mine returned (None at t = 0.006 s), must return a number",
+    ),
+    (
+        "two_link_arm",
+        returning((1.0,)),
+        r"mine returned (\(1.0,\) at t = 0 s), must return a tuple of 2 numbers",
+    ),
+]
+
+
+def assert_refused(law: Controller, kind: str, engine: Engine, system: str, words: str) -> None:
+    with pytest.raises(ArgumentError) as error:
+        run(law, kind, engine, system)
+    assert re.fullmatch(words, str(error.value))
 
 
 @each_engine
-@pytest.mark.parametrize("setup", ["plain on equations", "in a loop on physics"])
-@pytest.mark.parametrize(
-    ("system", "law", "words"),
-    [
-        ("servo", beyond_the_state, at_line(beyond_the_state, "0.006")),
-        ("servo", nothing_later, returned("None at t = 0.006 s")),
-        ("two_link_arm", returning((1.0,)),
-         returned(r"\(1.0,\) at t = 0 s", "a tuple of 2 numbers")),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
 def test_a_wrong_law_is_refused_with_its_line_and_instant(
-    system, law, words, setup, engine, capfd
+    system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
 ) -> None:
     mine = controller(law, system)
-    if setup.startswith("plain"):
-        mine, kind = Controller("mine", law, mine.parameters, mine.memory), "corrected"
-    else:
-        mine, kind = in_loop(mine, Loop(), physics(system).system), "physics"
-    with pytest.raises(ArgumentError) as error:
-        run(mine, kind, engine, system)
-    assert re.fullmatch(words, str(error.value))
+    without_design = Controller("mine", law, mine.parameters, mine.memory)
+    assert_refused(without_design, "corrected", engine, system, words)
+    assert capfd.readouterr().err == ""
+
+
+@each_engine
+@pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
+def test_a_wrong_law_in_a_loop_is_refused_with_its_line_and_instant(
+    system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
+) -> None:
+    looped = in_loop(controller(law, system), Loop(), physics(system).system)
+    assert_refused(looped, "physics", engine, system, words)
     assert capfd.readouterr().err == ""
 
 
 @each_engine
 @pytest.mark.parametrize("kind", ["corrected", "physics"])
-def test_an_input_that_is_not_finite_ends_the_run_where_it_is(kind, engine) -> None:
+def test_an_input_that_is_not_finite_ends_the_run_where_it_is(kind: str, engine: Engine) -> None:
     with pytest.raises(UndefinedLawError, match="the law returned no finite number") as ended:
         run(returning(-math.inf, LATE), kind, engine)
     assert ended.value.time == pytest.approx(0.006, abs=1e-12)
@@ -111,11 +131,15 @@ def test_an_input_that_is_not_finite_ends_the_run_where_it_is(kind, engine) -> N
 
 
 @each_engine
-def test_integers_are_inputs_and_a_negative_index_counts_from_the_end(engine: Engine) -> None:
-    both = run(lambda t, x, memory, p: (3, -1), "physics", engine, "two_link_arm")
-    assert both.command[-1].tolist() == [3.0, -1.0]
-    last = run(lambda t, x, memory, p: 1.0 - x[-2], "physics", engine)
-    np.testing.assert_array_equal(last.command, 1.0 - last.state[:-1, 0])
+def test_integers_are_inputs(engine: Engine) -> None:
+    arm = run(lambda t, x, memory, p: (3, -1), "physics", engine, "two_link_arm")
+    assert arm.command[-1].tolist() == [3.0, -1.0]
+
+
+@each_engine
+def test_a_negative_index_counts_from_the_end(engine: Engine) -> None:
+    servo = run(lambda t, x, memory, p: 1.0 - x[-2], "physics", engine)
+    np.testing.assert_array_equal(servo.command, 1.0 - servo.state[:-1, 0])
 
 
 # Compiling
@@ -128,12 +152,26 @@ def uncompiled(t: float, x: Any, memory: Any, p: Any) -> float:
 uncompiled.python_only = True  # pyright: ignore[reportFunctionMemberAccess]
 
 
-def test_a_law_for_python_only_stays_so_whatever_is_put_around_it() -> None:
-    mine, system = controller(uncompiled), physics().system
-    for law in (mine, in_loop(mine, Loop(), system), guarded(mine, system)):
-        assert run(law, "corrected", "python").command[-1] == 2.0
-        with pytest.raises(ArgumentError, match="mine runs in Python only"):
-            run(law, "corrected", "native")
+def looped(law: Controller) -> Controller:
+    return in_loop(law, Loop(), physics().system)
+
+
+def kept_in_a_region(law: Controller) -> Controller:
+    return guarded(law, physics().system)
+
+
+def bare(law: Controller) -> Controller:
+    return law
+
+
+@pytest.mark.parametrize("around", [bare, looped, kept_in_a_region])
+def test_a_law_for_python_only_stays_so_whatever_is_put_around_it(
+    around: Callable[[Controller], Controller],
+) -> None:
+    law = around(controller(uncompiled))
+    assert run(law, "corrected", "python").command[-1] == 2.0
+    with pytest.raises(ArgumentError, match="mine runs in Python only"):
+        run(law, "corrected", "native")
 
 
 def unknown_to_numba(t: float, x: Any, memory: Any, p: Any) -> float:
@@ -162,14 +200,16 @@ def lacks_a_field(t: float, x: Any, memory: Any, p: Any) -> float:
         (lacks_a_field, r"memory or p has no such field: write memory = \{ missing = 0 \}"),
     ],
 )
-def test_a_law_that_numba_cannot_compile_is_refused_in_one_line(law, words) -> None:
+def test_a_law_that_numba_cannot_compile_is_refused_in_one_line(law: Any, words: str) -> None:
     mine = controller(law, memory={"kept": 0.0})
     with pytest.raises(ArgumentError, match=words) as refused:
         run(mine, "physics", "native")
     assert str(refused.value).endswith('; engine = "python" runs it uncompiled')
     assert "\n" not in str(refused.value)
-    if law is unknown_to_numba:
-        run(mine, "physics", "python")
+
+
+def test_a_law_that_numba_cannot_compile_runs_in_python() -> None:
+    run(controller(unknown_to_numba), "physics", "python")
 
 
 # Memory
@@ -177,14 +217,17 @@ def test_a_law_that_numba_cannot_compile_is_refused_in_one_line(law, words) -> N
 
 def pid(t: float, x: Any, memory: Any, p: Any) -> float:
     """PI with anti-windup on the angle; the rate is a mean over the last samples."""
-    e, rate = 1.0 - x[0], 0.0
     for i in range(len(memory.past) - 1, 0, -1):
         memory.past[i] = memory.past[i - 1]
     memory.past[0] = x[1]
+
+    e = 1.0 - x[0]
+    rate = 0.0
     for i in range(len(memory.past)):
         rate += memory.past[i] / len(memory.past)
     unlimited = 4.0 * e + 2.0 * memory.integral - p.derivative * rate
     u = min(max(unlimited, -3.0), 3.0)
+
     # The integral stands still while the input is cut.
     if u == unlimited:
         memory.integral += 1e-3 * e
@@ -195,22 +238,33 @@ def with_pid(**memory: Any) -> Controller:
     return controller(pid, memory=memory, numbers={"derivative": 1.5})
 
 
-def test_both_engines_remember_the_same_bit_for_bit() -> None:
-    """Row by row the samples of the law; the integral of an error that the input limit holds up."""
+def run_with_pid(engine: Engine) -> gm.Trajectory:
     law = with_pid(integral=0.0, past=np.zeros(8))
-    native, python = (gm.simulate(physics(), law, [0.0, 0.0], duration=1.0, engine=engine)
-                      for engine in ENGINES)  # fmt: skip
+    return gm.simulate(physics(), law, [0.0, 0.0], duration=1.0, engine=engine)
+
+
+def test_both_engines_remember_the_same_bit_for_bit() -> None:
+    native = run_with_pid("native")
+    python = run_with_pid("python")
     np.testing.assert_array_equal(native.state, python.state)
     np.testing.assert_array_equal(native.memory, python.memory)
-    np.testing.assert_array_equal(native.memory["past"][10], native.state[3:11, 1][::-1])
-    free = np.abs(native.input) < 3.0
+
+
+def test_a_memory_is_recorded_row_by_row_at_the_samples() -> None:
+    run = run_with_pid("native")
+    np.testing.assert_array_equal(run.memory["past"][10], run.state[3:11, 1][::-1])
+
+
+def test_an_integral_stands_still_at_the_limit_of_the_input() -> None:
+    run = run_with_pid("native")
+    free = np.abs(run.input) < 3.0
     assert np.any(free[1:] & ~free[:-1])
-    expected = 1e-3 * np.cumsum(free * (1.0 - native.state[:-1, 0]))
-    np.testing.assert_allclose(native.memory["integral"], expected, atol=1e-12)
+    expected = 1e-3 * np.cumsum(free * (1.0 - run.state[:-1, 0]))
+    np.testing.assert_allclose(run.memory["integral"], expected, atol=1e-12)
 
 
-def test_a_recorded_memory_holds_no_address() -> None:
-    """Or two runs of one robot would differ."""
+def two_memories() -> Any:
+    """Memories of two runs that start alike, with an address in each."""
     law = with_pid(integral=0.25, past=np.ones(8))
 
     def placed() -> Any:
@@ -219,17 +273,28 @@ def test_a_recorded_memory_holds_no_address() -> None:
         return memory
 
     held = Controller("pid", law.law, law.parameters, placed)
-    one, two = gm.simulate(physics(), held, [[0.0, 1.0]] * 2, duration=0.01).memory
-    np.testing.assert_array_equal(one["workspace"], 0.0)
-    # A run begins with its own memory.
-    np.testing.assert_array_equal(one, two)
+    return gm.simulate(physics(), held, [[0.0, 1.0]] * 2, duration=0.01).memory
+
+
+def test_a_recorded_memory_holds_no_address() -> None:
+    """Or two runs of one robot would differ."""
+    first, _ = two_memories()
+    np.testing.assert_array_equal(first["workspace"], 0.0)
+
+
+def test_a_run_begins_with_its_own_memory() -> None:
+    first, second = two_memories()
+    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize(
     ("memory", "words"),
-    [({"v": 0.0}, "'v' cannot be the name"), ({"past": [0.0, np.nan]}, "past = .* must be finite"),
-     ({"past": "0"}, "past = ")],
-)  # fmt: skip
-def test_a_memory_that_cannot_be_is_refused(memory, words) -> None:
+    [
+        ({"v": 0.0}, "'v' cannot be the name"),
+        ({"past": [0.0, np.nan]}, "past = .* must be finite"),
+        ({"past": "0"}, "past = "),
+    ],
+)
+def test_a_memory_that_cannot_be_is_refused(memory: dict[str, Any], words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         with_pid(**memory)

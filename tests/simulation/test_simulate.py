@@ -1,11 +1,11 @@
-"""The one entry: its refusals, and the ends of runs that cannot be finished."""
+"""``simulate``: its refusals, and the ends of runs that cannot be finished."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -32,8 +32,9 @@ ENGINES: Any = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)
 each_kind = pytest.mark.parametrize("kind", ["corrected", "physics"])
 
-# A start of a run that ends early, as the pole passes -pi/2 under fl-lqr, and the end.
-SWINGS_THROUGH, END = [0.0, -0.1, 0.0, -20.0], 0.092
+# The pole passes -pi/2 under fl-lqr, and the run ends early.
+SWINGS_THROUGH = [0.0, -0.1, 0.0, -20.0]
+END = 0.092
 UPRIGHT = [0.0, 0.1, 0.0, 0.0]
 BEYOND = [0.0, 1.6, 0.0, 0.0]  # outside |theta| < pi/2 from the start
 
@@ -44,7 +45,10 @@ def physics(system: str) -> MujocoPlant:
 
 
 def plant_of(system: str, kind: str) -> MujocoPlant | AnalyticPlant:
-    return physics(system) if kind == "physics" else physics(system).analytic()
+    plant = physics(system)
+    if kind == "physics":
+        return plant
+    return plant.analytic()
 
 
 @cache
@@ -60,8 +64,13 @@ def folder_for_the_log_of_mujoco(monkeypatch, tmp_path) -> None:
 
 def start_servo(**changes: Any) -> Trajectory:
     """A valid call with some arguments changed."""
-    valid: dict[str, Any] = {"plant": SERVO, "controller": LQR, "x0": [0.0, 0.0], "duration": 0.01}
-    return simulate(**{**valid, **changes})
+    valid: dict[str, Any] = {
+        "plant": SERVO,
+        "controller": LQR,
+        "x0": [0.0, 0.0],
+        "duration": 0.01,
+    }
+    return simulate(**(valid | changes))
 
 
 @dataclass
@@ -78,12 +87,17 @@ def constant(t: float, x: Any, memory: Any, p: Any) -> float:
     return p.k
 
 
-SERVO, ARM, LQR = physics("servo"), physics("arm"), controller("servo", "lqr")
+SERVO = physics("servo")
+ARM = physics("arm")
+LQR = controller("servo", "lqr")
+EVERY_2_MS = replace(LQR, design=replace(LQR.designed, control_period=2e-3))
 # With the sign of a large gain turned round: poles at +126/s.
 AWAY = replace(LQR, parameters=replace(LQR.parameters, K=-10 * LQR.parameters.K))
-HOLD, HUGE = (Controller("k", constant, Gain(k)) for k in (1.0, 1e300))
-EVERY_2_MS = replace(LQR, design=replace(LQR.designed, control_period=2e-3))
-LOAD, TWO = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0)), np.zeros((2, 2))
+HOLD = Controller("k", constant, Gain(1.0))
+HUGE = Controller("k", constant, Gain(1e300))
+ENDLESS = replace(HOLD, parameters=Gain(math.inf))
+LOAD = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -1.0, 0.0))
+TWO = np.zeros((2, 2))
 
 
 @pytest.mark.parametrize(
@@ -114,14 +128,19 @@ def test_bad_argument_is_refused_with_its_value(changes, words) -> None:
         start_servo(**changes)
 
 
-def test_a_model_or_spec_that_was_changed_in_place_is_refused() -> None:
+def test_a_model_that_was_changed_in_place_is_refused() -> None:
     plant = MujocoPlant(SERVO.system, load_spec("servo"))
     mass = plant.model.body("rotor").mass
     mass *= 2
     with pytest.raises(ModelError, match=r"plant.model was changed .* use plant.edited"):
         start_servo(plant=plant)
+
     mass /= 2
     start_servo(plant=plant)
+
+
+def test_a_spec_that_was_changed_in_place_is_refused() -> None:
+    plant = MujocoPlant(SERVO.system, load_spec("servo"))
     plant.spec.body("rotor").mass = 3.0
     with pytest.raises(ModelError, match=r"plant.spec was changed in place"):
         start_servo(plant=plant)
@@ -140,103 +159,209 @@ def test_somebody_else_s_callback_is_refused(kind, engine) -> None:
         install(None)
 
 
-def test_duration_is_rounded_up_to_full_timesteps_and_a_list_is_a_batch() -> None:
-    """0.0033/3e-4 is a little more than 11 in binary."""
-    for duration, h, steps in ((0.0101, 1e-3, 11), (1e-5, 1e-3, 1), (0.0033, 3e-4, 11)):
-        alone = start_servo(duration=duration, plant=SERVO.analytic(), timestep=h)
-        np.testing.assert_array_equal(alone.time, np.arange(steps + 1) * h)
-        assert (alone.state.shape, alone.command.shape) == ((steps + 1, 2), (steps,))
-    alone = start_servo()
-    for changes in ({"x0": [[0.0, 0.0]]}, {"plant": [SERVO]}):
-        together = start_servo(**changes)
-        assert len(together) == 1
-        np.testing.assert_array_equal(together.state[0], alone.state)
+@pytest.mark.parametrize(
+    ("duration", "timestep", "steps"),
+    [
+        (0.0101, 1e-3, 11),
+        (1e-5, 1e-3, 1),
+        # The quotient is a little more than 11 in binary.
+        (0.0033, 3e-4, 11),
+    ],
+)
+def test_duration_is_rounded_up_to_full_timesteps(
+    duration: float, timestep: float, steps: int
+) -> None:
+    run = start_servo(duration=duration, plant=SERVO.analytic(), timestep=timestep)
+    np.testing.assert_array_equal(run.time, np.arange(steps + 1) * timestep)
+    assert run.state.shape == (steps + 1, 2)
+    assert run.command.shape == (steps,)
+
+
+@pytest.mark.parametrize("changes", [{"x0": [[0.0, 0.0]]}, {"plant": [SERVO]}])
+def test_a_list_of_one_is_a_batch_of_one(changes: dict[str, Any]) -> None:
+    batch = start_servo(**changes)
+    assert len(batch) == 1
+    np.testing.assert_array_equal(batch.state[0], start_servo().state)
+
+
+def test_a_single_run_has_no_length() -> None:
     with pytest.raises(TypeError, match="one run has no length"):
-        len(alone)
+        len(start_servo())
 
 
 # Runs that end early
 
 
+class EarlyEnd(NamedTuple):
+    """A run that ends early: its arguments, and its end."""
+
+    system: str
+    law: Controller
+    x0: list[float]
+    status: Status
+    error: type[Exception]
+    words: str
+
+
+LEAVES_ITS_DOMAIN = EarlyEnd(
+    system="cart_pendulum",
+    law=controller("cart_pendulum", "grosmc"),
+    x0=SWINGS_THROUGH,
+    status=Status.UNDEFINED_LAW,
+    error=UndefinedLawError,
+    words=r"the law is undefined outside \|theta\| < pi/2",
+)
+STRETCHED = EarlyEnd(
+    system="arm",
+    law=controller("arm", "lqr"),
+    x0=[1.5, 40.0],
+    status=Status.SINGULAR_PLANT,
+    error=UndefinedLawError,
+    words="the plant is singular at q >= pi/2, where the cable",
+)
+RUNS_AWAY = EarlyEnd(
+    system="servo",
+    law=AWAY,
+    x0=[0.0, 0.0],
+    status=Status.DIVERGED,
+    error=DivergenceError,
+    words=r"servo under lqr at t = 0.*try a smaller control period or timestep",
+)
+RETURNS_INFINITY = EarlyEnd(
+    system="servo",
+    law=ENDLESS,
+    x0=[0.0, 0.0],
+    status=Status.UNDEFINED_INPUT,
+    error=UndefinedLawError,
+    words=r"t = 0 s: the law returned no finite number at x = \(0, 0\)",
+)
+each_early_end = pytest.mark.parametrize(
+    "case", [LEAVES_ITS_DOMAIN, STRETCHED, RUNS_AWAY, RETURNS_INFINITY]
+)
+
+
+def error_of(case: EarlyEnd, kind: str, engine: Any) -> Any:
+    """Error that a single run ends with."""
+    plant = plant_of(case.system, kind)
+    with pytest.raises(case.error, match=case.words) as raised:
+        simulate(plant, case.law, case.x0, duration=0.25, engine=engine)
+    return raised.value
+
+
 def run_both(kind: str, system: str, law: Controller, starts: Any, **options: Any) -> Trajectory:
     """A batch in the native engine, on which the Python engine agrees."""
+    plant = plant_of(system, kind)
     options = {"duration": 0.25, **options}
-    native, python = (
-        simulate(plant_of(system, kind), law, starts, engine=engine, **options)
-        for engine in ENGINES
-    )
+    native = simulate(plant, law, starts, engine="native", **options)
+    python = simulate(plant, law, starts, engine="python", **options)
     for name in ("status", "valid_until", "state", "command"):
         np.testing.assert_array_equal(getattr(native, name), getattr(python, name))
+
     for name in ("time", "state", "command", "input", "sliding", "weighed", "physics"):
         values = getattr(native, name)
         assert values is None or np.all(np.isfinite(values)), name
+
     if native.physics is not None:
-        # MuJoCo's own rows are time, positions and velocities, after an early end too.
+        # MuJoCo's rows are time, positions and velocities, after an early end too.
         np.testing.assert_array_equal(native.physics[..., 1:], native.state)
     return native
 
 
 @each_engine
 @each_kind
-@pytest.mark.parametrize(
-    ("system", "law", "x0", "status", "words"),
-    [
-        ("cart_pendulum", controller("cart_pendulum", "grosmc"), SWINGS_THROUGH,
-           Status.UNDEFINED_LAW, r"the law is undefined outside \|theta\| < pi/2"),
-        ("arm", controller("arm", "lqr"), [1.5, 40.0], Status.SINGULAR_PLANT,
-         "the plant is singular at q >= pi/2, where the cable"),
-        ("servo", AWAY, [0.0, 0.0], Status.DIVERGED,
-         r"servo under lqr at t = 0.*try a smaller control period or timestep"),
-        ("servo", replace(HOLD, parameters=Gain(math.inf)), [0.0, 0.0], Status.UNDEFINED_INPUT,
-         r"t = 0 s: the law returned no finite number at x = \(0, 0\)"),
-    ],
-)  # fmt: skip
+@each_early_end
 def test_a_single_run_that_ends_early_raises_with_its_record(
-    system, law, x0, status, words, kind, engine
+    case: EarlyEnd, kind: str, engine: Any
 ) -> None:
-    plant, diverged = plant_of(system, kind), status is Status.DIVERGED
-    with pytest.raises(DivergenceError if diverged else UndefinedLawError, match=words) as ended:
-        simulate(plant, law, x0, duration=0.25, engine=engine)
-    run, end = ended.value.trajectory, ended.value.time
-    assert run.status is status
-    assert run.time[-1] == end == run.valid_until
-    assert len(run.command) == len(run.time) - 1 == round(end / 1e-3)
-    if diverged:  # exp(126 t) from 1 rad: the last valid speed is near MuJoCo's bound
-        assert 1e6 < np.abs(run.state[-1, 1]) < 1e10
-    if status is Status.SINGULAR_PLANT:  # (pi/2 - 1.5)/40 is 1.8 ms
-        assert end == 2e-3
-    if status is Status.UNDEFINED_LAW:  # the state that the law refused is the first outside
-        assert np.array_equal(np.abs(run.state[:, 1]) >= math.pi / 2, run.time == run.time[-1])
-    if engine == "native":
-        for record in (True, False):
-            batch = run_both(kind, system, law, [x0, x0], record=record)
-            assert list(batch.status) == [status] * 2
-            assert batch.valid_until.tolist() == [end] * 2
-
-
-@each_kind
-def test_a_run_of_a_batch_that_ends_early_is_a_status_and_leaves_the_others_alone(kind) -> None:
-    """The law notices at its next sample; after the end the rows repeat the last valid ones."""
-    law, starts = controller("cart_pendulum", "fl-lqr"), [SWINGS_THROUGH, UPRIGHT, BEYOND]
-    together = run_both(kind, "cart_pendulum", law, starts, control_period=5e-3)
-    early = Status.UNDEFINED_LAW
-    assert list(together.status) == [early, Status.COMPLETED, early]
-    np.testing.assert_allclose(together.valid_until, (0.095, 0.25, 0.0), atol=1e-12)
-    for i, end in enumerate(together.valid_until):
-        state, command, last = together.state[i], together.command[i], round(end / 1e-3)
-        np.testing.assert_array_equal(state[last:], [state[last]] * (251 - last))
-        assert np.all(command[last:] == (command[last - 1] if last else 0.0))
-    plant = plant_of("cart_pendulum", kind)
-    alone = simulate(plant, law, UPRIGHT, duration=0.25, control_period=5e-3)
-    np.testing.assert_array_equal(together.state[1], alone.state)
-    np.testing.assert_array_equal(together.command[1], alone.command)
-    # Farther out, a run diverges earlier; the first one starts at rest on the target.
-    diverged = run_both(kind, "servo", AWAY, [[1.0, 0.0], [0.0, 0.0], [0.99, 0.0]]).valid_until
-    assert diverged[1] < diverged[2] < diverged[0] == 0.25
+    error = error_of(case, kind, engine)
+    run = error.trajectory
+    assert run.status is case.status
+    assert run.time[-1] == error.time
+    assert run.valid_until == error.time
+    assert len(run.command) == len(run.time) - 1
+    assert len(run.command) == round(error.time / 1e-3)
 
 
 @each_engine
-def test_overflow_within_a_step_is_a_divergence(engine) -> None:
+@each_kind
+def test_a_divergence_ends_near_the_bound_of_mujoco(kind: str, engine: Any) -> None:
+    """The angle grows as exp(126 t) from 1 rad."""
+    run = error_of(RUNS_AWAY, kind, engine).trajectory
+    assert 1e6 < np.abs(run.state[-1, 1]) < 1e10
+
+
+@each_engine
+@each_kind
+def test_a_run_ends_at_the_first_singular_instant(kind: str, engine: Any) -> None:
+    """(pi/2 - 1.5)/40 is 1.8 ms."""
+    assert error_of(STRETCHED, kind, engine).time == 2e-3
+
+
+@each_engine
+@each_kind
+def test_the_state_that_the_law_refused_is_the_first_outside(kind: str, engine: Any) -> None:
+    run = error_of(LEAVES_ITS_DOMAIN, kind, engine).trajectory
+    outside = np.abs(run.state[:, 1]) >= math.pi / 2
+    np.testing.assert_array_equal(outside, run.time == run.time[-1])
+
+
+@pytest.mark.parametrize("record", [True, False])
+@each_kind
+@each_early_end
+def test_a_batch_ends_where_its_single_runs_end(case: EarlyEnd, kind: str, record: bool) -> None:
+    end = error_of(case, kind, "native").time
+    batch = run_both(kind, case.system, case.law, [case.x0, case.x0], record=record)
+    assert list(batch.status) == [case.status, case.status]
+    assert batch.valid_until.tolist() == [end, end]
+
+
+SLOWLY: dict[str, Any] = {"duration": 0.25, "control_period": 5e-3}
+
+
+def three_pendulums(kind: str) -> Trajectory:
+    """A batch of which the first and the last run end early."""
+    law = controller("cart_pendulum", "fl-lqr")
+    return run_both(kind, "cart_pendulum", law, [SWINGS_THROUGH, UPRIGHT, BEYOND], **SLOWLY)
+
+
+@each_kind
+def test_a_law_of_a_batch_notices_at_its_next_sample(kind: str) -> None:
+    batch = three_pendulums(kind)
+    early = Status.UNDEFINED_LAW
+    assert list(batch.status) == [early, Status.COMPLETED, early]
+    np.testing.assert_allclose(batch.valid_until, (0.095, 0.25, 0.0), atol=1e-12)
+
+
+@each_kind
+def test_rows_after_an_early_end_repeat_the_last_valid_one(kind: str) -> None:
+    batch = three_pendulums(kind)
+    for state, command, end in zip(batch.state, batch.command, batch.valid_until, strict=True):
+        last = round(end / 1e-3)
+        np.testing.assert_array_equal(state[last:], [state[last]] * (251 - last))
+        held = command[last - 1] if last else 0.0
+        assert np.all(command[last:] == held)
+
+
+@each_kind
+def test_an_early_end_leaves_the_other_runs_alone(kind: str) -> None:
+    batch = three_pendulums(kind)
+    law = controller("cart_pendulum", "fl-lqr")
+    single = simulate(plant_of("cart_pendulum", kind), law, UPRIGHT, **SLOWLY)
+    np.testing.assert_array_equal(batch.state[1], single.state)
+    np.testing.assert_array_equal(batch.command[1], single.command)
+
+
+@each_kind
+def test_a_run_from_farther_out_diverges_earlier(kind: str) -> None:
+    """The first one starts at rest on the target."""
+    starts = [[1.0, 0.0], [0.0, 0.0], [0.99, 0.0]]
+    on_target, far, near = run_both(kind, "servo", AWAY, starts).valid_until
+    assert far < near < on_target
+    assert on_target == 0.25
+
+
+@each_engine
+def test_overflow_within_a_step_is_a_divergence(engine: Any) -> None:
     """A stage of RK4 far beyond any angle: sin of it is NaN in C, a ValueError in Python."""
     pendulum = plant_of("cart_pendulum", "corrected")
     with pytest.raises(DivergenceError) as ended:
@@ -245,10 +370,11 @@ def test_overflow_within_a_step_is_a_divergence(engine) -> None:
 
 
 @each_kind
-def test_run_ends_for_the_first_reason(kind) -> None:
+def test_run_ends_for_the_first_reason(kind: str) -> None:
     """A law that is undefined at 0.092 s is not blamed on a kick at 0.15 s."""
     kick = Disturbance("pole", (0.0, 0.0, 0.0, 0.0, 1e13, 0.0), Pulse(0.15, 0.2))
     law = controller("cart_pendulum", "fl-lqr")
-    run = run_both(kind, "cart_pendulum", law, [SWINGS_THROUGH, UPRIGHT], disturbances=[kick])
+    starts = [SWINGS_THROUGH, UPRIGHT]
+    run = run_both(kind, "cart_pendulum", law, starts, disturbances=[kick])
     assert list(run.status) == [Status.UNDEFINED_LAW, Status.DIVERGED]
     np.testing.assert_allclose(run.valid_until, [END, 0.15], atol=1e-12)

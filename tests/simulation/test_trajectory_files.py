@@ -1,4 +1,4 @@
-"""Trajectories as files: those that are written are read."""
+"""Trajectories as files."""
 
 from __future__ import annotations
 
@@ -28,78 +28,136 @@ def result(case: str = "servo/case1", duration: float = 0.01) -> RunResult:
     return Experiment.load(case).varied(duration=duration).run(law="grosmc")
 
 
-@pytest.mark.parametrize("case", ["servo/case1", "two_link_arm/case2", "maglev/warm"])
+FIELDS = (
+    "time",
+    "state",
+    "command",
+    "input",
+    "sliding",
+    "weighed",
+    "wrench",
+    "physics",
+    "status",
+    "valid_until",
+)
+each_case = pytest.mark.parametrize("case", ["servo/case1", "two_link_arm/case2", "maglev/warm"])
+
+
+@each_case
 def test_a_run_is_read_as_it_was_written(case: str, tmp_path: Path) -> None:
-    ours = result(case).trajectory
-    theirs = gm.load_trajectory(result(case).save(tmp_path / "run.parquet"))
-    for name in (
-        "time", "state", "command", "input", "sliding", "weighed", "wrench", "physics", "status",
-        "valid_until",
-    ):  # fmt: skip
-        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
-    # Neither an address nor when the law began.
-    kept = tuple(set(ours.memory.dtype.names or ()) - {"workspace", "first"})
-    assert set(theirs.memory.dtype.names or ()) == set(kept)
+    written = result(case).trajectory
+    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet"))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(written, name), getattr(loaded, name), err_msg=name)
+
+
+@each_case
+def test_a_file_keeps_the_memory_without_addresses(case: str, tmp_path: Path) -> None:
+    """Neither an address nor when the law began."""
+    written = result(case).trajectory.memory
+    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).memory
+    kept = set(written.dtype.names or ()) - {"workspace", "first"}
+    assert set(loaded.dtype.names or ()) == kept
     for name in kept:
-        np.testing.assert_array_equal(ours.memory[name], theirs.memory[name])
+        np.testing.assert_array_equal(written[name], loaded[name])
+
+
+@each_case
+def test_a_file_keeps_the_system(case: str, tmp_path: Path) -> None:
+    written = result(case).trajectory.system
+    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).system
     for name in ("states", "inputs", "controlled", "bodies"):
-        assert getattr(ours.system, name) == getattr(theirs.system, name)
-    assert (theirs.system is ours.system) == case.startswith(("servo", "two_link"))
+        assert getattr(written, name) == getattr(loaded, name)
+    # A shipped system is the very object.
+    shipped = case.startswith(("servo", "two_link"))
+    assert (loaded is written) == shipped
 
 
-def test_columns_say_their_units_and_states_of_a_machine_are_among_them(tmp_path: Path) -> None:
-    run = result("cart_pendulum/machine", 0.05)
-    file = run.save(tmp_path / "run.parquet")
-    table = gm.load_trajectory(file).to_arrow()
-    unit = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
-    expected = {"pole angle": "rad", "force": "N", "force asked": "N",
-                "slider twist": "m", "force winding": "A", "slider friction bristle": "m",
-                "hinge friction bristle": "rad"}  # fmt: skip
+@cache
+def machine() -> RunResult:
+    return result("cart_pendulum/machine", 0.05)
+
+
+def test_columns_say_their_units(tmp_path: Path) -> None:
+    file = machine().save(tmp_path / "run.parquet")
+    schema = gm.load_trajectory(file).to_arrow().schema
+    unit = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    expected = {
+        "pole angle": "rad",
+        "force": "N",
+        "force asked": "N",
+        "slider twist": "m",
+        "force winding": "A",
+        "slider friction bristle": "m",
+        "hinge friction bristle": "rad",
+    }
     assert unit | expected == unit
-    # A held input has no value at the last instant.
+    assert pq.read_schema(file).field("s").metadata[b"unit"] == b"rad/s"
+
+
+def test_a_held_input_has_no_value_at_the_last_instant(tmp_path: Path) -> None:
+    table = gm.load_trajectory(machine().save(tmp_path / "run.parquet")).to_arrow()
     assert np.isnan(table["force"].to_numpy()[-1])
-    state, physics = run.trajectory.state, run.trajectory.physics
+
+
+def test_states_of_a_machine_are_among_the_columns(tmp_path: Path) -> None:
+    table = gm.load_trajectory(machine().save(tmp_path / "run.parquet")).to_arrow()
+    state = machine().trajectory.state
+    physics = machine().trajectory.physics
     assert physics is not None
     # The motor's coordinate comes after slider and hinge.
-    twist, current = (table[name].to_numpy() for name in ("slider twist", "force winding"))
+    twist = table["slider twist"].to_numpy()
     np.testing.assert_array_equal(twist, physics[:, 3] - state[:, 0])
+    current = table["force winding"].to_numpy()
     assert np.abs(current).max() > 1.0
-    schema = pq.read_schema(file)
-    assert schema.field("s").metadata[b"unit"] == b"rad/s"
-    about = json.loads(schema.metadata[b"grosmc_mj"])
-    assert about["versions"]["grosmc_mj"] == gm.__version__
+
+
+def test_a_file_says_the_version_that_wrote_it(tmp_path: Path) -> None:
+    schema = pq.read_schema(machine().save(tmp_path / "run.parquet"))
+    description = json.loads(schema.metadata[b"grosmc_mj"])
+    assert description["versions"]["grosmc_mj"] == gm.__version__
 
 
 def test_two_signals_of_one_name_are_distinguished() -> None:
     """A plant whose state is called v, as the signal that the index weighs is."""
-    plant = gm.affine_plant("cart", states={"p": "m", "v": "m/s"}, inputs={"force": "N"},
-                            f=[sp.Symbol("v"), 0], g=[0, 1], h=[sp.Symbol("p")],
-                            parameters={})  # fmt: skip
+    plant = gm.affine_plant(
+        "cart",
+        states={"p": "m", "v": "m/s"},
+        inputs={"force": "N"},
+        f=[sp.Symbol("v"), 0],
+        g=[0, 1],
+        h=[sp.Symbol("p")],
+        parameters={},
+    )
     error = gm.control.ErrorCoordinates(plant.system, gm.control.setpoints(2))
-    law = gm.linearized_lqr(gm.Task(plant, error, gm.control.Setpoint(), np.eye(2), 1.0))
-    names = gm.simulate(plant, law, [1.0, 0.0], duration=0.01).to_arrow().schema.names
+    task = gm.Task(plant, error, gm.control.Setpoint(), np.eye(2), 1.0)
+    run = gm.simulate(plant, gm.linearized_lqr(task), [1.0, 0.0], duration=0.01)
+    names = run.to_arrow().schema.names
     assert names[:6] == ["time", "p", "v", "force", "force asked", "weighed v"]
+
+
+def written_table(table: pa.Table, folder: Path) -> Path:
+    path = folder / "bad.parquet"
+    pq.write_table(table, path)
+    return path
 
 
 def with_column(folder: Path, name: str, values: NDArray[Any]) -> Path:
     """A run's file with other values in one of its columns."""
     table = result().trajectory.to_arrow()
     column = table.schema.get_field_index(name)
-    pq.write_table(table.set_column(column, name, pa.array(values)), folder / "bad.parquet")
-    return folder / "bad.parquet"
+    return written_table(table.set_column(column, name, pa.array(values)), folder)
 
 
 def without_column(folder: Path, name: str) -> Path:
     """A run's file that lacks one of its columns."""
-    pq.write_table(result().trajectory.to_arrow().drop_columns(name), folder / "bad.parquet")
-    return folder / "bad.parquet"
+    return written_table(result().trajectory.to_arrow().drop_columns(name), folder)
 
 
 def without_description(folder: Path) -> Path:
     """A table that describes no run."""
-    table = result().trajectory.to_arrow().replace_schema_metadata(None)
-    pq.write_table(table, folder / "bad.parquet")
-    return folder / "bad.parquet"
+    table = result().trajectory.to_arrow()
+    return written_table(table.replace_schema_metadata(None), folder)
 
 
 def written(path: Path) -> Path:
@@ -140,12 +198,20 @@ def test_files_that_are_of_no_run_are_refused(
         gm.load_trajectory(call(tmp_path))
 
 
-def test_run_saves_its_runs_and_a_csv_is_for_others(tmp_path: Path) -> None:
+def test_the_command_run_saves_its_runs(tmp_path: Path) -> None:
     case = "own_laws/transfer_function"
     assert run("run", "--save", "csv", case, "--no-figures", "--out", tmp_path) == 0
     names = sorted(path.name for path in (tmp_path / "trajectories").iterdir())
-    assert names == [f"own_laws_transfer_function.physics.{law}.csv" for law in ("lead", "lqr")]
-    rows = list(csv.reader(result().save(tmp_path / "run.csv").read_text("utf-8").splitlines()))
+    assert names == [
+        "own_laws_transfer_function.physics.lead.csv",
+        "own_laws_transfer_function.physics.lqr.csv",
+    ]
+
+
+def test_a_csv_has_units_in_its_heading(tmp_path: Path) -> None:
+    text = result().save(tmp_path / "run.csv").read_text("utf-8")
+    rows = list(csv.reader(text.splitlines()))
     assert rows[0][:4] == ["time [s]", "rotor angle [rad]", "rotor speed [rad/s]", "current [A]"]
     assert float(rows[5][1]) == result().trajectory.state[4, 0]
+    # A held input has no value at the last instant.
     assert rows[-1][3] == ""

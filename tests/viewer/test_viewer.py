@@ -1,4 +1,4 @@
-"""The window: its time, its pulls and its state, with a clock and a window of the test's own."""
+"""MuJoCo's window: its time, pulls of the mouse and its state, with a fake clock and window."""
 
 from __future__ import annotations
 
@@ -44,7 +44,12 @@ def disturbed(**changes: Any) -> Run:
     case = find_case("cart_pendulum", "case1")
     law = nominal_controller("cart_pendulum", "grosmc", "corrected", design=case.controllers)
     plant = MujocoPlant.load("cart_pendulum", edits=case.edits)
-    run = {"plant": plant, "controller": law, "x0": case.x0, "disturbances": case.disturbances}
+    run = {
+        "plant": plant,
+        "controller": law,
+        "x0": case.x0,
+        "disturbances": case.disturbances,
+    }
     return run | changes
 
 
@@ -58,14 +63,17 @@ class FakeWindow:
     """A window that stays open for some pictures, and a clock that only waiting moves."""
 
     def __init__(self, count: int, at: Callable[[FakeWindow], object]) -> None:
-        self.now, self.count, self.at = 0.0, count, at
-        self.states = list[np.ndarray]()
-        self.texts = list[Any]()
+        self.count = count
+        self.at = at
+        self.now = 0.0
+        self.states: list[np.ndarray] = []
+        self.texts: list[dict[str, str]] = []
         self.closed = False
 
     @contextmanager
     def open(self, model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[FakeWindow]:
-        self.model, self.data = model, data
+        self.model = model
+        self.data = data
         yield self
         self.closed = True
 
@@ -73,10 +81,13 @@ class FakeWindow:
         return len(self.states) < self.count
 
     def set_texts(self, texts: Any) -> None:
-        self.texts.append(dict(zip(texts[2].split("\n"), texts[3].split("\n"), strict=True)))
+        _, _, names, values = texts
+        lines = zip(names.split("\n"), values.split("\n"), strict=True)
+        self.texts.append(dict(lines))
 
     def sync(self) -> None:
-        self.states.append(np.concatenate([[self.data.time], self.data.qpos, self.data.qvel]))
+        state = np.concatenate([[self.data.time], self.data.qpos, self.data.qvel])
+        self.states.append(state)
         self.at(self)
 
     def sleep(self, seconds: float) -> None:
@@ -103,9 +114,11 @@ def watch(monkeypatch: Patch) -> Callable[..., FakeWindow]:
 
 def recorded(run: Run, window: FakeWindow) -> np.ndarray:
     """The recorded run's rows at the instants of the pictures."""
-    rows = np.rint(np.array([state[0] for state in window.states]) / 1e-3).astype(int)
-    done = simulate(**run, duration=(rows[-1] + 1) * 1e-3, engine="python")
-    return np.asarray(done.physics)[rows, : window.states[0].size]
+    times = np.array(window.states)[:, 0]
+    rows = np.rint(times / 1e-3).astype(int)
+    trajectory = simulate(**run, duration=(rows[-1] + 1) * 1e-3, engine="python")
+    columns = window.states[0].size
+    return np.asarray(trajectory.physics)[rows, :columns]
 
 
 @pytest.mark.parametrize("make", [lambda: disturbed(control_period=5e-3), machine])
@@ -114,7 +127,11 @@ def test_pictures_are_the_recorded_run_bit_by_bit(
 ) -> None:
     """However the time is cut into pictures."""
     random = np.random.default_rng(0)
-    window = watch(make(), 12, lambda window: window.sleep(random.uniform(0.0, 0.05)))
+
+    def wait(window: FakeWindow) -> None:
+        window.sleep(random.uniform(0.0, 0.05))
+
+    window = watch(make(), 12, wait)
     np.testing.assert_array_equal(window.states, recorded(make(), window))
 
 
@@ -123,6 +140,7 @@ def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
 ) -> None:
     load = Disturbance("pole", (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
     pull = (1.0, 0.0, -0.5, 0.0, 2.0, 0.0)
+    with_load = disturbed(disturbances=(load,))
 
     def mouse(window: FakeWindow) -> None:
         """Pull the pole from the tenth to the twentieth picture, and the world, which is fixed."""
@@ -130,12 +148,14 @@ def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
         window.data.body("pole").xfrc_applied[:] = np.array(pull) * pulling
         window.data.body("world").xfrc_applied[:] = 1.0
 
-    window = watch(disturbed(disturbances=(load,)), 30, mouse)
-    first, last = (window.states[index][0] for index in (9, 19))
-    both = (load, Disturbance("pole", pull, Pulse(first, last)))
-    np.testing.assert_array_equal(window.states, recorded(disturbed(disturbances=both), window))
-    alone = recorded(disturbed(disturbances=(load,)), window)
-    assert np.abs(window.states[-1] - alone[-1]).max() > 1e-3
+    window = watch(with_load, 30, mouse)
+    pulse = Pulse(window.states[9][0], window.states[19][0])
+    both = (load, Disturbance("pole", pull, pulse))
+    with_both = disturbed(disturbances=both)
+    np.testing.assert_array_equal(window.states, recorded(with_both, window))
+    # Without the pull the run is another one.
+    difference = window.states[-1] - recorded(with_load, window)[-1]
+    assert np.abs(difference).max() > 1e-3
 
 
 def test_a_window_that_changes_its_model_and_data_changes_no_physics(
@@ -152,22 +172,31 @@ def test_a_window_that_changes_its_model_and_data_changes_no_physics(
 
 def test_the_run_keeps_step_with_the_clock(watch: Callable[..., FakeWindow]) -> None:
     window = watch(disturbed(), 30, speed=4.0)
+    time = window.states[-1][0]
     # 29 pictures after the first; the last timestep may not be over.
-    assert 29 * PICTURE * 4.0 - window.states[-1][0] == pytest.approx(5e-4, abs=5.1e-4)
-    assert window.texts[-1] == {"time": f"{window.states[-1][0]:.2f} s", "stopped": "-"}
-    # A window that stood still is not caught up with.
-    late = watch(disturbed(), 2, lambda window: window.sleep(100.0))
-    assert late.states[-1][0] == pytest.approx(LONGEST, abs=1.1e-3)
+    behind = 29 * PICTURE * 4.0 - time
+    assert behind == pytest.approx(5e-4, abs=5.1e-4)
+    assert window.texts[-1] == {"time": f"{time:.2f} s", "stopped": "-"}
 
 
-def test_an_undefined_law_is_named_and_the_last_good_state_stays(
-    watch: Callable[..., FakeWindow],
-) -> None:
+def test_a_window_that_stood_still_is_not_caught_up_with(watch: Callable[..., FakeWindow]) -> None:
+    window = watch(disturbed(), 2, lambda window: window.sleep(100.0))
+    assert window.states[-1][0] == pytest.approx(LONGEST, abs=1.1e-3)
+
+
+def falling() -> Run:
     """From 80 degrees the pole falls below the horizontal under a steady force."""
     force = Disturbance("pole", (-64.0, 0, 0, 0, 0, 0), Pulse(0.0, 9.0))
-    fallen = disturbed(x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
-    window = watch(fallen, 60, speed=8.0)
+    return disturbed(x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
+
+
+def test_an_undefined_law_is_named(watch: Callable[..., FakeWindow]) -> None:
+    window = watch(falling(), 60, speed=8.0)
     assert "the law is undefined" in window.texts[-1]["stopped"]
+
+
+def test_the_last_state_with_a_defined_law_stays(watch: Callable[..., FakeWindow]) -> None:
+    window = watch(falling(), 60, speed=8.0)
     assert window.states[-1][0] < 4.9
     assert np.all(np.isfinite(window.states))
     np.testing.assert_array_equal(window.states[-1], window.states[-2])
@@ -177,7 +206,8 @@ def test_ctrl_c_closes_the_window(watch: Callable[..., FakeWindow]) -> None:
     def interrupt(_: FakeWindow) -> None:
         raise KeyboardInterrupt
 
-    assert len(watch(disturbed(), 30, interrupt).states) == 1
+    window = watch(disturbed(), 30, interrupt)
+    assert len(window.states) == 1
 
 
 def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
@@ -187,29 +217,42 @@ def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypat
     assert run("view", "arm/case2", "--laws", "lqr") == cli.WRONG
     line = capsys.readouterr().err
     assert_one_line(line)
-    reason, film = line.strip().split("; for a film of it run: ")
+    reason, remedy = line.strip().split("; for a film of it run: ")
     assert reason.startswith("grosmc-mj: there is no display")
-    command = parse(film.split()[1:])
+    _, *arguments = remedy.split()
+    command = parse(arguments)
     assert isinstance(command, FilmCommand)
-    assert (command.target, command.laws) == ("arm/case2", ("lqr",))
+    assert command.target == "arm/case2"
+    assert command.laws == ("lqr",)
 
 
 PROGRAM = """
 import time
+
 from grosmc_mj.films.offscreen import without_graphics
+
 with without_graphics():
     import mujoco
+
 from grosmc_mj import viewer
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.cases.cart_pendulum.cart import holding_lqr
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+
 plant = MujocoPlant.load("cart_pendulum")
 begun = time.monotonic()
+
+
 def sleep(seconds):
     time.sleep(seconds)
     if time.monotonic() > begun + 5:
         raise KeyboardInterrupt
+
+
 class Clock:
-    perf_counter, sleep = time.perf_counter, staticmethod(sleep)
+    perf_counter = time.perf_counter
+    sleep = staticmethod(sleep)
+
+
 viewer.time = Clock
 viewer.play(plant, holding_lqr(plant.analytic()), (0, 0.1, 0, 0), duration=1.0)
 print("closed")
