@@ -22,9 +22,9 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.sweep.campaign import Campaign, specification_of
-from grosmc_mj.sweep.runs import meters_for, ready
+from grosmc_mj.sweep.runs import prepare_run, shared_meters
 from grosmc_mj.sweep.screening import Batch
-from grosmc_mj.sweep.store import Folder, shards_of
+from grosmc_mj.sweep.store import Folder, part_runner
 
 _PLANTS = 4096
 _STEPS = 800
@@ -92,7 +92,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
 
     batch = Batch(campaign, campaign.values(range(_PLANTS)), [0] * _PLANTS)
     plants = batch.physics
-    runs = [ready(experiment, batch.row(_LAW, i, plants[i])) for i in range(_PLANTS)]
+    runs = [prepare_run(experiment, batch.row(_LAW, i, plants[i])) for i in range(_PLANTS)]
     starts = np.array([run.case.x0 for run in runs])
 
     shipped, untimed = open_batches(plants, starts, _STEPS)
@@ -102,7 +102,7 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
         [run.law for run in runs],
         starts,
         _STEPS,
-        meters=meters_for(experiment, runs, campaign.requirements),
+        meters=shared_meters(experiment, runs, campaign.requirements),
         control_period=experiment.settings.control_period,
         disturbances=[list(run.case.disturbances) for run in runs],
     )
@@ -229,7 +229,7 @@ def _spans(workers: int, duration: float) -> list[_Span]:
         folder.begin(campaign, resume=False)
 
         executor = make_executor("processes", workers=workers)
-        work = partial(_timed, shards_of(campaign, folder, threads=1))
+        work = partial(_timed, part_runner(campaign, folder, threads=1))
         return [part.report for part in executor.run(work, range(parts), lambda _: None)]
 
 

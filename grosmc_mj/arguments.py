@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name, value_text
 
 
 def real(value: Any) -> float:
@@ -75,7 +75,7 @@ def require(
         GrosmcError: The given ``error``.
     """
     if not isinstance(value, kinds):
-        raise error(f"{what} = {shown(value)} must be {wanted}")
+        raise error(f"{what} = {value_text(value)} must be {wanted}")
 
 
 def require_each(
@@ -99,7 +99,7 @@ def require_each(
     """
     is_list = isinstance(values, (list, tuple))
     if not is_list or not all(isinstance(value, kinds) for value in values):
-        raise error(f"{what} = {shown(values)} must be {wanted}")
+        raise error(f"{what} = {value_text(values)} must be {wanted}")
 
 
 def require_known(

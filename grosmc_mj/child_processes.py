@@ -36,7 +36,7 @@ def worker_pool(
 ) -> ProcessPoolExecutor:
     """Return a pool of new interpreters, which end when this process does.
 
-    The first task starts them: submit it within ``interrupts_held``.
+    The first task starts them: submit it within ``shielded_from_interrupts``.
 
     Args:
         workers: Number of processes.
@@ -45,7 +45,7 @@ def worker_pool(
         arguments: Arguments of ``start``.
     """
     # The pool starts loky's resource tracker, which must not receive Ctrl-C.
-    with interrupts_held():
+    with shielded_from_interrupts():
         return ProcessPoolExecutor(
             workers,
             initializer=_begin,
@@ -70,7 +70,7 @@ def _end_with(parent: int) -> None:
 
 
 @contextlib.contextmanager
-def interrupts_held() -> Iterator[None]:
+def shielded_from_interrupts() -> Iterator[None]:
     """Start processes in the block that Ctrl-C does not reach; this one receives it afterwards.
 
     The processes do not import a ``json.py`` of the working folder in place of ``json``.

@@ -16,7 +16,7 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from grosmc_mj.compilation import cache_folder
 from grosmc_mj.errors import ModelError, SetupError, one_line
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.jitable import jitable
 
 # Integer powers up to this are written as products: pow() need not round as a product does.
@@ -86,7 +86,7 @@ def generate(
     source = _source(name, exact, arguments, reachable)
     if file is not None:
         # On a full disk the source is found anew each time.
-        with contextlib.suppress(SetupError), written_aside(file) as part:
+        with contextlib.suppress(SetupError), atomic_write(file) as part:
             part.write_text(source, encoding="utf-8")
     return jitable(_compile(name, source))
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 # Separator of the mistakes in a message that lists several.
-NEXT = "\n  - "
+MISTAKE_SEPARATOR = "\n  - "
 # Largest number of characters of a value in a message.
 _VALUE_LENGTH = 80
 # Largest number of valid names that a message lists.
@@ -113,25 +113,25 @@ def together(mistakes: Sequence[str]) -> str:
     """Join mistakes: one stays as it is, several get a line each."""
     if len(mistakes) == 1:
         return mistakes[0]
-    return NEXT.join([f"{len(mistakes)} mistakes:", *mistakes])
+    return MISTAKE_SEPARATOR.join([f"{len(mistakes)} mistakes:", *mistakes])
 
 
 def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     """Write one line that refuses a name: the nearest valid name, then the first valid ones."""
     names = list(valid)
-    line = f"unknown {kind} {shown(name)}:"
+    line = f"unknown {kind} {value_text(name)}:"
 
     nearest = difflib.get_close_matches(str(name), names, n=1)
     if nearest:
-        line += f" did you mean {shown(nearest[0])}?"
+        line += f" did you mean {value_text(nearest[0])}?"
 
-    line += f" valid: {listed(names[:_LISTED_NAMES])}"
+    line += f" valid: {name_list(names[:_LISTED_NAMES])}"
     if len(names) > _LISTED_NAMES:
         line += f" and {len(names) - _LISTED_NAMES} more"
     return line
 
 
-def listed(names: Iterable[str]) -> str:
+def name_list(names: Iterable[str]) -> str:
     """Join names by commas; all are quoted if one of them has a blank or a comma."""
     words = list(names)
     if any(" " in word or "," in word for word in words):
@@ -139,7 +139,7 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(words)
 
 
-def shown(value: Any, written: Callable[[Any], str] = repr) -> str:
+def value_text(value: Any, written: Callable[[Any], str] = repr) -> str:
     """Write a value for a message: on one line, without control characters, cut if it is long.
 
     Args:

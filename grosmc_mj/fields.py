@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from grosmc_mj.arguments import real, reals, whole
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name, value_text
 
 Class = TypeVar("Class")
 Returned = TypeVar("Returned")
@@ -38,7 +38,7 @@ class Check:
         return core_schema.no_info_plain_validator_function(self)
 
 
-def refused(wanted: str) -> PydanticCustomError:
+def refusal(wanted: str) -> PydanticCustomError:
     """Return the error of a refused value; ``wanted`` are the words that follow "must be"."""
     return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
 
@@ -96,7 +96,7 @@ class Range(Check):
         # An integer beyond all floats is not infinity.
         too_large = isinstance(value, int) and math.isinf(real(value))
         if number is None or too_large or not self.holds(number):
-            raise refused(self.wanted)
+            raise refusal(self.wanted)
         return number
 
     def holds(self, number: float) -> bool:
@@ -171,7 +171,7 @@ class Reals(Check):
         if not self._fits(array) or not np.all(allowed):
             sizes = " x ".join("n" if size is None else str(size) for size in self.shape)
             numbers = "numbers" if self.infinite else "finite numbers"
-            raise refused(f"{sizes} {numbers}")
+            raise refusal(f"{sizes} {numbers}")
         return array
 
     def _fits(self, array: Array) -> bool:
@@ -217,7 +217,7 @@ class Is(Check):
     def __call__(self, value: Any) -> Any:
         """Return the value; refuse one of another class."""
         if not isinstance(value, self.kinds):
-            raise refused(self.wanted)
+            raise refusal(self.wanted)
         return value
 
 
@@ -237,7 +237,7 @@ class Items(Check):
         """Return the values as a tuple; refuse them if one has another class."""
         is_list = isinstance(value, (list, tuple))
         if not is_list or not all(isinstance(item, self.kinds) for item in value):
-            raise refused(self.wanted)
+            raise refusal(self.wanted)
         return tuple(value)
 
 
@@ -255,7 +255,7 @@ class Numbers(Check):
         """Return the numbers as floats."""
         array = reals(value)
         if array.shape != (self.count,) or not np.all(np.isfinite(array)):
-            raise refused(f"{self.count} finite numbers")
+            raise refusal(f"{self.count} finite numbers")
         return tuple(array.tolist())
 
 
@@ -264,7 +264,7 @@ class _Name(Check):
 
     def __call__(self, value: Any) -> str:
         if not (isinstance(value, str) and value):
-            raise refused("a name")
+            raise refusal("a name")
         return value
 
 
@@ -326,7 +326,7 @@ def _label_of(kind: Any, first_field: str, args: tuple[Any, ...], kwargs: dict[s
         value = args[0]
     else:
         value = "?"
-    return f"{title} of {shown(value)}"
+    return f"{title} of {value_text(value)}"
 
 
 def checked_call(function: Callable[..., Returned]) -> Callable[..., Returned]:
@@ -369,7 +369,7 @@ def translated(
 def _line(mistake: Any, names: Sequence[str]) -> str:
     """Write the refusal of one field: its name, its value and what it must be."""
     place = _place(mistake["loc"], names)
-    value = shown(mistake["input"])
+    value = value_text(mistake["input"])
     match mistake["type"]:
         case "refused":
             return f"{place} = {value} must be {mistake['msg']}"

@@ -46,7 +46,7 @@ def jitable(function: Function) -> Function:
     if not isinstance(function, FunctionType) or function in _compiled:
         return function
 
-    is_users = is_own(function)
+    is_users = is_users_function(function)
     if is_users:
         _check_helpers(function)
     compiled = cast(Any, numba.njit)(boundscheck=is_users, **OPTIONS)(function)
@@ -88,7 +88,11 @@ def _check_helpers(function: Any) -> None:
     for helper in _referenced_objects(function):
         options = getattr(helper, "targetoptions", None)
         source = source_of(helper)
-        if isinstance(options, dict) and is_own(source) and not options.get("boundscheck"):
+        if (
+            isinstance(options, dict)
+            and is_users_function(source)
+            and not options.get("boundscheck")
+        ):
             options["boundscheck"] = True
             if helper.signatures:
                 helper.recompile()
@@ -105,7 +109,7 @@ def _referenced_objects(function: Any) -> list[Any]:
     return objects
 
 
-def is_own(function: Any) -> bool:
+def is_users_function(function: Any) -> bool:
     """Return True if a function is the user's own, written outside this package."""
     module = str(getattr(function, "__module__", ""))
     return module.split(".")[0] != __name__.split(".")[0]

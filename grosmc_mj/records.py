@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, value_text
 
 
 def record_dtype(value: Any) -> np.dtype[np.void]:
@@ -22,7 +22,7 @@ def record_dtype(value: Any) -> np.dtype[np.void]:
     """
     if not is_dataclass(value) or isinstance(value, type):
         raise ArgumentError(
-            f"a law's numbers are {shown(value)}, must be a dataclass of numbers and arrays"
+            f"a law's numbers are {value_text(value)}, must be a dataclass of numbers and arrays"
         )
 
     members = []
@@ -74,7 +74,7 @@ def _names(kind: Any) -> list[str]:
     return [item.name for item in fields(kind)]
 
 
-def extended(value: Any, **extra: Any) -> Any:
+def with_fields(value: Any, **extra: Any) -> Any:
     """Copy of a dataclass with further fields at its end; the fields before keep their places."""
     if not extra:
         return value

@@ -12,7 +12,7 @@ from commands import run as run
 
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.sweep.campaign import Campaign, Specification
-from grosmc_mj.sweep.store import Folder, checksum, shards_of
+from grosmc_mj.sweep.store import Folder, checksum, part_runner
 
 PLANT = """
 [plant]
@@ -261,7 +261,7 @@ def falling() -> Campaign:
 def kept(declared: Campaign, path: Path) -> Folder:
     """A campaign run to its end, part by part in this process, and its folder."""
     folder = begun(declared, path)
-    run = shards_of(declared, folder, 0)
+    run = part_runner(declared, folder, 0)
     for index in range(declared.specification.shards):
         run(index)
     return folder

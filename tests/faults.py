@@ -10,7 +10,7 @@ from typing import Any
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
@@ -26,7 +26,7 @@ Disturbances = tuple[Disturbance, ...]
 ChangeDisturbances = Callable[[Disturbances], Disturbances]
 
 
-class OtherLaws(Laboratory):
+class OtherLaws(RunCache):
     """Laboratory whose controllers are changed."""
 
     def __init__(self, change: ChangeLaw, settings: Settings | None = None) -> None:
@@ -40,7 +40,7 @@ class OtherLaws(Laboratory):
         return self._change(law, experiment, plant)
 
 
-class OtherPlants(Laboratory):
+class OtherPlants(RunCache):
     """Laboratory whose plants are changed."""
 
     def __init__(self, change: ChangePlant) -> None:
@@ -51,7 +51,7 @@ class OtherPlants(Laboratory):
         return self._change(super().plant(experiment, name), experiment)
 
 
-class OtherDisturbances(Laboratory):
+class OtherDisturbances(RunCache):
     """Laboratory whose disturbances are changed."""
 
     def __init__(self, change: ChangeDisturbances) -> None:
@@ -183,7 +183,7 @@ def tenfold(disturbances: Disturbances) -> Disturbances:
 
 
 SLOW = replace(Settings(), control_period=10 * Settings().control_period)
-FAULTS: dict[str, Callable[[], Laboratory]] = {
+FAULTS: dict[str, Callable[[], RunCache]] = {
     "wrong sign of u": lambda: OtherLaws(wrong_sign),
     "zero switching gain": lambda: OtherLaws(no_switching),
     "integral left out": lambda: OtherLaws(no_integral),
@@ -197,5 +197,5 @@ FAULTS: dict[str, Callable[[], Laboratory]] = {
     "printed physics": lambda: OtherPlants(printed),
     "disturbance dropped": lambda: OtherDisturbances(no_disturbances),
     "decimal point misplaced": lambda: OtherDisturbances(tenfold),
-    "slow sampling": lambda: Laboratory(SLOW),
+    "slow sampling": lambda: RunCache(SLOW),
 }

@@ -15,9 +15,9 @@ from grosmc_mj.results.result import (
     GridChart,
     Letter,
     LineChart,
+    ReportTable,
     Series,
-    Sheet,
-    Standing,
+    StudyVerdict,
     Value,
     result,
 )
@@ -47,11 +47,13 @@ RUN = _document(
     "run",
     answers=[Answer(question="Run of servo", verdict="not kept", words="1 of 2 are not kept")],
     standings=[
-        Standing(case="servo/case1", law="lqr", breaks_at="physics", words="3 of 2.0e-3 rad"),
-        Standing(case="servo/case1", law="grosmc", words="1 of 2.0e-3 rad"),
+        StudyVerdict(case="servo/case1", law="lqr", breaks_at="physics", words="3 of 2.0e-3 rad"),
+        StudyVerdict(case="servo/case1", law="grosmc", words="1 of 2.0e-3 rad"),
     ],
     sheets=[
-        Sheet(table=table("Requirements", [*words("law"), *numbers("margin")], [("lqr", "-1")]))
+        ReportTable(
+            table=table("Requirements", [*words("law"), *numbers("margin")], [("lqr", "-1")])
+        )
     ],
     values=[
         Value(name="lqr: kept", value="not kept"),
@@ -64,11 +66,11 @@ LADDER = _document(
     claims=[{"claim": "servo-index", "broken_at": "friction"}],
     answers=[Answer(question="Ladder of servo", verdict="kept", words="1 of 1 laws")],
     standings=[
-        Standing(case="servo", law="lqr", breaks_at="friction", words="3 times the limit"),
-        Standing(case="servo", law="pd", words="stands so far", complete=False),
+        StudyVerdict(case="servo", law="lqr", breaks_at="friction", words="3 times the limit"),
+        StudyVerdict(case="servo", law="pd", words="stands so far", complete=False),
     ],
     sheets=[
-        Sheet(
+        ReportTable(
             table=table("nominal", words("law", "friction"), [("lqr", "3")], legend="Of the limit"),
             charts=[CellChart.of("nominal", {("lqr", "friction"): (0.5, "3", "deviation")}, 2.0)],
         )
@@ -78,7 +80,7 @@ REGION = _document(
     "region",
     answers=[Answer(question="Region of servo", verdict="measured", words="83 % converge")],
     sheets=[
-        Sheet(
+        ReportTable(
             table=table("Region", words("map"), [("lqr",)]),
             charts=[
                 GridChart(

@@ -117,32 +117,6 @@ def surface_of(design: str) -> Array:
     return of_design(design).law("corrected", "grosmc").parameters.G
 
 
-# Numbers of the case files by the names that tests import.
-_NUMBERS = {
-    "SERVO_ERROR": (error_of, "servo"),
-    "SERVO_UNCERTAINTY": (uncertainty_of, "servo"),
-    "PENDULUM_ERROR": (error_of, "cart_pendulum"),
-    "PENDULUM_UNCERTAINTY": (uncertainty_of, "cart_pendulum"),
-    "ARM_ERROR": (error_of, "arm"),
-    "ARM_G": (surface_of, "arm"),
-    "ARM_REFERENCE": (reference_of, "arm"),
-    "ARM_WEIGHTS": (weights_of, "arm"),
-    "TWO_LINK_JOINTS": (error_of, REGULATION),
-    "TWO_LINK_TIP": (error_of, "two_link_arm"),
-    "TWO_LINK_G": (surface_of, REGULATION),
-    "TWO_LINK_UNCERTAINTY": (uncertainty_of, REGULATION),
-    "TWO_LINK_WEIGHTS": (weights_of, REGULATION),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Return a number when a test imports it: all of them together take seconds."""
-    if name not in _NUMBERS:
-        raise AttributeError(name)
-    number_of, design = _NUMBERS[name]
-    return number_of(design)
-
-
 @cache
 def nominal(system: str) -> AnalyticPlant:
     return MujocoPlant.load(system).analytic()

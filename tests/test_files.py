@@ -9,7 +9,7 @@ import pytest
 from commands import Patch
 
 from grosmc_mj.errors import SetupError
-from grosmc_mj.files import private_cache, written_aside
+from grosmc_mj.files import atomic_write, private_cache
 
 # The number of no user.
 NOBODY = 4_000_000_000
@@ -20,7 +20,7 @@ def test_a_link_at_the_path_is_replaced_and_not_followed(tmp_path: Path) -> None
     elsewhere.write_text("somebody's")
     target = tmp_path / "results.json"
     target.symlink_to(elsewhere)
-    with written_aside(target) as part:
+    with atomic_write(target) as part:
         part.write_text("ours")
     assert not target.is_symlink()
     assert target.read_text() == "ours"
@@ -34,7 +34,7 @@ def test_a_link_at_the_temporary_path_is_an_error(tmp_path: Path, monkeypatch: P
     target.write_text("ours")
     monkeypatch.setattr("grosmc_mj.files.secrets.token_hex", lambda size: "foretold")
     (tmp_path / ".results.foretold.part.json").symlink_to(elsewhere)
-    with pytest.raises(SetupError, match="File exists"), written_aside(target) as part:
+    with pytest.raises(SetupError, match="File exists"), atomic_write(target) as part:
         part.write_text("others")
     assert target.read_text() == "ours"
     assert elsewhere.read_text() == "somebody's"
@@ -42,7 +42,7 @@ def test_a_link_at_the_temporary_path_is_an_error(tmp_path: Path, monkeypatch: P
 
 def test_of_two_writers_the_one_that_ends_last_counts(tmp_path: Path) -> None:
     target = tmp_path / "results.json"
-    with written_aside(target) as first, written_aside(target) as second:
+    with atomic_write(target) as first, atomic_write(target) as second:
         assert first != second
         assert first.parent == second.parent == tmp_path
         first.write_text("first")
@@ -61,7 +61,7 @@ def mask() -> Iterator[None]:
 @pytest.mark.usefixtures("mask")
 def test_a_file_has_the_mode_that_the_user_s_mask_leaves(tmp_path: Path) -> None:
     target = tmp_path / "results.json"
-    with written_aside(target) as part:
+    with atomic_write(target) as part:
         part.write_text("ours")
     assert target.stat().st_mode & 0o777 == 0o640
 
@@ -73,7 +73,7 @@ def test_a_file_has_the_mode_that_the_user_s_mask_leaves(tmp_path: Path) -> None
 def test_an_error_that_is_not_of_its_writing_keeps_its_words(
     tmp_path: Path, error: OSError
 ) -> None:
-    with pytest.raises(type(error)) as raised, written_aside(tmp_path / "results.json"):
+    with pytest.raises(type(error)) as raised, atomic_write(tmp_path / "results.json"):
         raise error
     assert raised.value is error
     assert not list(tmp_path.iterdir())
@@ -87,7 +87,7 @@ def test_an_error_that_is_not_of_its_writing_keeps_its_words(
 def test_an_error_of_its_writing_names_the_file(tmp_path: Path, harm) -> None:
     target = tmp_path / "results.json"
     line = rf"cannot write {target}: No s.*; free the disk"
-    with pytest.raises(SetupError, match=line), written_aside(target) as part:
+    with pytest.raises(SetupError, match=line), atomic_write(target) as part:
         harm(part)
     assert not list(tmp_path.iterdir())
 
@@ -95,7 +95,7 @@ def test_an_error_of_its_writing_names_the_file(tmp_path: Path, harm) -> None:
 def test_a_pipe_is_not_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(SetupError, match="a device, a pipe or a socket"), written_aside(pipe):
+    with pytest.raises(SetupError, match="a device, a pipe or a socket"), atomic_write(pipe):
         pass
     assert pipe.is_fifo()
     assert list(tmp_path.iterdir()) == [pipe]

@@ -13,7 +13,7 @@ import pytest
 from commands import Patch, Screen
 
 import grosmc_mj
-from grosmc_mj.chapter.validation import results_markdown, results_table
+from grosmc_mj.chapter.validation import cases_table, results_markdown
 from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.catalogue import select_experiments
@@ -64,7 +64,7 @@ def document() -> dict[str, Any]:
     """Return the parts of a validation document that the README's table comes from."""
     (experiment,) = select_experiments(["servo"], "case1")
     runs = [experiment.run(plant, "lqr") for plant in ("physics", "corrected")]
-    return {"sheets": [{"table": results_table(runs).model_dump(), "charts": []}]}
+    return {"sheets": [{"table": cases_table(runs).model_dump(), "charts": []}]}
 
 
 @pytest.fixture

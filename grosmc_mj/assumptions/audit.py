@@ -17,7 +17,7 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
@@ -118,7 +118,7 @@ class Audit:
         return [premise for premise in self.premises if not premise.holds]
 
 
-def audit(lab: Laboratory, experiment: Experiment, controller: str = "grosmc") -> Audit:
+def audit(lab: RunCache, experiment: Experiment, controller: str = "grosmc") -> Audit:
     """Compute the premises of a law in an experiment on physics or, where there is none, equations.
 
     Args:

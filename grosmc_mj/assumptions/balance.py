@@ -11,7 +11,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.reaching import Nominal, gain_margin, nominal, times
+from grosmc_mj.control.reaching import NominalLaw, gain_margin, matrix_vector, nominal_law
 from grosmc_mj.control.task import GrosmcParameters
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -146,7 +146,7 @@ def _balances(
 ) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
     design = law.designed
-    by_model = nominal(design, law.parameters, t, x, z)
+    by_model = nominal_law(design, law.parameters, t, x, z)
     dz, pushes, R = by_model.reaching(motion)
 
     # A unit-vector law has one switch for the whole of s, any other law one for each entry.
@@ -173,18 +173,18 @@ def _balances(
     )
 
 
-def _unmatched(law: Controller, by_model: Nominal, z: Array, dz: Array) -> Array:
+def _unmatched(law: Controller, by_model: NominalLaw, z: Array, dz: Array) -> Array:
     """The part of z' that no input could have made, where the law's model differs from it."""
     design = law.designed
     if not isinstance(design.error, StateCoordinates):
         return design.error.unmatched(z, dz)
     A = design.lqr.A
     B = design.lqr.B
-    mismatch = dz - times(A, z) - times(B, by_model.v_0)
-    return mismatch - times(B @ np.linalg.pinv(B), mismatch)
+    mismatch = dz - matrix_vector(A, z) - matrix_vector(B, by_model.v_0)
+    return mismatch - matrix_vector(B @ np.linalg.pinv(B), mismatch)
 
 
-def switching_rate(p: Any, law: Nominal) -> Array:
+def switching_rate(p: Any, law: NominalLaw) -> Array:
     """Switching rate rho of a law at N states, eqs. (12), (37) and (55), its term in s'.
 
     Args:

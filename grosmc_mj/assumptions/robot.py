@@ -29,7 +29,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.robots.coordinates import RobotCoordinates
@@ -45,7 +45,7 @@ def is_robots(result: RunResult) -> bool:
     return result.true is not None and not result.trajectory.system.symbolic
 
 
-def audit_of(lab: Laboratory, experiment: Experiment, controller: str) -> Audit:
+def audit_of(lab: RunCache, experiment: Experiment, controller: str) -> Audit:
     """The premises of a law in an experiment, of a robot or of a plant with equations.
 
     Raises:

@@ -38,7 +38,7 @@ def record_expected(results: Iterable[RunResult]) -> None:
     write_json(EXPECTED_FILE, {"settings": settings, "runs": dict(sorted(runs.items()))})
 
 
-def differences(results: Sequence[RunResult]) -> list[str]:
+def unexpected_results(results: Sequence[RunResult]) -> list[str]:
     """Return one line for each result that is not as recorded."""
     recorded = load_expected()["runs"]
     lines = []

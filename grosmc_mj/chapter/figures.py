@@ -14,10 +14,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves import shade_disturbances
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import PlantName, RunResult
 from grosmc_mj.plants import find_system
-from grosmc_mj.results.figure import TITLE_SIZE, figure_written, labelled_below
+from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below, figure_written
 from grosmc_mj.results.palette import (
     COLOURS,
     LINES,
@@ -39,7 +39,7 @@ _CHATTER: Mapping[str, Mapping[str, Any]] = {
 Runs = Mapping[tuple[str, str], RunResult]
 
 
-class Panel(NamedTuple):
+class CurvePanel(NamedTuple):
     """Curves of runs over time, physics thick and the equations thin on top.
 
     Attributes:
@@ -125,8 +125,8 @@ def _curve(name: str, result: RunResult) -> tuple[Array, Array]:
 
 
 def claim_panel(
-    lab: Laboratory, system: str, panel: str, case: str, laws: Sequence[str] = ()
-) -> tuple[Panel, Runs]:
+    lab: RunCache, system: str, panel: str, case: str, laws: Sequence[str] = ()
+) -> tuple[CurvePanel, Runs]:
     """Return a panel of one case that shows a claim, and its runs.
 
     Args:
@@ -138,12 +138,12 @@ def claim_panel(
     """
     output = find_system(system).positions[find_system(system).output]
     panels = {
-        "output": Panel(f"{output.name} {output.symbol} [{output.unit}]", "output"),
-        "close-up": Panel("error, in thousandths", "error", limit=0.6),
-        "deviation": Panel("distance from the optimum, in thousandths", "deviation"),
-        "cart": Panel("cart position p [m]", "cart"),
-        "s": Panel("s, in thousandths", "s", ("grosmc",), _CHATTER),
-        "u": Panel("input", "input", ("grosmc",), _CHATTER),
+        "output": CurvePanel(f"{output.name} {output.symbol} [{output.unit}]", "output"),
+        "close-up": CurvePanel("error, in thousandths", "error", limit=0.6),
+        "deviation": CurvePanel("distance from the optimum, in thousandths", "deviation"),
+        "cart": CurvePanel("cart position p [m]", "cart"),
+        "s": CurvePanel("s, in thousandths", "s", ("grosmc",), _CHATTER),
+        "u": CurvePanel("input", "input", ("grosmc",), _CHATTER),
     }
     chosen = panels[panel]
     if laws:
@@ -156,14 +156,14 @@ def claim_panel(
     return chosen, runs
 
 
-def _stacked(panels: Sequence[Panel], figure: Figure, runs: Runs) -> None:
+def _stacked(panels: Sequence[CurvePanel], figure: Figure, runs: Runs) -> None:
     """Draw panels over the time of a case, one below the other, with one legend."""
     rows = list(figure.subplots(len(panels), 1, sharex=True))
     for axes, panel in zip(rows, panels, strict=True):
         panel.draw(axes, runs)
         shade_disturbances(axes, runs["physics", "grosmc"].case)
     rows[-1].set_xlabel("time t [s]")
-    labelled_below(figure, rows)
+    draw_legend_below(figure, rows)
 
 
 def _tracking(figure: Figure, runs: Runs) -> None:
@@ -197,10 +197,10 @@ def _tracking(figure: Figure, runs: Runs) -> None:
     distance.set_yscale("symlog", linthresh=1.0)
     distance.set(xlabel="time t [s]", ylabel="|h(x) − y*| as believed [mm]")
     distance.set(xlim=(0, float(comparison.time[-1])), ylim=(0, None))
-    labelled_below(figure, (plane, distance), columns=4)
+    draw_legend_below(figure, (plane, distance), columns=4)
 
 
-class Picture(NamedTuple):
+class CaseFigure(NamedTuple):
     """One figure of a case.
 
     Attributes:
@@ -221,104 +221,104 @@ class Picture(NamedTuple):
 _PLANTS: Sequence[PlantName] = ("physics", "corrected")
 _VARIATION_LAWS = ("lqr", "fl-lqr", "grosmc")
 _SERVO_PANELS = (
-    Panel("rotor angle θ [rad]", "output", dotted=("optimum", "nominal optimum x*")),
-    Panel("x₁ − x₁* [mrad]", "deviation", both_scales=True),
+    CurvePanel("rotor angle θ [rad]", "output", dotted=("optimum", "nominal optimum x*")),
+    CurvePanel("x₁ − x₁* [mrad]", "deviation", both_scales=True),
 )
 _VARIATION_PANELS = (
-    Panel(
+    CurvePanel(
         "pole angle θ [rad]",
         "output",
         _VARIATION_LAWS,
         dotted=("optimum", "nominal optimum of GROSMC"),
     ),
-    Panel("θ − θ* of each law [mrad]", "deviation", _VARIATION_LAWS, both_scales=True),
+    CurvePanel("θ − θ* of each law [mrad]", "deviation", _VARIATION_LAWS, both_scales=True),
 )
 _DISTURBANCE_PANELS = (
-    Panel("pole angle θ [rad]", "output"),
-    Panel("close-up: θ [mrad]", "error", limit=0.6),
+    CurvePanel("pole angle θ [rad]", "output"),
+    CurvePanel("close-up: θ [mrad]", "error", limit=0.6),
 )
 _SLIDING_PANELS = (
-    Panel("s [mrad/s]", "s", ("grosmc",), {"physics": _CHATTER["physics"]}),
-    Panel("s [mrad/s]", "s", ("grosmc",), {"corrected": _CHATTER["corrected"]}),
+    CurvePanel("s [mrad/s]", "s", ("grosmc",), {"physics": _CHATTER["physics"]}),
+    CurvePanel("s [mrad/s]", "s", ("grosmc",), {"corrected": _CHATTER["corrected"]}),
 )
 _ARM_POSITION_PANELS = (
-    Panel("joint angle q [rad]", "output", dotted=("reference", "reference")),
-    Panel("error [rad]", "e1"),
+    CurvePanel("joint angle q [rad]", "output", dotted=("reference", "reference")),
+    CurvePanel("error [rad]", "e1"),
 )
 _ARM_RATE_PANELS = (
-    Panel("joint rate q̇ [rad/s]", "rate", dotted=("reference rate", "reference")),
-    Panel("error [rad/s]", "e2"),
+    CurvePanel("joint rate q̇ [rad/s]", "rate", dotted=("reference rate", "reference")),
+    CurvePanel("error [rad/s]", "e2"),
 )
 _ARM_TORQUE_PANELS = (
-    Panel("torque τ [N m]", "input", ("grosmc",), _CHATTER),
-    Panel("torque τ [N m]", "input", ("lqr",)),
+    CurvePanel("torque τ [N m]", "input", ("grosmc",), _CHATTER),
+    CurvePanel("torque τ [N m]", "input", ("lqr",)),
 )
 
 PICTURES = (
-    Picture(
+    CaseFigure(
         name="fig1_servo_load_torque",
         title="Fig. 1  Servo, case 1: load torque of 1 N m",
         system="servo",
         case="case1",
         draw=partial(_stacked, _SERVO_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig2_servo_inertia",
         title="Fig. 2  Servo, case 2: three times the inertia",
         system="servo",
         case="case2",
         draw=partial(_stacked, _SERVO_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig3_pendulum_variation",
         title="Fig. 3  Cart-pendulum, case 1: four times the mass and the length",
         system="cart_pendulum",
         case="case1",
         draw=partial(_stacked, _VARIATION_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig4_pendulum_disturbance",
         title="Fig. 4  Cart-pendulum, case 2: d(t) = 0.01 sin 2t rad/s² from t = 9 s",
         system="cart_pendulum",
         case="case2",
         draw=partial(_stacked, _DISTURBANCE_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig5_pendulum_sliding",
         title="Fig. 5  Cart-pendulum, case 1: the switching function",
         system="cart_pendulum",
         case="case1",
         draw=partial(_stacked, _SLIDING_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig6_arm_position",
         title="Fig. 6  Arm, case 1: tracking of the joint angle",
         system="arm",
         case="case1",
         draw=partial(_stacked, _ARM_POSITION_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig7_arm_rate",
         title="Fig. 7  Arm, case 1: tracking of the joint rate",
         system="arm",
         case="case1",
         draw=partial(_stacked, _ARM_RATE_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="fig8_arm_torque",
         title="Fig. 8  Arm, case 1: the control input",
         system="arm",
         case="case1",
         draw=partial(_stacked, _ARM_TORQUE_PANELS),
     ),
-    Picture(
+    CaseFigure(
         name="two_link_disturbance",
         title="Two-link arm, case 1: a circle under forces on tip and link",
         system="two_link_arm",
         case="case1",
         draw=_tracking,
     ),
-    Picture(
+    CaseFigure(
         name="two_link_variation",
         title="Two-link arm, case 2: 1 kg at the tip, links 5 % longer than believed\n"
         "(above the true tip, below what the law regulates)",
@@ -329,7 +329,7 @@ PICTURES = (
 )
 
 
-def drawable(selected: Sequence[Case]) -> list[Picture]:
+def drawable(selected: Sequence[Case]) -> list[CaseFigure]:
     """Return the figures that these cases suffice for."""
     cases = {(case.system, case.name) for case in selected}
     return [picture for picture in PICTURES if (picture.system, picture.case) in cases]

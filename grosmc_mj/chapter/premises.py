@@ -9,7 +9,7 @@ from typing import Any
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, CellChart, Sheet, Value, result
+from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, CellChart, ReportTable, Value, result
 from grosmc_mj.results.tables import Column, Table, number, numbers, table, text, verdicts, words
 
 
@@ -25,8 +25,8 @@ def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, An
             cells[f"{case}, {audit.controller}", premise.name] = _cell(premise)
 
     chart = CellChart.of("premises", cells, 2.0)
-    sheets = [Sheet(table=failures_table(audits), charts=[chart])]
-    sheets += [Sheet(table=audit_table(audit)) for audit in audits]
+    sheets = [ReportTable(table=failures_table(audits), charts=[chart])]
+    sheets += [ReportTable(table=audit_table(audit)) for audit in audits]
     return result(
         "premises",
         asdict(settings),

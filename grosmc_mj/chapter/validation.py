@@ -19,12 +19,21 @@ from grosmc_mj.chapter.claims.results import (
 )
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.document import run_document, standings
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import Metric, tolerance_of
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet, Standing, Value, result
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    ReportTable,
+    StudyVerdict,
+    Value,
+    result,
+)
 from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.sweep.agreement import Agreement, agreement_table, disagreements
 
@@ -65,7 +74,7 @@ class Validation:
 
     def compare(self) -> None:
         """Compare with the record, once everything is computed."""
-        self.differing = expected_results.differences(self.results)
+        self.differing = expected_results.unexpected_results(self.results)
         self.complete = True
 
     @property
@@ -95,7 +104,7 @@ class Validation:
             sentence += f" All {len(self.findings)} verdicts of the claims are as expected."
         return sentence
 
-    def document(self, lab: Laboratory) -> dict[str, Any]:
+    def document(self, lab: RunCache) -> dict[str, Any]:
         """Return the content of validation.json."""
         differences = self.differences
         configuration = asdict(lab.settings)
@@ -129,17 +138,17 @@ class Validation:
             more=counts_words(self.findings),
         )
 
-    def _sheets(self) -> list[Sheet]:
+    def _sheets(self) -> list[ReportTable]:
         tables = [
             systems_table(self),
             deviations_table(self.results),
-            results_table(self.results),
+            cases_table(self.results),
         ]
         if self.agreements:
             tables.append(agreement_table(self.agreements))
-        return [Sheet(table=rows) for rows in tables] + claims_sheets(self.findings)
+        return [ReportTable(table=rows) for rows in tables] + claims_sheets(self.findings)
 
-    def _standings(self) -> Iterator[Standing]:
+    def _standings(self) -> Iterator[StudyVerdict]:
         """Standing of each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
         differing = {line.partition(": ")[0] for line in self.differing}
@@ -155,13 +164,13 @@ class Validation:
 
     def _by_record(
         self, target: str, run: RunResult, recorded: Mapping[str, Any], differing: set[str]
-    ) -> Standing:
+    ) -> StudyVerdict:
         """Standing of a law by its run in MuJoCo: its deviation beside the recorded one."""
         before = None
         if run.key in recorded:
             before = recorded[run.key]["metrics"].get("deviation")
         now = _cell(run.metrics["deviation"])
-        return Standing(
+        return StudyVerdict(
             case=target,
             law=run.controller.name,
             breaks_at="record" if run.key in differing else "",
@@ -263,7 +272,7 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
     return table(title, [*words("case"), *numbers(*laws)], rows)
 
 
-def results_table(results: Sequence[RunResult]) -> Table:
+def cases_table(results: Sequence[RunResult]) -> Table:
     """Return the table of the runs in MuJoCo."""
     rows = []
     for run in results:

@@ -21,7 +21,13 @@ from typing import Any
 
 from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
-from grosmc_mj.errors import NEXT, GrosmcError, ImplausibleWarning, one_line, shown
+from grosmc_mj.errors import (
+    MISTAKE_SEPARATOR,
+    GrosmcError,
+    ImplausibleWarning,
+    one_line,
+    value_text,
+)
 
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
@@ -70,11 +76,13 @@ def _exit_code(arguments: Sequence[str], debug: bool) -> int:
         return _complain(str(error))
     except OSError as error:
         _trace(debug)
-        return _complain(f"{shown(error.filename or 'output', str)}: {error.strerror or error}")
+        return _complain(
+            f"{value_text(error.filename or 'output', str)}: {error.strerror or error}"
+        )
     # A defect of ours: one line too, for whoever runs this in a script.
     except Exception as error:
         _trace(debug)
-        message = f"unforeseen {type(error).__name__}: {shown(error, str)}"
+        message = f"unforeseen {type(error).__name__}: {value_text(error, str)}"
         if not debug:
             message += f"; {_DEBUG} shows where"
         return _complain(message)
@@ -82,10 +90,10 @@ def _exit_code(arguments: Sequence[str], debug: bool) -> int:
 
 def _complain(message: str) -> int:
     """Say in one line what was wrong, or each mistake in a line; returns the exit code."""
-    lines = [_printable(line) for line in message.split(NEXT)]
+    lines = [_printable(line) for line in message.split(MISTAKE_SEPARATOR)]
     # Whoever closed standard error does not want to know.
     with contextlib.suppress(OSError, ValueError):
-        print(f"{PROGRAM}: {NEXT.join(lines)}", file=sys.stderr, flush=True)
+        print(f"{PROGRAM}: {MISTAKE_SEPARATOR.join(lines)}", file=sys.stderr, flush=True)
     return WRONG
 
 

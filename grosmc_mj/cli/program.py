@@ -18,7 +18,7 @@ from tyro.conf import subcommand
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, Studies
 from grosmc_mj.cli.output import PROGRAM
-from grosmc_mj.errors import ArgumentError, SetupError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, SetupError, unknown_name, value_text
 from grosmc_mj.films.offscreen import without_graphics
 
 # The format of ``run --save`` without one.
@@ -192,10 +192,10 @@ def _unknown(path: Sequence[str], command: _Node, token: str) -> str:
     if not token.startswith("-"):
         if isinstance(command, Mapping):
             return unknown_name("command", token, command)
-        return f"unexpected argument {shown(token)}"
+        return f"unexpected argument {value_text(token)}"
 
     options = [] if isinstance(command, Mapping) else _options(command)
-    sentence = f"unknown option {shown(token, str)}"
+    sentence = f"unknown option {value_text(token, str)}"
     near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
     if near:
         sentence += f": did you mean {near[0]}?"

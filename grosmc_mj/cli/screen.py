@@ -173,10 +173,10 @@ def say_result(
 
 def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
     """Print the tables of a result's document: all, or the first ones, cut to a screen."""
-    from grosmc_mj.results.result import Sheet
+    from grosmc_mj.results.result import ReportTable
 
     for sheet in content["sheets"][:brief]:
-        table = Sheet.model_validate(sheet).table
+        table = ReportTable.model_validate(sheet).table
         if not table.rows:
             continue
         if brief is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, value_text
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -45,7 +45,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
 
     if target.endswith(_FILE):
         raise ArgumentError(
-            f"{shown(target, str)}: validate compares with results that are recorded for "
+            f"{value_text(target, str)}: validate compares with results that are recorded for "
             "SYSTEM/CASE, such as arm/case1; what a file requires is judged by grosmc-mj run"
         )
 

@@ -23,7 +23,7 @@ from grosmc_mj.comparison.intervals import (
     same_plants_rate,
 )
 from grosmc_mj.errors import ArgumentError, one_line
-from grosmc_mj.sweep.findings import Basis
+from grosmc_mj.sweep.findings import SampledRuns
 from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
@@ -47,7 +47,7 @@ class CampaignRows:
     name: str
     rows: Mapping[str, Mapping[str, Array]]
     plants: Mapping[str, Array]
-    basis: Basis
+    basis: SampledRuns
 
     @property
     def margins(self) -> Mapping[str, tuple[str, str]]:
@@ -102,7 +102,7 @@ def _read_rows(folder: Path, configuration: Mapping[str, Any]) -> CampaignRows:
         rows[law] = {name: np.asarray(runs[name], float) for name in columns}
         plants[law] = np.array([runs[name] for name in configuration["uncertain"]], float).T
 
-    basis = Basis(
+    basis = SampledRuns(
         runs=len(table) // len(rows),
         planned=int(configuration["runs"]),
         sampler=str(configuration["sampler"]),
@@ -163,7 +163,7 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
     """Return the changes of pass rates and mean margins, and how many both campaigns have."""
     before = old.margins
     after = new.margins
-    changes = [gone_or_new(name, gone=name in before) for name in before.keys() ^ after.keys()]
+    changes = [one_sided_change(name, gone=name in before) for name in before.keys() ^ after.keys()]
 
     compared = 0
     for name, (law, column) in before.items():
@@ -176,7 +176,7 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
     return changes, compared
 
 
-def gone_or_new(name: str, *, gone: bool) -> Change:
+def one_sided_change(name: str, *, gone: bool) -> Change:
     """Return the change of a campaign or a margin that one side lacks: worse if it is gone."""
     if gone:
         return Change("campaign", name, "there", None, Effect.WORSE, note=GONE)

@@ -11,14 +11,14 @@ from grosmc_mj.comparison.campaigns import (
     campaign_changes,
     campaign_folders,
     campaign_rows,
-    gone_or_new,
+    one_sided_change,
 )
 from grosmc_mj.comparison.changes import Change, Effect, changes
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.page.reading import Document, read_results
-from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, Sheet, result
+from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
-from grosmc_mj.sweep.store import flat
+from grosmc_mj.sweep.store import leaves
 
 # Fields of a document that say what it was made from.
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
@@ -81,7 +81,7 @@ def compare(old: Path, new: Path) -> ResultComparison:
         listed += in_campaign
         compared += compared_in_campaign
     on_one_side = old_campaigns.keys() ^ new_campaigns.keys()
-    listed += [gone_or_new(key, gone=key in old_campaigns) for key in on_one_side]
+    listed += [one_sided_change(key, gone=key in old_campaigns) for key in on_one_side]
 
     if compared == 0:
         for side in (before, after):
@@ -122,14 +122,14 @@ def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
     """Return what the oldest document of each kind was made from, by kind and key."""
     sources: dict[tuple[str, str], Any] = {}
     for document in reversed(documents):
-        for key, value in flat(document.content.model_dump(include=_SOURCES)):
+        for key, value in leaves(document.content.model_dump(include=_SOURCES)):
             if value is not None:
                 sources[document.kind, key] = value
     return sources
 
 
 def _source(value: Any) -> str:
-    return shown("nothing" if value is None else value, str)
+    return value_text("nothing" if value is None else value, str)
 
 
 def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
@@ -144,7 +144,7 @@ def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
         "diff",
         None,
         answers=[_answer(comparison)],
-        sheets=[Sheet(table=table("What changed", columns, rows))],
+        sheets=[ReportTable(table=table("What changed", columns, rows))],
         old=str(comparison.old),
         new=str(comparison.new),
         compared=comparison.compared,

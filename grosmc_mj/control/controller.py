@@ -21,14 +21,14 @@ from grosmc_mj.control.coordinates.base import (
     regulated_outputs,
 )
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.law import Law, around, writing
+from grosmc_mj.control.law import Law, wrapped, writing
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.switching import SwitchingTerm
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.fields import Is, Name, checked_call
 from grosmc_mj.jitable import jitable
-from grosmc_mj.records import extended
+from grosmc_mj.records import with_fields
 
 if TYPE_CHECKING:
     from grosmc_mj.loop.controllers import AppliedLoop
@@ -111,13 +111,15 @@ class Controller:
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
         if not callable(self.law):
-            raise ArgumentError(f"{self.name}: law = {shown(self.law)} must be a function")
+            raise ArgumentError(f"{self.name}: law = {value_text(self.law)} must be a function")
         if not callable(self.memory):
-            raise ArgumentError(f"{self.name}: memory = {shown(self.memory)} must be a function")
+            raise ArgumentError(
+                f"{self.name}: memory = {value_text(self.memory)} must be a function"
+            )
         require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
         if self.loop is not None and not hasattr(self.loop, "timestep"):
             raise ArgumentError(
-                f"{self.name}: loop = {shown(self.loop)} must be None; in_loop(...) sets it"
+                f"{self.name}: loop = {value_text(self.loop)} must be None; in_loop(...) sets it"
             )
         object.__setattr__(self, "law", writing(self.law))
 
@@ -212,7 +214,9 @@ def custom_controller(
         ArgumentError: If ``like`` has no optimum, or a name or a value cannot be a field.
     """
     if not callable(law):
-        raise ArgumentError(f"{name}: law = {shown(law)} must be a function (t, x, memory, p, u)")
+        raise ArgumentError(
+            f"{name}: law = {value_text(law)} must be a function (t, x, memory, p, u)"
+        )
     design = like.designed
     numbers = numbers or {}
     memory = memory or {}
@@ -230,7 +234,7 @@ def custom_controller(
     for key, value in memory.items():
         initial[key] = _initial_value(key, value)
 
-    parameters = extended(
+    parameters = with_fields(
         Sampled(),
         plant=like.parameters.plant,
         reference=like.parameters.reference,
@@ -264,7 +268,7 @@ def _initial_value(name: str, value: Any) -> float | Array:
     """Value of a field of memory as a run begins: a float, or an array of floats."""
     entries = reals(value)
     if not np.all(np.isfinite(entries)):
-        raise ArgumentError(f"memory: {name} = {shown(value)} must be finite")
+        raise ArgumentError(f"memory: {name} = {value_text(value)} must be finite")
     if entries.ndim == 0:
         return float(entries)
     return entries
@@ -292,4 +296,4 @@ def _noting(law: Callable[..., Any], virtual_input: InputMap) -> Law:
         inner(t, x, memory, p, u)
         virtual_input(t, x, u, memory, p, memory.v)
 
-    return around(noting, law)
+    return wrapped(noting, law)

@@ -15,7 +15,7 @@ from grosmc_mj.control import laws
 from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.lqr import LqrDesign, priced
+from grosmc_mj.control.lqr import LqrDesign, design_of_gain
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.surface import surface_matrix, surface_rates
 from grosmc_mj.control.task import AS_PRINTED, GrosmcParameters, Limit, Realization, Task
@@ -25,9 +25,9 @@ from grosmc_mj.fields import Is, Name, Positive, Range, checked_call
 
 # Share of the room that an actuator's limits leave which the nominal input may take; the switching
 # term has the remainder. With 0.8 dm_control's cart-pole falls from 30 degrees.
-SHARE = 0.9
+NOMINAL_INPUT_SHARE = 0.9
 # No uncertainty beside the default reaching rate.
-CERTAIN = StateUncertainty()
+NO_UNCERTAINTY = StateUncertainty()
 
 
 @checked_call
@@ -72,7 +72,7 @@ def computed_torque_pd(
 
     gains_of_output = [[frequency**2, 2 * damping * frequency]]
     K = np.kron(np.eye(task.error.inputs), gains_of_output)
-    nominal = priced(chains.A, chains.B, task.Q, task.R, K)
+    nominal = design_of_gain(chains.A, chains.B, task.Q, task.R, K)
     return _feedback(
         "pd",
         task,
@@ -144,7 +144,7 @@ def tracking_grosmc(
 @checked_call
 def state_grosmc(
     task: Task,
-    uncertainty: StateUncertainty = CERTAIN,
+    uncertainty: StateUncertainty = NO_UNCERTAINTY,
     G: ArrayLike | None = None,
     limit: Limit | None = None,
 ) -> Controller:
@@ -177,7 +177,7 @@ def _room_of_actuators(task: Task) -> float:
     low, high = task.plant.input_limits
     u_e = task.reference.u
     least = float(np.min([high - u_e, u_e - low]))
-    room = SHARE * least
+    room = NOMINAL_INPUT_SHARE * least
     if not room > 0:
         raise GainError(f"the actuator's limits leave a room of {room:g} about the operating point")
     return room

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.jitable import compiled_as, is_own, jitable, source_of
+from grosmc_mj.jitable import compiled_as, is_users_function, jitable, source_of
 
 # (t, x, memory, p, u), or (t, x, memory, p) -> u of the user's own.
 Law = Callable[..., Any]
@@ -34,7 +34,7 @@ class NoInputsError(TypeError):
         self.expected = expected
 
 
-def around(wrapper: Any, law: Any) -> Law:
+def wrapped(wrapper: Any, law: Any) -> Law:
     """Mark a law as one that calls another law, and return it.
 
     Args:
@@ -69,9 +69,9 @@ def writing(law: Callable[..., Any]) -> Law:
     law = source_of(law)
     inner = jitable(law)
     if not _takes_inputs(law):
-        return around(_returning(inner), law)
-    if is_own(law):
-        return around(_checked(inner), law)
+        return wrapped(_returning(inner), law)
+    if is_users_function(law):
+        return wrapped(_checked(inner), law)
     return law
 
 

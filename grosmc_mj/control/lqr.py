@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GainError, shown
+from grosmc_mj.errors import ArgumentError, GainError, value_text
 
 
 class LqrDesign(NamedTuple):
@@ -115,7 +115,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     return design
 
 
-def priced(
+def design_of_gain(
     A: Array,
     B: Array,
     Q: ArrayLike,
@@ -189,7 +189,7 @@ def _require_matrix(
 ) -> None:
     """Refuse a matrix with entries that are not finite, or of another shape."""
     if not np.all(np.isfinite(matrix)):
-        raise GainError(f"LQR: {name} = {shown(argument)} must be a matrix of finite numbers")
+        raise GainError(f"LQR: {name} = {value_text(argument)} must be a matrix of finite numbers")
     if matrix.shape != shape:
         raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
 

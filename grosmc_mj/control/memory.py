@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.records import extended
+from grosmc_mj.records import with_fields
 
 
 @dataclass
@@ -82,4 +82,4 @@ def memory_of(m: int, n: int = 0, **initial: float | Array) -> Callable[[], Any]
 def _new_memory(kind: Any, arrays: dict[str, Any], initial: dict[str, Any]) -> Any:
     """Memory with arrays and further fields of its own: no run may share them with another."""
     memory = kind(**deepcopy(arrays))
-    return extended(memory, **deepcopy(initial))
+    return with_fields(memory, **deepcopy(initial))

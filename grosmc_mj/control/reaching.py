@@ -33,7 +33,7 @@ class Reaching(NamedTuple):
     R: Array
 
 
-class Nominal(NamedTuple):
+class NominalLaw(NamedTuple):
     """A law at N states, by its own model of the plant.
 
     Attributes:
@@ -64,19 +64,19 @@ class Nominal(NamedTuple):
             motion: drift (N, n) and gain (N, n, m), as ``error.error_dynamics`` gives them.
         """
         drift, gain = motion
-        dz = drift + times(gain, self.u_c)
-        push = times(self.G, dz) - self.drift
+        dz = drift + matrix_vector(gain, self.u_c)
+        push = matrix_vector(self.G, dz) - self.drift
         R = self.G @ gain @ np.linalg.inv(self.GE)
         return Reaching(dz, push, R)
 
 
-def nominal(
+def nominal_law(
     design: Design,
     p: Any,
     t: Sequence[float],
     x: Array,
     z: Array,
-) -> Nominal:
+) -> NominalLaw:
     """Law at many states by its own model: u_c = E^-1 (v_0 - alpha), or v_0 of a linear law.
 
     Args:
@@ -89,17 +89,17 @@ def nominal(
     optimum = design.lqr
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
     limit = getattr(p, "limit", math.inf)
-    unlimited = -times(p.K, z)
+    unlimited = -matrix_vector(p.K, z)
     v_0 = np.clip(unlimited, -limit, limit)
 
     GB = G @ optimum.B
-    drift = times(G @ optimum.closed_loop, z) + times(GB, v_0 - unlimited)
+    drift = matrix_vector(G @ optimum.closed_loop, z) + matrix_vector(GB, v_0 - unlimited)
 
     u_c, E, GE = _inputs(design, p, t, x, v_0, G)
     m = len(G)
     E = np.broadcast_to(E, (len(z), m, m))
     GE = np.broadcast_to(GE, (len(z), m, m))
-    return Nominal(G, z, v_0, u_c, E, GE, drift)
+    return NominalLaw(G, z, v_0, u_c, E, GE, drift)
 
 
 def _inputs(
@@ -121,7 +121,7 @@ def _inputs(
     return columns[..., 0], E, G[:, rows] @ E
 
 
-def times(matrix: Array, vector: Array) -> Array:
+def matrix_vector(matrix: Array, vector: Array) -> Array:
     """Product of a matrix (..., i, j) and a vector (..., j), or of many of them."""
     return np.einsum("...ij,...j->...i", matrix, vector)
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
-from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, PremiseError, value_text
 from grosmc_mj.fields import Items, Range, checked_call
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.equations import Expressions
@@ -47,7 +47,7 @@ def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunctio
         PremiseError: If there is not one degree for each output.
     """
     if not all(1 <= degree <= _HIGHEST for degree in degrees):
-        raise ArgumentError(f"degrees = {shown(degrees)} must be from 1 to {_HIGHEST}")
+        raise ArgumentError(f"degrees = {value_text(degrees)} must be from 1 to {_HIGHEST}")
     if len(outputs) != len(degrees):
         raise PremiseError(
             f"{len(outputs)} outputs with relative degrees {degrees}: give one degree each"
@@ -59,7 +59,7 @@ def reference(outputs: Expressions, degrees: Degrees = (2,)) -> ReferenceFunctio
             rows += _derivatives(output, degree)
     # sympy raises these for numbers beyond all bounds.
     except (ArithmeticError, TypeError, RecursionError) as error:
-        raise ArgumentError(f"outputs = {shown(outputs)} cannot be differentiated") from error
+        raise ArgumentError(f"outputs = {value_text(outputs)} cannot be differentiated") from error
 
     places: dict[Any, str] = {}
     for row in rows:

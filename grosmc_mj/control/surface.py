@@ -12,7 +12,7 @@ from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import row_times
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.errors import GainError, value_text
 from grosmc_mj.jitable import jitable
 
 
@@ -105,7 +105,7 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     projection = np.linalg.pinv(B) if G is None else np.atleast_2d(reals(G))
     if projection.shape != B.T.shape or not np.all(np.isfinite(projection)):
         rows, columns = B.T.shape
-        raise GainError(f"G = {shown(G)} must be {rows} x {columns} finite numbers")
+        raise GainError(f"G = {value_text(G)} must be {rows} x {columns} finite numbers")
 
     GB = projection @ B
     least = np.linalg.svd(GB, compute_uv=False).min()

@@ -17,8 +17,8 @@ from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates, r
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.switching import Switching, SwitchingNumbers, find_switching
-from grosmc_mj.errors import GainError, shown
-from grosmc_mj.fields import Is, Range, checked, checked_call, refused
+from grosmc_mj.errors import GainError, value_text
+from grosmc_mj.fields import Is, Range, checked, checked_call, refusal
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
 
@@ -85,7 +85,7 @@ def _matrix(value: Any) -> Array:
     """Array of finite numbers."""
     entries = reals(value)
     if not np.all(np.isfinite(entries)):
-        raise refused("a matrix of finite numbers")
+        raise refusal("a matrix of finite numbers")
     return entries
 
 
@@ -191,7 +191,7 @@ class Task:
 def _require_weight(name: str, weight: ArrayLike, size: int) -> None:
     """Refuse a weight that is neither a number nor a matrix of this size."""
     if np.shape(weight) not in ((), (size, size)):
-        raise GainError(f"{name} = {shown(weight)} must be a {size} x {size} matrix")
+        raise GainError(f"{name} = {value_text(weight)} must be a {size} x {size} matrix")
 
 
 # One object for each system: laws are compiled once for each object of error coordinates.

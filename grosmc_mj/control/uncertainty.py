@@ -19,16 +19,16 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Design
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.reaching import (
-    Nominal,
+    NominalLaw,
     Reaching,
     gain_margin,
+    matrix_vector,
     mismatch,
-    nominal,
+    nominal_law,
     sliding_dynamics,
-    times,
 )
-from grosmc_mj.errors import GainError, shown
-from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked, refused
+from grosmc_mj.errors import GainError, value_text
+from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked, refusal
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
@@ -44,13 +44,13 @@ _ROUNDING = 1e-9
 def _scales(value: Any) -> dict[str, Any]:
     """Ranges of scales by the names of parameters."""
     if not isinstance(value, Mapping):
-        raise refused("a table with the range [least, largest] of each parameter, by its name")
+        raise refusal("a table with the range [least, largest] of each parameter, by its name")
 
     ranges: dict[str, Any] = {}
     for name, ends in value.items():
         numbers = tuple(np.ravel(reals(ends)).tolist())
         if len(numbers) != 2 or not 0 < numbers[0] <= numbers[1] < math.inf:
-            raise refused(f"ranges [least, largest] above 0, unlike {name} = {shown(ends)}")
+            raise refusal(f"ranges [least, largest] above 0, unlike {name} = {value_text(ends)}")
         ranges[str(name)] = numbers
     return ranges
 
@@ -59,7 +59,7 @@ def _region(value: Any) -> tuple[float, ...]:
     """Bounds of the error state."""
     bounds = reals(value)
     if bounds.ndim != 1 or not np.all((bounds > 0) & (bounds < math.inf)):
-        raise refused("finite and positive bounds")
+        raise refusal("finite and positive bounds")
     return tuple(bounds.tolist())
 
 
@@ -106,7 +106,7 @@ class GainSuprema:
     in Euclidean norms, so that they hold for a term along s/|s| as well as for one in each entry.
     """
 
-    def __init__(self, name: str, law: Nominal) -> None:
+    def __init__(self, name: str, law: NominalLaw) -> None:
         """Begin with no plant.
 
         Args:
@@ -220,7 +220,7 @@ class Uncertainty:
         z = self._error_states(error.size)
         x = np.array([error.place(0.0, state, p) for state in z])
         t = [0.0] * len(z)
-        law = nominal(design, p, t, x, z)
+        law = nominal_law(design, p, t, x, z)
 
         suprema = GainSuprema(error.system.name, law)
         for scales in self._grid_of_scales():
@@ -251,7 +251,7 @@ class Uncertainty:
     def _disturbed(
         self,
         error: Any,
-        law: Nominal,
+        law: NominalLaw,
         x: Array,
         p: Any,
         plant: Plant,
@@ -262,7 +262,7 @@ class Uncertainty:
             if component.any():
                 w = np.tile(component, (len(x), 1))
                 dz = error.disturbances(x, p, plant, w)
-                disturbed += np.abs(times(law.G, dz))
+                disturbed += np.abs(matrix_vector(law.G, dz))
         return disturbed
 
     def _description(self, gains: SwitchingGains) -> str:
@@ -379,7 +379,7 @@ class StateUncertainty:
         n = len(optimum.A)
         z = np.vstack([np.zeros(n), np.eye(n)])
         t = [0.0] * len(z)
-        law = nominal(design, p, t, z, z)
+        law = nominal_law(design, p, t, z, z)
 
         suprema = GainSuprema(plant.system.name, law)
         slowest_pole = -math.inf

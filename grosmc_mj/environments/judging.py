@@ -20,7 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.policies import policy_controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import find_system
@@ -77,7 +77,7 @@ def judge_policy(
     return findings
 
 
-class _PolicyLaboratory(Laboratory):
+class _PolicyLaboratory(RunCache):
     """Runs with a policy in the place of the sliding mode law."""
 
     def __init__(self, settings: Settings, policy: Any) -> None:

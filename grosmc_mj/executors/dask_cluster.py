@@ -23,7 +23,7 @@ from distributed.comm import connect
 from distributed.utils import silence_logging_cmgr
 from distributed.versions import VersionMismatchWarning
 
-from grosmc_mj.child_processes import interrupts_held
+from grosmc_mj.child_processes import shielded_from_interrupts
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors.pools import (
     ATTEMPTS,
@@ -180,7 +180,7 @@ def _local_cluster(workers: int) -> LocalCluster:
     # Workers then import no modules from the working folder.
     environment = {**dask.config.get(_ENVIRONMENT), "PYTHONSAFEPATH": "1"}
     try:
-        with dask.config.set({**_SETTINGS, _ENVIRONMENT: environment}), interrupts_held():
+        with dask.config.set({**_SETTINGS, _ENVIRONMENT: environment}), shielded_from_interrupts():
             return LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from loky import cpu_count
 
-from grosmc_mj.child_processes import interrupts_held, worker_pool
+from grosmc_mj.child_processes import shielded_from_interrupts, worker_pool
 from grosmc_mj.errors import GrosmcError, SetupError
 
 # Number of times that a part may be under way while its pool breaks.
@@ -190,7 +190,7 @@ class Processes:
 
         # Nested, for it needs the pool and the work.
         def submit(index: int) -> Future:
-            with interrupts_held():
+            with shielded_from_interrupts():
                 return pool.submit(attempt, work, index)
 
         try:

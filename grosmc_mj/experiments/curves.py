@@ -345,7 +345,7 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     A panel whose requirement is not kept has a frame and names the requirement.
     """
     # Imported here: the document of curves needs no matplotlib.
-    from grosmc_mj.results.figure import TITLE_SIZE, labelled_below
+    from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below
 
     panels = panels_of(results)
     columns, rows = _grid(len(panels), results)
@@ -364,7 +364,7 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
         lowest.set_xlabel("time t [s]")
         lowest.tick_params(labelbottom=True)
     figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    labelled_below(figure, in_common_legend)
+    draw_legend_below(figure, in_common_legend)
 
 
 def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:

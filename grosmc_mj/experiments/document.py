@@ -20,8 +20,8 @@ from grosmc_mj.results.result import (
     NOT_KEPT,
     OPEN,
     Answer,
-    Sheet,
-    Standing,
+    ReportTable,
+    StudyVerdict,
     Value,
     finite,
     result,
@@ -72,7 +72,7 @@ def experiment_document(
         complete=complete,
         answers=[_answer(target, results, judgements, complete=complete)],
         standings=standings(target, results, judgements, complete=complete),
-        sheets=[Sheet(table=table) for table in tables],
+        sheets=[ReportTable(table=table) for table in tables],
         values=[*_judged_values(target, results, judgements), *run_values(results)],
         kept=complete and all(item.kept for item in judgements),
         requirements=[_judgement_document(item) for item in judgements],
@@ -112,7 +112,7 @@ def _answer(
 
 def standings(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
-) -> Iterator[Standing]:
+) -> Iterator[StudyVerdict]:
     """Return for each law the judgement that is furthest beyond its limit, or nearest to it.
 
     A law without requirements has none.
@@ -122,7 +122,7 @@ def standings(
         if not judgements_of_law:
             continue
         worst = max(judgements_of_law, key=lambda item: (not item.kept, item.share))
-        yield Standing(
+        yield StudyVerdict(
             case=target,
             law=law,
             breaks_at="" if worst.kept else worst.plant,

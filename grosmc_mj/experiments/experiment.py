@@ -466,12 +466,12 @@ def experiment_of(file: CaseFile, path: Path) -> Experiment:
         ArgumentError: If it names a missing thing, in one line that begins with its path.
     """
     try:
-        return undesigned(file, path).checked()
+        return experiment_without_designs(file, path).checked()
     except GrosmcError as error:
         raise ArgumentError(f"{path}: {error}") from error
 
 
-def undesigned(file: CaseFile, path: Path) -> Experiment:
+def experiment_without_designs(file: CaseFile, path: Path) -> Experiment:
     """Return the experiment of a file, whose laws are designed when they are asked for.
 
     Raises:

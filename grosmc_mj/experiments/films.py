@@ -15,7 +15,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, listed
+from grosmc_mj.errors import ArgumentError, name_list
 from grosmc_mj.experiments.case import Case, case_document, seed_of
 from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
@@ -59,7 +59,7 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{listed(experiment.controllers)}"
+            f"{name_list(experiment.controllers)}"
         )
     physics = experiment.nominal.plant
     if not isinstance(physics, MujocoPlant):

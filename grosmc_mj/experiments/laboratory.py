@@ -19,7 +19,7 @@ from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
-class Laboratory:
+class RunCache:
     """Runs that the claims share, each made once.
 
     A subclass may override ``controller``, ``plant`` and ``as_set``: so a policy takes the place of
@@ -50,7 +50,7 @@ class Laboratory:
         return {**vars(self), "_runs": {}, "_kept": {}}
 
     @property
-    def refined(self) -> Laboratory:
+    def refined(self) -> RunCache:
         """Copy with half the timestep and half the control period."""
         finer = replace(
             self.settings,
@@ -59,14 +59,14 @@ class Laboratory:
         )
         return self.once("refined", lambda: self._with(settings=finer))
 
-    def varied(self, key: str, value: Any) -> Laboratory:
+    def varied(self, key: str, value: Any) -> RunCache:
         """Copy with another number in every case file, see ``Experiment.changed``."""
         return self.once(
             ("varied", key, repr(value)),
             lambda: self._with(_number=(key, value)),
         )
 
-    def _with(self, **attributes: Any) -> Laboratory:
+    def _with(self, **attributes: Any) -> RunCache:
         """Copy with other attributes and without the runs made here."""
         other = copy(self)
         vars(other).update(attributes)

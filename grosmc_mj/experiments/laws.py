@@ -32,7 +32,7 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.task import NoNumbers, Task, state_task
-from grosmc_mj.errors import ArgumentError, PremiseError, listed, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, PremiseError, name_list, unknown_name, value_text
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
 from grosmc_mj.experiments.file.numbers import law_number, weight
@@ -147,7 +147,7 @@ def _packaged_controller(request: _Request) -> Controller:
         if nominal.robot is not None and table.law in GENERAL:
             raise ArgumentError(
                 f"law {table.law!r} does not fit {nominal.system.name}, a model in MuJoCo without "
-                f"equations in symbols: take {listed(valid)}"
+                f"equations in symbols: take {name_list(valid)}"
             )
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
@@ -187,7 +187,7 @@ def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict
 
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and isinstance(value, list):
-            raise ArgumentError(f"{name} = {shown(value)} must be a number")
+            raise ArgumentError(f"{name} = {value_text(value)} must be a number")
     return {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
 
 

@@ -145,7 +145,7 @@ class Costs:
 
 
 @dataclass
-class Meters:
+class MeterValues:
     """Accumulated values of a run up to some instant.
 
     Attributes:
@@ -191,7 +191,7 @@ class Meters:
     costs: Costs = field(default_factory=Costs)
 
     @classmethod
-    def of(cls, numbers: MeterNumbers) -> Meters:
+    def of(cls, numbers: MeterNumbers) -> MeterValues:
         """Meters of a new run, with arrays of the sizes that the numbers ask for."""
         windows = len(numbers.after)
         bands = len(numbers.widths)
@@ -263,7 +263,7 @@ def note(
         u: Largest entry of |u| that the plant is given.
         s: Largest entry of |s|.
         position: Position of a cart [m].
-        meters: ``Meters`` of the run.
+        meters: ``MeterValues`` of the run.
         numbers: ``MeterNumbers``.
     """
     if t == 0.0:
@@ -394,7 +394,7 @@ def metrics_of_meters(meters: Any, recording: Recording) -> dict[str, Array]:
     starts without error has a band of zero: it has settled if it never leaves its reference.
 
     Args:
-        meters: ``Meters`` of each run at its last instant, (n,).
+        meters: ``MeterValues`` of each run at its last instant, (n,).
         recording: Instants and windows of the runs.
     """
     # A run that was never outside its band is settled from the start.
@@ -482,7 +482,7 @@ def meters_of(
         cart=has_cart(error.system),
         costs=costs,
     )
-    return problem.Meters(note_timestep, Meters.of(numbers), numbers)
+    return problem.Meters(note_timestep, MeterValues.of(numbers), numbers)
 
 
 def _transient_end(onset: float) -> float:
@@ -585,7 +585,7 @@ def _follow(t: float, z: Any, meters: Any, transition: Any) -> None:
         meters.optimal[i] = meters.next_optimal[i]
 
 
-def said_by(
+def metrics_of_simulations(
     controller: Controller,
     meters: Any,
     recording: Recording,
@@ -599,7 +599,7 @@ def said_by(
 
     Args:
         controller: Controller of the runs.
-        meters: ``Meters`` of each run at its last instant, (n,).
+        meters: ``MeterValues`` of each run at its last instant, (n,).
         recording: Instants and windows of the runs.
         starts: States at t = 0, (n, states).
         last: Last states, (n, states).
@@ -812,7 +812,7 @@ def accumulate(time: Array, rows: Array, numbers: MeterNumbers) -> Any:
         rows: Error, deviation, |u|, |s| and position at each instant, (N, 5).
         numbers: Constants of the meters.
     """
-    meters = _record(Meters.of(numbers))
+    meters = _record(MeterValues.of(numbers))
     _noting_rows()(time, rows, meters, _record(numbers))
     return meters
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, shown
+from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.experiments.case import edits_of, states_of
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import CaseFile
@@ -235,18 +235,20 @@ def _model_file(text: str, folder: Path) -> Path:
     if not colon:
         return folder / text
     if not package.isidentifier():
-        raise ArgumentError(f"plant: model: {shown(text)} must be a file, or package:path of one")
+        raise ArgumentError(
+            f"plant: model: {value_text(text)} must be a file, or package:path of one"
+        )
     spec = find_spec(package)
     if spec is None or not spec.submodule_search_locations:
         raise SetupError(
-            f"plant: model: {shown(text)} is a file of {package}, which is not installed; run: pip "
-            f"install {package}"
+            f"plant: model: {value_text(text)} is a file of {package}, which is not installed; "
+            f"run: pip install {package}"
         )
     for place in spec.submodule_search_locations:
         path = Path(place) / inside
         if path.is_file():
             return path
-    raise ArgumentError(f"plant: model: the installed {package} has no file {shown(inside)}")
+    raise ArgumentError(f"plant: model: the installed {package} has no file {value_text(inside)}")
 
 
 def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:

@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, Mistakes, shown
+from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics import (
@@ -279,7 +279,7 @@ def _number(kind: str, value: Any, unit: str) -> float:
         return _ROUNDING
     number = float(value) if kind in _READ else number_in(value, unit)
     if not number > 0:
-        raise ArgumentError(f"{shown(value)} must be positive")
+        raise ArgumentError(f"{value_text(value)} must be positive")
     return number
 
 

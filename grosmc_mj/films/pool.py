@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from loky import cpu_count
 
-from grosmc_mj.child_processes import interrupts_held, worker_pool
+from grosmc_mj.child_processes import shielded_from_interrupts, worker_pool
 from grosmc_mj.errors import SetupError
 from grosmc_mj.files import cannot_write
 from grosmc_mj.films.frames import Storyboard, draw
@@ -72,7 +72,7 @@ class RenderingPool:
         futures: deque[Any] = deque()
         try:
             # The first task starts the workers.
-            with interrupts_held():
+            with shielded_from_interrupts():
                 futures.extend(self._pool.submit(draw, path, index) for index in range(ahead))
             for index in range(count):
                 yield futures.popleft().result()

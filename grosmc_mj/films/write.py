@@ -11,10 +11,10 @@ import mediapy
 import numpy as np
 import pydantic
 
-from grosmc_mj.child_processes import interrupts_held
+from grosmc_mj.child_processes import shielded_from_interrupts
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.fields import Range, checked_call
-from grosmc_mj.files import cannot_write, written_aside
+from grosmc_mj.files import atomic_write, cannot_write
 from grosmc_mj.films.film import Film
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg
@@ -109,14 +109,14 @@ def _write(
 
     # All are opened before anything is drawn, and renamed together when all are whole.
     with contextlib.ExitStack() as files:
-        part = files.enter_context(written_aside(path))
-        poster_part = files.enter_context(written_aside(poster))
+        part = files.enter_context(atomic_write(path))
+        poster_part = files.enter_context(atomic_write(poster))
         writer = mediapy.VideoWriter(
             part, shape, codec="h264", fps=fps, crf=_QUALITY, ffmpeg_args=_H264
         )
         encoders = [_Encoder(path, writer, program)]
         if small is not None:
-            part = files.enter_context(written_aside(small))
+            part = files.enter_context(atomic_write(small))
             writer = mediapy.VideoWriter(part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF)
             encoders.append(_Encoder(small, writer, program))
         still = _write_frames(pool.frames(board), encoders, len(board.times) // 2, advance)
@@ -171,7 +171,7 @@ class _Encoder:
         self._closed = False
 
     def __enter__(self) -> Self:
-        with interrupts_held(), _ffmpeg_of_mediapy(self._program):
+        with shielded_from_interrupts(), _ffmpeg_of_mediapy(self._program):
             self._writer.__enter__()
         return self
 

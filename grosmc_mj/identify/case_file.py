@@ -14,7 +14,7 @@ import tomli_w
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.sweep.family import Quantity
 
@@ -60,7 +60,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     content["uncertain"] = _uncertain_tables(fit, content.get("uncertain", []))
     content["correlation"] = _correlation_tables(fit)
 
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         part.write_text(
             f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}",
             encoding="utf-8",

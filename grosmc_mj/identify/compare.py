@@ -19,8 +19,8 @@ from grosmc_mj.results.result import (
     MEASURED,
     Answer,
     LineChart,
+    ReportTable,
     Series,
-    Sheet,
     Value,
     finite,
     result,
@@ -33,7 +33,7 @@ _SHARES = (0.1, 0.2, 0.5, 1.0)
 _EQUAL = 1.001
 
 
-class RungError(NamedTuple):
+class PredictionError(NamedTuple):
     """Prediction errors of a rung along a log.
 
     Attributes:
@@ -51,7 +51,7 @@ class RungError(NamedTuple):
     rms: Sequence[float]
 
 
-class Rung(NamedTuple):
+class LogModel(NamedTuple):
     """A machine that a log may be of.
 
     Attributes:
@@ -76,24 +76,24 @@ class Rung(NamedTuple):
         return ideal(state, quantity)
 
 
-def rungs_of(experiment: Experiment) -> Mapping[str, Rung]:
+def models_of(experiment: Experiment) -> Mapping[str, LogModel]:
     """The plants of a case, the truest one behind its loop, and the machine of its system."""
-    rungs = {name: Rung(experiment.plant(name)) for name in experiment.plant_names}
+    rungs = {name: LogModel(experiment.plant(name)) for name in experiment.plant_names}
     truest = experiment.plant(experiment.nominal.truest)
     if experiment.case.loop is not None:
-        rungs["loop"] = Rung(truest, experiment.case.loop)
+        rungs["loop"] = LogModel(truest, experiment.case.loop)
     if experiment.nominal.shipped and not experiment.on_machine:
         try:
             machine = find_experiment(experiment.case.system, "machine")
         except GrosmcError:
             return rungs
-        rungs["machine"] = Rung(machine.plant(machine.nominal.truest))
+        rungs["machine"] = LogModel(machine.plant(machine.nominal.truest))
     return rungs
 
 
-def compared(
-    rungs: Mapping[str, Rung], log: Log, horizon: float, timestep: float
-) -> tuple[list[RungError], list[str]]:
+def prediction_errors(
+    rungs: Mapping[str, LogModel], log: Log, horizon: float, timestep: float
+) -> tuple[list[PredictionError], list[str]]:
     """The errors of every plant along the windows of a log, and which rungs cannot follow it.
 
     Args:
@@ -130,7 +130,7 @@ def _rung_errors(
     errors: Mapping[str, Sequence[Array]],
     system: System,
     horizon: float,
-) -> list[RungError]:
+) -> list[PredictionError]:
     """The errors of one rung, by measured state."""
     log = predictor.log
     ages = [log.time[window.samples] - window.start for window in predictor.windows]
@@ -142,7 +142,7 @@ def _rung_errors(
         if state.name in errors:
             by_window = errors[state.name]
             rms = [_rms_at(time, ages, by_window, log.period) for time in horizons]
-            rows.append(RungError(rung, state.name, state.unit, horizons, rms))
+            rows.append(PredictionError(rung, state.name, state.unit, horizons, rms))
     return rows
 
 
@@ -163,7 +163,7 @@ def _rms_at(time: float, ages: Sequence[Array], errors: Sequence[Array], period:
     return float(np.sqrt(np.mean(squares)))
 
 
-def best_rung(rows: Sequence[RungError]) -> dict[str, str]:
+def best_model(rows: Sequence[PredictionError]) -> dict[str, str]:
     """By measured state the rung with the least error at the longest horizon, or several."""
     by_state: dict[str, dict[str, float]] = {}
     for row in rows:
@@ -179,10 +179,10 @@ def best_rung(rows: Sequence[RungError]) -> dict[str, str]:
 
 
 def comparison_result(
-    rows: Sequence[RungError], notes: Sequence[str], log: Log, case: str, horizon: float
+    rows: Sequence[PredictionError], notes: Sequence[str], log: Log, case: str, horizon: float
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
-    best = best_rung(rows)
+    best = best_model(rows)
     words = ", ".join(f"{state}: {rung}" for state, rung in best.items())
     answer = Answer(
         question=f"Which rung explains {log.name}",
@@ -209,7 +209,7 @@ def comparison_result(
     )
 
 
-def _state_sheet(state: str, rows: Sequence[RungError], log: Log) -> Sheet:
+def _state_sheet(state: str, rows: Sequence[PredictionError], log: Log) -> ReportTable:
     """Table and chart of the errors of one measured state."""
     rows = [row for row in rows if row.state == state]
     unit = rows[0].unit
@@ -227,4 +227,4 @@ def _state_sheet(state: str, rows: Sequence[RungError], log: Log) -> Sheet:
         y = list(map(finite, row.rms))
         lines.append(Series(name=row.rung, x=list(row.horizons), y=y))
     titles = ("time since start [s]", f"RMS error [{unit}]")
-    return Sheet(table=errors, charts=[LineChart(name=state, titles=titles, lines=lines)])
+    return ReportTable(table=errors, charts=[LineChart(name=state, titles=titles, lines=lines)])

@@ -6,14 +6,14 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.films.film import Film, Take
-from grosmc_mj.identify.compare import Rung
+from grosmc_mj.identify.compare import LogModel
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.palette import BLUE
 
 
-def film_of_log(rung: Rung, log: Log, horizon: float) -> Film:
+def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
     """Film of the first prediction along a log.
 
     Args:

@@ -40,7 +40,7 @@ _LAGS = 20
 _LEVEL = 0.01
 
 
-class Unseen(NamedTuple):
+class HiddenParameter(NamedTuple):
     """Parameters that the log does not show.
 
     Attributes:
@@ -93,7 +93,7 @@ class Fit:
     values: Array
     covariance: Array
     half: Array
-    unseen: Sequence[Unseen]
+    unseen: Sequence[HiddenParameter]
     scales: dict[str, float]
 
     @property
@@ -286,7 +286,7 @@ def fit(
     scales = {name: _first_scale(log, name) for name in measured}
     values = parameters.first
     free = np.ones(len(parameters.names), bool)
-    unseen: list[Unseen] = []
+    unseen: list[HiddenParameter] = []
     while True:
         progress(f"fitting {int(free.sum())} parameters")
         residual = _residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
@@ -309,7 +309,9 @@ def fit(
             raise ArgumentError(f"{log.name} shows none of the parameters: {weak.words}")
 
 
-def _fit_at(residual: _Residual, x: Array, jacobian: Array, unseen: Sequence[Unseen]) -> Fit:
+def _fit_at(
+    residual: _Residual, x: Array, jacobian: Array, unseen: Sequence[HiddenParameter]
+) -> Fit:
     """The fit at a point of least squares, in the units of the parameters."""
     values, _ = residual.parts(x)
     width = residual.width
@@ -385,7 +387,9 @@ def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
     return scales
 
 
-def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> Unseen | None:
+def _weak(
+    parameters: Parameters, free: NDArray[np.bool_], jacobian: Array
+) -> HiddenParameter | None:
     """The parameters that are the least visible, if that is not enough; None if all are."""
     count = int(free.sum())
     low, high = parameters.bounds
@@ -408,7 +412,7 @@ def _weak(parameters: Parameters, free: NDArray[np.bool_], jacobian: Array) -> U
     name = str(names[held])
     alike = tuple(str(names[i]) for i in members if i != held)
     same_sign = bool(np.prod(np.sign(direction[members])) > 0)
-    return Unseen(name, alike, _unseen_words(name, alike, same_sign))
+    return HiddenParameter(name, alike, _unseen_words(name, alike, same_sign))
 
 
 def _unseen_words(name: str, alike: Sequence[str], same_sign: bool) -> str:

@@ -169,7 +169,7 @@ def _pieces(time: Array) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(borders) if b - a >= SHORTEST_PIECE]
 
 
-def joined(logs: Sequence[Log]) -> Log:
+def join_logs(logs: Sequence[Log]) -> Log:
     """Several logs of one machine as one: a window never reaches from one into the next.
 
     Raises:

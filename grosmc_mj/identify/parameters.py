@@ -15,7 +15,7 @@ from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.identify.replay import ideal
 from grosmc_mj.plants import Plant
 from grosmc_mj.sweep.family import Quantity, family_of
-from grosmc_mj.sweep.parameters import varied
+from grosmc_mj.sweep.parameters import with_values
 
 # Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.
 _INPUT_DELAYS = (("computing", "delay"), ("actuator", "delay"))
@@ -79,7 +79,7 @@ class Parameters:
         for quantity, value in zip(self.quantities, values, strict=True):
             if quantity.of_plant:
                 changes.append((quantity, float(value)))
-        sample = varied(self.experiment, changes)
+        sample = with_values(self.experiment, changes)
         return base.changed(sample.case.edits, dict(sample.scales))
 
     def input_delay(self, values: Array) -> float:

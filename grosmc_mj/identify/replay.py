@@ -37,7 +37,7 @@ _AROUND = 15
 
 
 @dataclass(frozen=True, eq=False)
-class Replay(Sampled):
+class LoggedInputs(Sampled):
     """Numbers of the law that gives the inputs of a log: (samples, m), one for each timestep."""
 
     samples: Any = None
@@ -212,7 +212,7 @@ def _law(system: System, inputs: Array, timestep: float) -> Controller:
     # The law is compiled for a number of rows: a power of two is few of them.
     rows = 1 << (len(inputs) - 1).bit_length()
     padded = np.pad(inputs, ((0, rows - len(inputs)), (0, 0)), mode="edge")
-    numbers = Replay(period=timestep, samples=np.ascontiguousarray(padded))
+    numbers = LoggedInputs(period=timestep, samples=np.ascontiguousarray(padded))
     return Controller("log", _replayed, numbers, memory_of(len(system.inputs)))
 
 

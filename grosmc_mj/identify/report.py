@@ -12,7 +12,7 @@ from grosmc_mj.identify.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION
-from grosmc_mj.results.result import MEASURED, OPEN, Answer, Sheet, Value, result
+from grosmc_mj.results.result import MEASURED, OPEN, Answer, ReportTable, Value, result
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.family import Quantity
 
@@ -105,7 +105,7 @@ def identification(
         "identify",
         {"case": str(path), "log": log, "horizon": horizon, "hold_out": hold_out},
         answers=[answer],
-        sheets=[Sheet(table=values_table(fit)), Sheet(table=quality_table(rows))],
+        sheets=[ReportTable(table=values_table(fit)), ReportTable(table=quality_table(rows))],
         values=values,
         parameters=parameters,
         covariance=fit.covariance.tolist(),
@@ -114,7 +114,7 @@ def identification(
     )
 
 
-def draw(
+def draw_residuals(
     parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System, path: Path
 ) -> None:
     """Draw measured and fitted states of a log, and their difference.

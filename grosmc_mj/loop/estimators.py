@@ -18,7 +18,7 @@ import numpy as np
 
 from grosmc_mj.control.matrices import copy
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.fields import Check, Flag, Known, Range, checked, refused
+from grosmc_mj.fields import Check, Flag, Known, Range, checked, refusal
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
 from grosmc_mj.loop.sensors import measured_at, ring_row
@@ -45,7 +45,7 @@ class _States(Check):
 
     def __call__(self, value: Any) -> tuple[str, ...]:
         names = (value,) if isinstance(value, str) else value
-        wanted = refused("names of states, at least one, each of them once")
+        wanted = refusal("names of states, at least one, each of them once")
         if not isinstance(names, (list, tuple)) or not names:
             raise wanted
         for name in names:

@@ -25,7 +25,7 @@ from grosmc_mj.machine.part import (
     positive,
 )
 from grosmc_mj.physics.edit import HiddenState
-from grosmc_mj.physics.edits import linear, write_inertia
+from grosmc_mj.physics.edits import linear_polynomial, write_inertia
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.hidden_states import motor_joint
 
@@ -123,10 +123,10 @@ class Transmission(MachinePart):
         tendon = spec.add_tendon(name=_tendon(self.joint))
         tendon.wrap_joint(self.joint, -1.0)
         tendon.wrap_joint(motor_joint(self.joint), 1.0)
-        tendon.damping = linear(self.damping, tendon.damping)
+        tendon.damping = linear_polynomial(self.damping, tendon.damping)
         tendon.springlength = [-half, half]
         if math.isfinite(self.stiffness):
-            tendon.stiffness = linear(self.stiffness, tendon.stiffness)
+            tendon.stiffness = linear_polynomial(self.stiffness, tendon.stiffness)
         else:
             tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
             tendon.range = [-half, half]

@@ -9,7 +9,7 @@ import mujoco
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Name, Vector, checked
 from grosmc_mj.machine.part import TOKEN, MachinePart, Oscillation, not_negative, positive
-from grosmc_mj.physics.edits import ball_radius, draw_ball, drawn, linear
+from grosmc_mj.physics.edits import ball_radius, draw_ball, draw_geom, linear_polynomial
 
 
 @checked(ModelError)
@@ -45,11 +45,11 @@ class SwingingLoad(MachinePart):
         hinge = load.add_joint(
             name=load.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, -1.0, 0.0]
         )
-        hinge.damping = linear(self.damping, hinge.damping)
+        hinge.damping = linear_polynomial(self.damping, hinge.damping)
 
         draw_ball(load, self.mass, pos=load.ipos)
         rod_size = [ball_radius(self.mass) / 4, 0.0, 0.0]
-        drawn(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod_size, fromto=[0, 0, 0, *load.ipos])
+        draw_geom(load, mujoco.mjtGeom.mjGEOM_CAPSULE, rod_size, fromto=[0, 0, 0, *load.ipos])
 
 
 @checked(ModelError)
@@ -84,8 +84,8 @@ class SlidingLoad(MachinePart):
         slide = load.add_joint(
             name=load.name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0]
         )
-        slide.stiffness = linear(self.stiffness, slide.stiffness)
-        slide.damping = linear(self.damping, slide.damping)
+        slide.stiffness = linear_polynomial(self.stiffness, slide.stiffness)
+        slide.damping = linear_polynomial(self.damping, slide.damping)
         draw_ball(load, self.mass)
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:

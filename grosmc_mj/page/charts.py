@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from grosmc_mj.page.reading import Curve, Curves, Line, Panel, Window
+from grosmc_mj.page.reading import Curve, CurvePanel, Curves, Line, Window
 from grosmc_mj.results.palette import BLUE, COLOURS, FAILED, GREEN, KEPT, OTHERS, PLANTS, VERMILION
 from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart, Series
 
@@ -278,7 +278,7 @@ def _play(play: float, y_axis: str) -> Item:
     }
 
 
-def _panel_title(panel: Panel, top: float) -> Item:
+def _panel_title(panel: CurvePanel, top: float) -> Item:
     return {
         "text": _plain(panel.label),
         "x": 0,
@@ -291,7 +291,7 @@ def _panel_title(panel: Panel, top: float) -> Item:
     }
 
 
-def _panel(panel: Panel, y_axis: str, curves: Curves, in_legend: set[str]) -> list[Item]:
+def _panel(panel: CurvePanel, y_axis: str, curves: Curves, in_legend: set[str]) -> list[Item]:
     """Return the traces of a panel.
 
     Args:

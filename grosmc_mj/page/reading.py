@@ -72,7 +72,7 @@ class Line(Part):
     y: list[float]
 
 
-class Limit(Line):
+class LimitLine(Line):
     """Limit of a requirement over time."""
 
     words: Text
@@ -87,13 +87,13 @@ class Curve(Line):
     range: tuple[list[float], list[float]] | None = None
 
 
-class Panel(Part):
+class CurvePanel(Part):
     """One quantity over time; ``play`` is a gear's backlash."""
 
     label: Text
     curves: list[Curve]
     reference: Line | None = None
-    limits: Sequence[Limit] = ()
+    limits: Sequence[LimitLine] = ()
     play: float = 0.0
 
 
@@ -121,7 +121,7 @@ class Curves(Provenance):
     duration: float
     disturbances: Sequence[Window] = ()
     laws: dict[str, LawStyle] = Field(default={})
-    panels: list[Panel]
+    panels: list[CurvePanel]
 
 
 class FilmedCase(Part):

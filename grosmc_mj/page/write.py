@@ -17,7 +17,7 @@ import jinja2
 import markupsafe
 from plotly.offline import get_plotlyjs
 
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.page.charts import Figure, chart_figure, curves_figure
 from grosmc_mj.page.reading import (
     Claim,
@@ -31,7 +31,7 @@ from grosmc_mj.page.reading import (
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import label_of
-from grosmc_mj.results.result import VERDICTS, Answer, Result, Standing
+from grosmc_mj.results.result import VERDICTS, Answer, Result, StudyVerdict
 from grosmc_mj.results.tables import number
 from grosmc_mj.versions import __version__
 
@@ -96,7 +96,7 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
         "number": number,
         "label_of": label_of,
     }
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         part.write_text(_render(content, figures), encoding="utf-8", errors="replace")
     return Page(path, path.stat().st_size, answers, notices)
 
@@ -107,7 +107,7 @@ def _answers(results: Sequence[Document]) -> list[Answer]:
     return sorted(answers, key=lambda answer: VERDICTS.index(answer.verdict))
 
 
-def _standings(results: Sequence[Document]) -> list[tuple[str, Standing]]:
+def _standings(results: Sequence[Document]) -> list[tuple[str, StudyVerdict]]:
     """Return the kind of study and the standing of each law in the studies."""
     standings = []
     for document in results:
@@ -122,9 +122,9 @@ def _result(document: Document) -> Result:
     return document.content
 
 
-def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, Standing]]]:
+def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str, StudyVerdict]]]:
     """Return the laws, and the standing of each law in each case."""
-    cases: dict[str, dict[str, Standing]] = {}
+    cases: dict[str, dict[str, StudyVerdict]] = {}
     for document in results:
         if document.kind in _KINDS_IN_MATRIX:
             for standing in _result(document).standings:
@@ -137,7 +137,7 @@ def _matrix(results: Sequence[Document]) -> tuple[list[str], dict[str, dict[str,
 def _summary(
     answers: Sequence[Answer],
     laws: Sequence[str],
-    cases: Mapping[str, Mapping[str, Standing]],
+    cases: Mapping[str, Mapping[str, StudyVerdict]],
     results: Sequence[Document],
 ) -> list[str]:
     """Write in sentences what was tested, and what came out."""
@@ -162,7 +162,7 @@ def _summary(
     return sentences
 
 
-def _scores(laws: Sequence[str], cases: Mapping[str, Mapping[str, Standing]]) -> Iterator[str]:
+def _scores(laws: Sequence[str], cases: Mapping[str, Mapping[str, StudyVerdict]]) -> Iterator[str]:
     """Write for each law in how many of its cases it keeps all requirements."""
     for law in laws:
         standings = [case[law] for case in cases.values() if law in case]

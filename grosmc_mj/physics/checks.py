@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.errors import ModelError, value_text
 
 # Arrays that the motion depends on, by the first part of their names.
 _MOVING = ("body", "jnt", "dof", "qpos", "geom", "site", "actuator", "tendon", "eq", "pair")
@@ -67,7 +67,9 @@ def refuse_unusable(model: mujoco.MjModel, name: str) -> None:
     """
     names = model.names.decode(errors="replace").replace("\0", "")
     if not names.isprintable():
-        raise ModelError(f"{shown(name, str)}: a name in it has characters that cannot be printed")
+        raise ModelError(
+            f"{value_text(name, str)}: a name in it has characters that cannot be printed"
+        )
 
     h = float(model.opt.timestep)
     if not SHORTEST <= h < LONGEST:

@@ -281,7 +281,7 @@ class JointEdit(Edit):
         """Write the numbers."""
         joint = spec.joint(self.joint)
         if self.damping is not None:
-            joint.damping = linear(self.damping, joint.damping)
+            joint.damping = linear_polynomial(self.damping, joint.damping)
         if self.friction is not None:
             joint.frictionloss = self.friction
         if self.armature is not None:
@@ -392,7 +392,7 @@ def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index
     body.iquat = like.body_iquat[index]
 
 
-def linear(coefficient: float, like: Any) -> Array:
+def linear_polynomial(coefficient: float, like: Any) -> Array:
     """Polynomial of a spring or damper in MuJoCo that has a linear coefficient only.
 
     Args:
@@ -402,7 +402,7 @@ def linear(coefficient: float, like: Any) -> Array:
     return coefficient * np.eye(np.size(like))[0]
 
 
-def drawn(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: Any) -> None:
+def draw_geom(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: Any) -> None:
     """Draw a geom that neither weighs nor touches."""
     body.add_geom(type=kind, size=size, rgba=COLOUR, contype=0, conaffinity=0, mass=0, **place)
 
@@ -414,4 +414,4 @@ def ball_radius(mass: float) -> float:
 
 def draw_ball(body: mujoco.MjsBody, mass: float, **place: Any) -> None:
     """Draw a point mass [kg]."""
-    drawn(body, mujoco.mjtGeom.mjGEOM_SPHERE, [ball_radius(mass), 0.0, 0.0], **place)
+    draw_geom(body, mujoco.mjtGeom.mjGEOM_SPHERE, [ball_radius(mass), 0.0, 0.0], **place)

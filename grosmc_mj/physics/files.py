@@ -8,7 +8,7 @@ import mujoco
 
 from grosmc_mj.errors import ModelError, SetupError
 from grosmc_mj.physics.checks import refuse_unusable
-from grosmc_mj.physics.hooks import quiet_reading
+from grosmc_mj.physics.hooks import warnings_ignored
 from grosmc_mj.plants import find_system
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -65,7 +65,7 @@ def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjMode
         ModelError: If MuJoCo refuses the model, or nobody could simulate it.
     """
     try:
-        with quiet_reading():
+        with warnings_ignored():
             model = spec.compile()
     except ValueError as error:
         raise ModelError(f"{spec.modelname}: {' '.join(str(error).split())}") from error

@@ -77,7 +77,7 @@ def clock_suspended() -> Iterator[None]:
 
 
 @contextmanager
-def quiet_reading() -> Iterator[None]:
+def warnings_ignored() -> Iterator[None]:
     """Read or compile a model without warnings of MuJoCo: its mistakes are errors."""
     with warnings_counted_only(), warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -11,7 +11,7 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ModelError, one_line, shown
+from grosmc_mj.errors import ModelError, one_line, value_text
 from grosmc_mj.fields import Finite, Name, checked_call
 from grosmc_mj.plants.equations import Equations, Expressions
 from grosmc_mj.plants.plant import AnalyticPlant
@@ -98,7 +98,7 @@ def _read_equations(
                 "g has truth values, must have expressions of sympy, or numbers"
             )
         if not isinstance(region, (bool, Boolean)):
-            raise TypeError(f"region = {shown(region)} must be a condition of sympy")  # noqa: TRY301
+            raise TypeError(f"region = {value_text(region)} must be a condition of sympy")  # noqa: TRY301
         return Equations(x=symbols, f=f, g=g, h=h, region=region)
     except (sp.SympifyError, AttributeError, TypeError, ValueError) as error:
         raise ModelError(f"{name}: the equations cannot be read: {one_line(str(error))}") from error

@@ -13,7 +13,7 @@ from pydantic import PlainValidator
 
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import refused
+from grosmc_mj.fields import refusal
 from grosmc_mj.jitable import jitable
 
 Column = tuple[float, ...]
@@ -26,7 +26,7 @@ def _expressions(value: Any) -> tuple[Any, ...]:
             rows = tuple(sp.sympify(row, strict=True) for row in value)
             if all(isinstance(row, sp.Expr) for row in rows):
                 return rows
-    raise refused("a list of expressions of sympy, or of numbers")
+    raise refusal("a list of expressions of sympy, or of numbers")
 
 
 Expressions = Annotated[Sequence[Any], PlainValidator(_expressions)]

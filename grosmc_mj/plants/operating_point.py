@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, PremiseError, value_text
 from grosmc_mj.fields import Finite, Is, Range, Reals, checked_call
 from grosmc_mj.plants.plant import AT_REST, Plant
 
@@ -66,8 +66,8 @@ def equilibrium(
     start = np.array(near, float)
     if start.shape != (n,) or max(held, default=0) >= n:
         raise ArgumentError(
-            f"{system.name}: held = {shown(held)} must give values of states 0 to {n - 1}, and "
-            f"near = {shown(near)} {n} numbers"
+            f"{system.name}: held = {value_text(held)} must give values of states 0 to {n - 1}, "
+            f"and near = {value_text(near)} {n} numbers"
         )
     start[list(held)] = list(held.values())
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ModelError, shown
+from grosmc_mj.errors import ArgumentError, ModelError, value_text
 from grosmc_mj.fields import Known, checked
 from grosmc_mj.plants.system import MjModel, System, Variant, wrench_symbols
 
@@ -236,7 +236,8 @@ class Plant(ABC):
         state, inputs, _ = self.checked(state, reals(u), None)
         if not np.all(np.isfinite([*state, *inputs])):
             raise ArgumentError(
-                f"{self.system.name}: x = {shown(x)} and u = {shown(u)} must be finite numbers"
+                f"{self.system.name}: x = {value_text(x)} and u = {value_text(u)} must be finite "
+                "numbers"
             )
         return state, inputs
 
@@ -352,7 +353,7 @@ class AnalyticPlant(Plant):
         for name, value in changes.items():
             require_known(f"parameter of {self.system.name}", name, names, error=ModelError)
             if not math.isfinite(real(value)):
-                raise ModelError(f"{self.system.name}: {name} = {shown(value)} must be finite")
+                raise ModelError(f"{self.system.name}: {name} = {value_text(value)} must be finite")
         return replace(self, parameters=replace(self.parameters, **changes))
 
     def pushed(self, names: tuple[str, ...]) -> AnalyticPlant:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import sympy as sp
 
-from grosmc_mj.errors import ModelError, shown
+from grosmc_mj.errors import ModelError, value_text
 from grosmc_mj.fields import Finite, Items, Name, Positive, checked
 from grosmc_mj.plants.equations import Equations, NoEquations
 from grosmc_mj.plants.parametrization import LinearParametrization
@@ -86,7 +86,7 @@ class System:
     def __post_init__(self) -> None:
         for noun, names in (("joints", self.joints), ("actuators", self.actuators)):
             if len(set(names)) < len(names):
-                raise ModelError(f"{self.name}: {noun} = {shown(names)} must differ")
+                raise ModelError(f"{self.name}: {noun} = {value_text(names)} must differ")
         if not self.symbolic:
             return
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.versions import versions
 
 SCHEMA_VERSION = 1
@@ -87,11 +87,11 @@ def write_json(path: Path, content: Any) -> None:
         SetupError: If it cannot be written.
     """
     text = json_text(content)
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
-def keep_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
+def set_aside_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
     """Rename an older document that has another ``part``, before a new one replaces it.
 
     It becomes NAME.previous.json or, if there is one, NAME.previous2.json and so on. A document

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.results.palette import DISTURBANCE, GRID
 
 # Sizes of letters [point].
@@ -80,7 +80,7 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
             raise ArgumentError(f"{file.name}: a figure ends in {' or '.join(_ENDINGS)}")
 
     with mpl.rc_context(STYLE), contextlib.ExitStack() as stack:
-        parts = [stack.enter_context(written_aside(file)) for file in files]
+        parts = [stack.enter_context(atomic_write(file)) for file in files]
         for part in parts:
             dated_by = "Date" if part.suffix == ".svg" else "Software"
             figure.savefig(part, format=part.suffix[1:], metadata={dated_by: None})
@@ -88,7 +88,7 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
             figure.set_layout_engine("none")
 
 
-def labelled_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
+def draw_legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
     """Draw one legend for all panels below them, no wider than the figure.
 
     Args:

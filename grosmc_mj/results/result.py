@@ -58,7 +58,7 @@ class Answer(Part):
     more: Text = ""
 
 
-class Standing(Part):
+class StudyVerdict(Part):
     """Verdict on a law in a case: where it breaks, if it does.
 
     Attributes:
@@ -222,7 +222,7 @@ class GridChart(Part):
 Chart = Annotated[LineChart | CellChart | GridChart, Field(discriminator="form")]
 
 
-class Sheet(Part):
+class ReportTable(Part):
     """A table and the charts of it.
 
     Attributes:
@@ -270,8 +270,8 @@ class Result(Provenance):
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()
-    standings: Sequence[Standing] = ()
-    sheets: Sequence[Sheet] = ()
+    standings: Sequence[StudyVerdict] = ()
+    sheets: Sequence[ReportTable] = ()
     values: Sequence[Value] = ()
 
 
@@ -282,8 +282,8 @@ def result(
     seed: int | None = None,
     complete: bool = True,
     answers: Iterable[Answer] = (),
-    standings: Iterable[Standing] = (),
-    sheets: Iterable[Sheet] = (),
+    standings: Iterable[StudyVerdict] = (),
+    sheets: Iterable[ReportTable] = (),
     values: Iterable[Value] = (),
     **numbers: Any,
 ) -> dict[str, Any]:

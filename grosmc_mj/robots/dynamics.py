@@ -132,7 +132,7 @@ def vector_at(address: int, n: int) -> Any:
 
 
 @numba.njit
-def place(w: Any, x: Any, n: int) -> None:
+def set_state(w: Any, x: Any, n: int) -> None:
     """Bring the nominal model of a ``WORKSPACE`` to a state, (2 n,), with its passive torques."""
     m = pointer(w.model)
     d = pointer(w.data)
@@ -165,7 +165,7 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
     qacc = vector_at(w.qacc, n)
     bodies = vector_at(w.qfrc_inverse, n)
 
-    place(w, x, n)
+    set_state(w, x, n)
     copy(a, qacc)
     mj_rne(pointer(w.model), pointer(w.data), np.int32(1), pointer(w.qfrc_inverse))
 
@@ -185,7 +185,7 @@ def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
     qacc = vector_at(w.qacc, n)
     force = vector_at(w.qfrc_inverse, n)
 
-    place(w, x, n)
+    set_state(w, x, n)
     mj_rne(m, d, np.int32(0), pointer(w.qfrc_inverse))
     for i in range(n):
         force[i] = tau[i] - force[i] + passive[i]

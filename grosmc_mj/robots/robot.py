@@ -14,7 +14,7 @@ from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import ModelError
 from grosmc_mj.physics.files import body_names, compile_spec, joint_names
-from grosmc_mj.physics.hooks import quiet_reading
+from grosmc_mj.physics.hooks import warnings_ignored
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Signal, System
 from grosmc_mj.plants.equations import NoEquations
@@ -71,7 +71,7 @@ class Robot:
         Raises:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
-        with quiet_reading():
+        with warnings_ignored():
             spec, built, notes = robot_specs(model, joints, actuators)
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
         built_plant = plant if built is None else replace(plant, spec=built)

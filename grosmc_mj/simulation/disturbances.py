@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, unknown_name, value_text
 from grosmc_mj.fields import Finite, Is, Numbers, Range, checked
 from grosmc_mj.jitable import jitable
 
@@ -96,7 +96,7 @@ class Pulse(_Formula):
     def __post_init__(self) -> None:
         if not self.start < self.stop:
             raise ArgumentError(
-                f"pulse from {shown(self.start)} to {shown(self.stop)} s never acts"
+                f"pulse from {value_text(self.start)} to {value_text(self.stop)} s never acts"
             )
 
     @property

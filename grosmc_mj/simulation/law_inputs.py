@@ -19,7 +19,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.law import NoInputsError
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.errors import ArgumentError, GrosmcError, one_line, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, one_line, value_text
 from grosmc_mj.jitable import jitable
 
 # Folders of this package, of other packages and of Python's own library.
@@ -76,7 +76,8 @@ def law_error(name: str, t: float, error: Exception) -> LawError:
     """
     if isinstance(error, NoInputsError):
         return LawError(
-            f"{name} returned {shown(error.returned)} at t = {t:g} s, must return {error.expected}"
+            f"{name} returned {value_text(error.returned)} at t = {t:g} s, must return "
+            f"{error.expected}"
         )
     frames = traceback.extract_tb(error.__traceback__)
     place = _users_place((frame.filename, frame.lineno) for frame in frames)
@@ -213,5 +214,5 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
     if not finite and not memory.undefined:
         inputs = u.item() if m == 1 else tuple(u.tolist())
         raise LawError(
-            f"{controller.name} returned {shown(inputs)} at t = 0 s, which is not finite"
+            f"{controller.name} returned {value_text(inputs)} at t = 0 s, which is not finite"
         )

@@ -17,7 +17,7 @@ from grosmc_mj.compilation import compile_c
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.jitable import is_own, jitable
+from grosmc_mj.jitable import is_users_function, jitable
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.loop.start import ideal_loop
@@ -73,7 +73,7 @@ def run_native(problem: Problem) -> Record:
     refuse_foreign_callback()
 
     with np.errstate(all="ignore"):
-        if is_own(innermost(controller.law)):
+        if is_users_function(innermost(controller.law)):
             _require_numbers(problem)
 
         record = _Batch(problem).run()

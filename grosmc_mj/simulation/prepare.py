@@ -11,8 +11,8 @@ import numpy as np
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, shown
-from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call, refused
+from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call, refusal
 from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
@@ -32,7 +32,7 @@ class OneOrMore(Is):
         """Return the value or the values, if all are of the class."""
         several = isinstance(value, (list, tuple))
         if not all(isinstance(item, self.kinds) for item in (value if several else [value])):
-            raise refused(self.wanted)
+            raise refusal(self.wanted)
         return tuple(value) if several else value
 
 
@@ -149,7 +149,7 @@ def _require_starts(x0: Any, starts: Array, system: System) -> None:
     if starts.shape[1:] != (n,) or not np.all(np.isfinite(starts)):
         names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
         raise ArgumentError(
-            f"x0 = {shown(x0)} must be {n} finite numbers for {system.name}: {names}"
+            f"x0 = {value_text(x0)} must be {n} finite numbers for {system.name}: {names}"
         )
 
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, one_line, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, one_line, unknown_name, value_text
 from grosmc_mj.fields import Is, checked_call
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
@@ -193,7 +193,7 @@ class Trajectory:
             raise ArgumentError(unknown_name("ending", file.suffix, _FORMATS))
 
         table = self.to_arrow(sliding_unit=sliding_unit)
-        with written_aside(file) as part:
+        with atomic_write(file) as part:
             if file.suffix == _PARQUET:
                 pyarrow.parquet.write_table(table, part)
             else:
@@ -302,7 +302,7 @@ def load_trajectory(path: Annotated[Any, Is((str, Path), "the path of a file")])
 
     file = Path(path)
     if not file.is_file():
-        raise ArgumentError(f"there is no file {shown(str(path), str)}")
+        raise ArgumentError(f"there is no file {value_text(str(path), str)}")
     if file.suffix != _PARQUET:
         raise ArgumentError(
             f"{file}: a run is read from {_PARQUET} alone: run it again and save it as {_PARQUET}"

@@ -27,7 +27,7 @@ from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, run_on
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop, in_loop
 from grosmc_mj.machine import (
@@ -49,8 +49,8 @@ from grosmc_mj.results.result import (
     OPEN,
     Answer,
     CellChart,
-    Sheet,
-    Standing,
+    ReportTable,
+    StudyVerdict,
     Value,
     finite,
     result,
@@ -111,7 +111,7 @@ _SWINGS = 3
 Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 
 
-class Climb(BaseModel):
+class RungResult(BaseModel):
     """Result of a law on a rung; None for a number that the run does not have.
 
     Attributes:
@@ -463,21 +463,21 @@ class Cells:
         content = [studied.configuration(), conditions, versions(), source_digest()]
         return cls(folder, json_text(content))
 
-    def read(self, *key: str | bool) -> Climb | None:
+    def read(self, *key: str | bool) -> RungResult | None:
         """Return the row with a key; None if it is missing or cannot be read."""
         try:
             content = json.loads(self._path(key).read_text(encoding="utf-8"))
-            return Climb.model_validate(content)
+            return RungResult.model_validate(content)
         except (OSError, ValueError):
             return None
 
-    def write(self, row: Climb) -> None:
+    def write(self, row: RungResult) -> None:
         """Write a row aside and rename it.
 
         Raises:
             SetupError: If it cannot be written.
         """
-        with written_aside(self._path(row.key)) as part:
+        with atomic_write(self._path(row.key)) as part:
             # Not by `json_text`, which writes infinite numbers as null.
             part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
 
@@ -489,15 +489,15 @@ class Cells:
 # Runs: each gives a row
 
 
-def climb(
+def run_rung(
     studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition, *, together: bool
-) -> Climb:
+) -> RungResult:
     """Run a law on a rung and judge the run.
 
     Raises:
         SetupError: If the computer, not the law, is at fault.
     """
-    row = Climb(law=law.name, rung=rung.name, together=together, condition=condition.name)
+    row = RungResult(law=law.name, rung=rung.name, together=together, condition=condition.name)
     try:
         run = run_of(studied, law, rung, condition)
     except SetupError:
@@ -620,19 +620,19 @@ def oscillation(time: Array, signal: Array) -> tuple[float, float | None]:
 # The answer: words, tables, charts, document, film
 
 
-def way(rows: Iterable[Climb], law: str, condition: str) -> list[Climb]:
+def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
     """Return a law's rows rung by rung, from equations that are true."""
     of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
     return [row for row in of_law if row.together and row.rung != "printed"]
 
 
-def ways(rows: Sequence[Climb], condition: str) -> dict[str, list[Climb]]:
+def ways(rows: Sequence[RungResult], condition: str) -> dict[str, list[RungResult]]:
     """Return the way of each law that has begun to climb under a condition."""
     climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
     return {law: rungs for law, rungs in climbs.items() if rungs}
 
 
-def first_failed(climbs: Sequence[Climb]) -> Climb | None:
+def first_failed(climbs: Sequence[RungResult]) -> RungResult | None:
     """Return the first rung on which a requirement is not kept; None if all are kept."""
     for row in climbs:
         if not row.kept:
@@ -640,7 +640,7 @@ def first_failed(climbs: Sequence[Climb]) -> Climb | None:
     return None
 
 
-def fallen(climbs: Sequence[Climb], claim: str) -> Climb | None:
+def fallen(climbs: Sequence[RungResult], claim: str) -> RungResult | None:
     """Return the first rung on which a claim is not kept; None if it is kept wherever judged."""
     for row in climbs:
         if row.claims.get(claim, 0.0) > 1:
@@ -648,7 +648,7 @@ def fallen(climbs: Sequence[Climb], claim: str) -> Climb | None:
     return None
 
 
-def verdict(studied: Ladder, rows: Sequence[Climb], condition: str) -> str:
+def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
     """Return one sentence: how many laws pass, and which rungs break most of them."""
     climbed = ways(rows, condition).values()
     top = studied.climbing[-1].name
@@ -671,7 +671,7 @@ def verdict(studied: Ladder, rows: Sequence[Climb], condition: str) -> str:
     return f"{answer}."
 
 
-def answer_table(studied: Ladder, rows: Sequence[Climb], condition: Condition) -> Table:
+def answer_table(studied: Ladder, rows: Sequence[RungResult], condition: Condition) -> Table:
     """Return which laws pass every rung and the complete machine, and where each breaks first."""
     climbed = ways(rows, condition.name)
     top = studied.climbing[-1].name
@@ -686,7 +686,7 @@ def answer_table(studied: Ladder, rows: Sequence[Climb], condition: Condition) -
     return table(condition.title, columns, [_answer_row(law, climbed[law], top) for law in ordered])
 
 
-def _height(rungs: Sequence[Climb]) -> int:
+def _height(rungs: Sequence[RungResult]) -> int:
     """Number of rungs below the first that is not kept."""
     failed = first_failed(rungs)
     if failed is None:
@@ -694,7 +694,7 @@ def _height(rungs: Sequence[Climb]) -> int:
     return rungs.index(failed)
 
 
-def _answer_row(law: str, rungs: Sequence[Climb], top: str) -> list[str]:
+def _answer_row(law: str, rungs: Sequence[RungResult], top: str) -> list[str]:
     """The row of one law, with the swings on the rung where it breaks or on its last."""
     failed = first_failed(rungs)
     last = rungs[-1]
@@ -717,10 +717,10 @@ def _answer_row(law: str, rungs: Sequence[Climb], top: str) -> list[str]:
 
 def _by_law(
     title: str,
-    rows: Sequence[Climb],
+    rows: Sequence[RungResult],
     columns: Mapping[str, str],
-    column_of: Callable[[Climb], str],
-    cell: Callable[[Climb], str] = lambda row: row.share_text,
+    column_of: Callable[[RungResult], str],
+    cell: Callable[[RungResult], str] = lambda row: row.share_text,
 ) -> Table:
     """A row for each law, a column for each key of its header; a cell is the text of a row."""
     texts = {(row.law, column_of(row)): cell(row) for row in rows}
@@ -729,7 +729,9 @@ def _by_law(
     return table(title, [*words("law"), *numbers(*columns.values())], cells)
 
 
-def share_table(studied: Ladder, rows: Sequence[Climb], condition: str, *, together: bool) -> Table:
+def share_table(
+    studied: Ladder, rows: Sequence[RungResult], condition: str, *, together: bool
+) -> Table:
     """Return laws by rungs: the share of the tightest limit that is used."""
     selected = [row for row in rows if (row.condition, row.together) == (condition, together)]
     rungs = studied.climbing if together else studied.alone
@@ -737,7 +739,7 @@ def share_table(studied: Ladder, rows: Sequence[Climb], condition: str, *, toget
     return _by_law(_TITLES[together], selected, titles, lambda row: row.rung)
 
 
-def load_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
+def load_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
     """Return laws by conditions: the share on the complete machine."""
     top = studied.climbing[-1].name
     selected = [row for row in rows if row.together and row.rung == top]
@@ -747,7 +749,7 @@ def load_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
     return _by_law(title, selected, columns, lambda row: row.condition)
 
 
-def deviation_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
+def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
     """Return laws by rungs: the distance from the nominal optimum, of laws that follow it."""
     condition = studied.conditions[0].name
     laws = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
@@ -765,7 +767,7 @@ def deviation_table(studied: Ladder, rows: Sequence[Climb]) -> Table:
     return _by_law(title, selected, rungs, lambda row: row.rung, cell)
 
 
-def _deviation_text(row: Climb, scale: float) -> str:
+def _deviation_text(row: RungResult, scale: float) -> str:
     if row.deviation is not None:
         return number(row.deviation * scale)
     if row.tightest == ENDED:
@@ -773,9 +775,9 @@ def _deviation_text(row: Climb, scale: float) -> str:
     return "-"
 
 
-def claims_table(studied: Ladder, rows: Sequence[Climb], condition: str) -> Table | None:
+def claims_table(studied: Ladder, rows: Sequence[RungResult], condition: str) -> Table | None:
     """Return the rung on which each claim falls, for each law that it is about; None without."""
-    climbed: dict[str, list[Climb]] = {}
+    climbed: dict[str, list[RungResult]] = {}
     claims: dict[str, None] = {}
     for law, rungs in ways(rows, condition).items():
         for row in rungs:
@@ -794,7 +796,7 @@ def claims_table(studied: Ladder, rows: Sequence[Climb], condition: str) -> Tabl
     return table(title, columns, cells, legend=f"{legend}.")
 
 
-def _fate(rungs: Sequence[Climb], claim: str) -> str:
+def _fate(rungs: Sequence[RungResult], claim: str) -> str:
     """The rung on which a claim falls, or that it stands; empty if it is not judged."""
     row = fallen(rungs, claim)
     if row is not None:
@@ -813,7 +815,7 @@ def assumed_text(studied: Ladder) -> str:
     return f"* rests on numbers that are assumed: {words}."
 
 
-def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[str, CellChart]:
+def charts(studied: Ladder, rows: Sequence[RungResult]) -> dict[str, CellChart]:
     """Return a map for each condition, climbing and alone: below zero is kept, then decades."""
     rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
     cells = []
@@ -830,7 +832,7 @@ def charts(studied: Ladder, rows: Sequence[Climb]) -> dict[str, CellChart]:
     return cell_charts(titles, cells, _MOST)
 
 
-def _redness(row: Climb) -> float:
+def _redness(row: RungResult) -> float:
     """Colour of a row in a map: negative if it is kept, else by the decades beyond its limit."""
     if row.kept:
         return -0.5 * _MOST
@@ -842,31 +844,33 @@ def _map_key(condition: str, together: bool) -> str:
     return f"{condition}, {'climbing' if together else 'alone'}"
 
 
-def sheets(studied: Ladder, rows: Sequence[Climb]) -> list[Sheet]:
+def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
     """Return every table with its charts: shares, the machine under load, distances, claims."""
     maps = charts(studied, rows)
     first, *loads = studied.conditions
-    parts: list[Sheet] = []
+    parts: list[ReportTable] = []
     for together in (True, False):
         chart = maps.get(_map_key(first.name, together))
         if chart is not None:
             shares = share_table(studied, rows, first.name, together=together)
-            parts.append(Sheet(table=shares, charts=[chart]))
+            parts.append(ReportTable(table=shares, charts=[chart]))
 
     if loads:
         keys = [_map_key(load.name, True) for load in loads]
         under_load = [maps[key] for key in keys if key in maps]
-        parts.append(Sheet(table=load_table(studied, rows), charts=under_load))
+        parts.append(ReportTable(table=load_table(studied, rows), charts=under_load))
 
-    parts.append(Sheet(table=deviation_table(studied, rows)))
+    parts.append(ReportTable(table=deviation_table(studied, rows)))
     for condition in studied.conditions:
         claims = claims_table(studied, rows, condition.name)
         if claims is not None:
-            parts.append(Sheet(table=claims))
+            parts.append(ReportTable(table=claims))
     return parts
 
 
-def _standings(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Iterator[Standing]:
+def _standings(
+    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
+) -> Iterator[StudyVerdict]:
     """Yield the first rung on which each law breaks, under the first condition."""
     condition = studied.conditions[0].name
     for law, rungs in ways(rows, condition).items():
@@ -878,7 +882,7 @@ def _standings(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Ite
             answer = f"{failed.reason} ({condition})"
         elif not complete:
             answer += " so far"
-        yield Standing(
+        yield StudyVerdict(
             case=studied.target,
             law=law,
             breaks_at=breaks_at,
@@ -887,7 +891,7 @@ def _standings(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Ite
         )
 
 
-def _values(target: str, rows: Sequence[Climb]) -> Iterator[Value]:
+def _values(target: str, rows: Sequence[RungResult]) -> Iterator[Value]:
     for row in rows:
         if not row.impossible:
             how = "up to" if row.together else "alone"
@@ -897,7 +901,9 @@ def _values(target: str, rows: Sequence[Climb]) -> Iterator[Value]:
             yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
 
 
-def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> dict[str, Any]:
+def ladder_document(
+    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
+) -> dict[str, Any]:
     """Return the content of ladder_NAME.json.
 
     Args:
@@ -928,7 +934,7 @@ def ladder_document(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -
     )
 
 
-def _document_answer(studied: Ladder, rows: Sequence[Climb], *, complete: bool) -> Answer:
+def _document_answer(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Answer:
     """The verdict under each condition, and whether all laws pass the complete machine."""
     top = studied.climbing[-1].name
     verdicts = []
@@ -982,7 +988,7 @@ def _titled(part: Table) -> str:
 
 
 def ladder_film(
-    studied: Ladder, law: StudiedLaw, rows: Sequence[Climb], form: Format | None = None
+    studied: Ladder, law: StudiedLaw, rows: Sequence[RungResult], form: Format | None = None
 ) -> Film:
     """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
 

@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.law import Law, around
+from grosmc_mj.control.law import Law, wrapped
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.catalogue import find_experiments
@@ -36,7 +36,7 @@ from grosmc_mj.results.result import (
     Answer,
     GridChart,
     Letter,
-    Sheet,
+    ReportTable,
     Value,
     result,
 )
@@ -212,7 +212,7 @@ def _guarded_law(law: Law, system: System) -> Law:
         if not linearizable(x):
             memory.undefined = 1.0
 
-    return around(guarded_law, law)
+    return wrapped(guarded_law, law)
 
 
 def outcomes(
@@ -470,7 +470,7 @@ class RegionMap:
 
 
 @checked(eq=False)
-class Region:
+class RegionStudy:
     """The maps of one system: every law, on the nominal and on the perturbed plant.
 
     Attributes:
@@ -625,7 +625,7 @@ def _edited_cases(experiment: Experiment) -> str:
 # The answer: table, charts, figure, document
 
 
-def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
+def region_table(region: RegionStudy, maps: Sequence[RegionMap]) -> Table:
     """Return the table of the maps, from the fewest starts that converge on, with its legend."""
     failures = [outcome for outcome in Outcome if outcome is not Outcome.CONVERGED]
     rows = []
@@ -640,7 +640,7 @@ def region_table(region: Region, maps: Sequence[RegionMap]) -> Table:
     return table(title, columns, rows, legend=_legend(region, maps))
 
 
-def _legend(region: Region, maps: Sequence[RegionMap]) -> str:
+def _legend(region: RegionStudy, maps: Sequence[RegionMap]) -> str:
     """Which engine judged the starts, and the meaning of the table's words."""
     bounds = set()
     for loop in region.loops:
@@ -662,7 +662,7 @@ def _legend(region: Region, maps: Sequence[RegionMap]) -> str:
     )
 
 
-def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
+def charts(region: RegionStudy, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
     """Return a row of charts for each plant, a map for each law."""
     first, second = region.plane
     across = (first.title, shown(first.signal, first.limit)[0])
@@ -682,7 +682,7 @@ def charts(region: Region, maps: Sequence[RegionMap]) -> list[list[GridChart]]:
     return list(rows.values())
 
 
-def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -> Path:
+def write_region_figure(region: RegionStudy, maps: Sequence[RegionMap], path: Path) -> Path:
     """Draw the maps, plants below each other; the SVG lies beside the PNG.
 
     Raises:
@@ -693,11 +693,11 @@ def write_region_figure(region: Region, maps: Sequence[RegionMap], path: Path) -
 
 
 def region_document(
-    region: Region, maps: Sequence[RegionMap], *, complete: bool = True
+    region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool = True
 ) -> dict[str, Any]:
     """Return the content of region_SYSTEM.json; ``complete`` if it has every map."""
     system = region.system
-    sheet = Sheet(
+    sheet = ReportTable(
         table=region_table(region, maps),
         charts=[chart for row in charts(region, maps) for chart in row],
     )
@@ -713,7 +713,7 @@ def region_document(
     )
 
 
-def _configuration(region: Region) -> dict[str, Any]:
+def _configuration(region: RegionStudy) -> dict[str, Any]:
     settings = region.experiments[1].settings
     keys = ("case", "title", "source", "edits", "disturbances")
     cases = []
@@ -743,7 +743,7 @@ def _axis_document(axis: Axis) -> dict[str, Any]:
     }
 
 
-def _answer(region: Region, maps: Sequence[RegionMap], *, complete: bool) -> Answer:
+def _answer(region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool) -> Answer:
     """The share of the starts from which each law converges, on its worst plant."""
     by_law: dict[str, list[RegionMap]] = {}
     for law_map in maps:

@@ -29,8 +29,8 @@ from grosmc_mj.results.result import (
     OPEN,
     Answer,
     CellChart,
-    Sheet,
-    Standing,
+    ReportTable,
+    StudyVerdict,
     Value,
     result,
 )
@@ -321,7 +321,7 @@ def _bound(quantity: str, unit: str, timestep: float, control_period: float) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class ToleranceStudy:
     """A target, ready to be studied.
 
     Attributes:
@@ -345,7 +345,7 @@ class Setting:
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process reads the target anew."""
         longer_period = any(isinstance(kind, LongerPeriod) for kind in self.imperfections)
-        read = partial(setting, longer_period=longer_period)
+        read = partial(tolerance_study, longer_period=longer_period)
         return read, (self.named, [law.name for law in self.laws])
 
     @property
@@ -363,9 +363,9 @@ class Setting:
         return limits_in(self.experiment.file.requirement, law, condition, self.plants)
 
 
-def setting(
+def tolerance_study(
     target: str, chosen: Sequence[str] = (), *, rivals: bool = False, longer_period: bool = False
-) -> Setting:
+) -> ToleranceStudy:
     """Return a target with its bench, conditions and laws.
 
     Args:
@@ -396,7 +396,7 @@ def setting(
         bare.settings.control_period,
         longer_period=longer_period,
     )
-    return Setting(
+    return ToleranceStudy(
         experiment=bare,
         bench=owner.case.loop,
         bench_of=f"{owner.case.system}/{owner.case.name}",
@@ -741,7 +741,7 @@ class ToleranceSearch(Search):
 
 
 def tolerances_of_laws(
-    studied: Setting,
+    studied: ToleranceStudy,
     seeds: int,
     executor: Executor,
     notice: Notice = lambda _: None,
@@ -760,7 +760,9 @@ def tolerances_of_laws(
             yield answer.index, answer.report
 
 
-def tolerances(studied: Setting, index: int, seeds: int, threads: int = 0) -> list[Tolerance]:
+def tolerances(
+    studied: ToleranceStudy, index: int, seeds: int, threads: int = 0
+) -> list[Tolerance]:
     """Return the tolerances of a law to each imperfection under each condition.
 
     MuJoCo runs at both ends of those answers of the equations that matter: of the least one over
@@ -981,7 +983,7 @@ def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
     return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), outside
 
 
-def charts(studied: Setting, rows: Sequence[Tolerance]) -> list[CellChart]:
+def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> list[CellChart]:
     """Return a map for each condition: octaves below the bench's amount, blue for more of it."""
     cells = []
     for row in rows:
@@ -1006,7 +1008,7 @@ def _octaves(row: Tolerance) -> float:
     return max(-_OCTAVES, min(_OCTAVES, math.log2(row.largest_kept)))
 
 
-def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[Standing]:
+def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:
     """Yield the smallest tolerance of each law."""
     for law in dict.fromkeys(row.law for row in rows):
         kept = [row for row in rows if row.law == law and row.kept_ideally]
@@ -1025,7 +1027,9 @@ def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Ite
             if least.none:
                 amount = "only without it"
             answer = f"kept {amount}, then {least.reason} ({least.condition})"
-        yield Standing(case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete)
+        yield StudyVerdict(
+            case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
+        )
 
 
 def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
@@ -1038,7 +1042,7 @@ def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
 
 
 def tolerance_document(
-    studied: Setting, rows: Sequence[Tolerance], seeds: int, *, complete: bool
+    studied: ToleranceStudy, rows: Sequence[Tolerance], seeds: int, *, complete: bool
 ) -> dict[str, Any]:
     """Return the content of tolerance_NAME.json.
 
@@ -1050,7 +1054,9 @@ def tolerance_document(
     """
     target = studied.target
     checked, differing = confirmed(rows)
-    sheet = Sheet(table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows))
+    sheet = ReportTable(
+        table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows)
+    )
     return result(
         "tolerance",
         _configuration(studied, seeds),
@@ -1069,7 +1075,7 @@ def tolerance_document(
     )
 
 
-def _configuration(studied: Setting, seeds: int) -> dict[str, Any]:
+def _configuration(studied: ToleranceStudy, seeds: int) -> dict[str, Any]:
     settings = studied.experiment.settings
     return {
         "target": studied.target,
@@ -1109,7 +1115,7 @@ def _imperfection_document(kind: Imperfection) -> dict[str, Any]:
     }
 
 
-def _law_document(studied: Setting, law: StudiedLaw) -> dict[str, Any]:
+def _law_document(studied: ToleranceStudy, law: StudiedLaw) -> dict[str, Any]:
     requirements = {}
     for condition in studied.conditions:
         limits = studied.limits(law, condition)

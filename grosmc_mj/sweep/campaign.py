@@ -13,8 +13,8 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError, Mistakes, unknown_name
-from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes, unknown_name
+from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
@@ -36,7 +36,7 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
-from grosmc_mj.sweep.parameters import Varied, varied
+from grosmc_mj.sweep.parameters import CaseSample, with_values
 from grosmc_mj.sweep.search import largest_passing
 
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
@@ -217,7 +217,7 @@ class Campaign:
             ArgumentError: If the file or the specification is wrong, in one line.
         """
         try:
-            experiment = undesigned(specification.file, specification.path)
+            experiment = experiment_without_designs(specification.file, specification.path)
             campaign = cls._designed(specification, experiment)
             campaign._refuse_impossible()
         except GrosmcError as error:
@@ -266,8 +266,8 @@ class Campaign:
             words = [number.words(value) for number, value in pairs if number.owner in owners]
             raise ArgumentError(
                 f"uncertain: {' and '.join(words)} can occur, where there is no such "
-                f"machine or loop: {str(error).split(NEXT)[-1]}; narrow the ranges or, "
-                "where delays must be equal, let that of computing = true vary instead"
+                f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the ranges "
+                "or, where delays must be equal, let that of computing = true vary instead"
             ) from error
 
     def _refuse_unmeasured(self, law: Controller) -> None:
@@ -394,10 +394,10 @@ class Campaign:
             return None
         return dict(zip(self.family.names, values.tolist(), strict=True))
 
-    def plant_sample(self, values: Sequence[float] | Array) -> Varied:
+    def plant_sample(self, values: Sequence[float] | Array) -> CaseSample:
         """Return the case, with its plant, that these values make."""
         row = np.asarray(values, float).tolist()
-        return varied(self.experiment, zip(self.family.quantities, row, strict=True))
+        return with_values(self.experiment, zip(self.family.quantities, row, strict=True))
 
 
 def _refuse_missing_corners(specification: Specification, family: Family) -> None:

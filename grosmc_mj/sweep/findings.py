@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
 from grosmc_mj.results.palette import label_of
-from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, Sheet
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, ReportTable
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import SCREENING
@@ -51,7 +51,7 @@ _AIM = 0.99
 _COLUMNS = ("id", "relative", "order", "status")
 
 
-class Basis(NamedTuple):
+class SampledRuns(NamedTuple):
     """Runs that a statement about a campaign rests on.
 
     Attributes:
@@ -93,7 +93,7 @@ class Basis(NamedTuple):
         return f"{NO_PROOF} {DESIGN} {sentence}."
 
 
-class Judges(NamedTuple):
+class ScreeningSummary(NamedTuple):
     """Judges of the runs of one controller: equations and MuJoCo.
 
     Attributes:
@@ -128,7 +128,7 @@ class Judges(NamedTuple):
         return 1 - rate_shown(kept, self.drawn, CONFIDENCE)
 
     @classmethod
-    def of(cls, rows: Mapping[str, Array]) -> Judges:
+    def of(cls, rows: Mapping[str, Array]) -> ScreeningSummary:
         """Count the judges of one controller's rows."""
         difference = np.abs(rows["screened"] - rows["relative"])
         overturned = rows["overturned"] > 0
@@ -145,7 +145,7 @@ class Judges(NamedTuple):
         )
 
 
-def judged_words(judges: Mapping[str, Judges]) -> str:
+def screening_sentences(judges: Mapping[str, ScreeningSummary]) -> str:
     """Say who judged all runs, and what is known of their verdicts.
 
     Args:
@@ -200,7 +200,7 @@ class Findings:
         judges: Judges of the runs by law; empty where none was to be screened.
     """
 
-    sampled: Basis
+    sampled: SampledRuns
     rates: Mapping[tuple[str, str], PassRate]
     cut_short: Mapping[str, int]
     margins: Mapping[tuple[str, str], Array]
@@ -209,7 +209,7 @@ class Findings:
     sensitivities: Mapping[str, list[Sensitivity]]
     worst: Mapping[str, list[int]]
     units: Mapping[str, str]
-    judges: Mapping[str, Judges]
+    judges: Mapping[str, ScreeningSummary]
 
 
 def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Findings:
@@ -230,7 +230,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     # Every law was run on the same plants, and is compared with the last one.
     last = judged[-1] if judged else list(campaign.laws)[-1]
     runs = len(columns[last]["id"])
-    sampled = Basis(runs, specification.runs, specification.sampler, specification.seed)
+    sampled = SampledRuns(runs, specification.runs, specification.sampler, specification.seed)
     options = {"confidence": confidence, "independent": sampled.independent}
 
     margins = _margins(campaign, columns)
@@ -248,9 +248,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         numbers = {name: columns[law][name] for name in campaign.family.names}
         drivers[law] = sensitivities(numbers, columns[law]["relative"], **options)
 
-    judges: dict[str, Judges] = {}
+    judges: dict[str, ScreeningSummary] = {}
     if specification.screen != "none":
-        judges = {law: Judges.of(rows) for law, rows in columns.items()}
+        judges = {law: ScreeningSummary.of(rows) for law, rows in columns.items()}
     units = {ALL: "of the limit"}
     units |= {limit.words: limit.unit for limit in campaign.requirements}
 
@@ -534,7 +534,7 @@ def rate_interval(rate: PassRate, between: str) -> str:
 def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
     """Return results.json; a margin without bound is that of a run that did not complete."""
     sampled = findings.sampled
-    sheets = [Sheet(table=table) for table in findings_tables(campaign, findings)]
+    sheets = [ReportTable(table=table) for table in findings_tables(campaign, findings)]
     pass_rates = [
         {"requirement": requirement, "controller": law, **rate._asdict()}
         for (requirement, law), rate in findings.rates.items()
@@ -603,5 +603,5 @@ def _answer(campaign: Campaign, findings: Findings) -> Answer:
         question=f"Campaign {campaign.specification.name}",
         verdict=verdict,
         words="; ".join(sentences),
-        more=judged_words(findings.judges),
+        more=screening_sentences(findings.judges),
     )

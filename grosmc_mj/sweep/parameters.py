@@ -255,7 +255,7 @@ class Parameter:
         return replace(case, loop=loop)
 
 
-class Varied(NamedTuple):
+class CaseSample(NamedTuple):
     """Case with other numbers.
 
     Attributes:
@@ -280,9 +280,9 @@ class Varied(NamedTuple):
         return plant
 
 
-def varied(
+def with_values(
     experiment: Experiment, values: Iterable[tuple[Parameter, float]], case: Case | None = None
-) -> Varied:
+) -> CaseSample:
     """Return a case with other values of some parameters; times become whole timesteps.
 
     Args:
@@ -308,4 +308,4 @@ def varied(
         settings = experiment.settings
         loop = changed.loop.rounded(settings.timestep, settings.control_period)
         changed = replace(changed, loop=loop)
-    return Varied(changed, tuple(scales))
+    return CaseSample(changed, tuple(scales))

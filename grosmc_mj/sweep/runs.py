@@ -14,7 +14,13 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import DWELL, Recording, meters_of, said_by, transient_of
+from grosmc_mj.experiments.metrics import (
+    DWELL,
+    Recording,
+    meters_of,
+    metrics_of_simulations,
+    transient_of,
+)
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import (
     Limit,
@@ -29,7 +35,7 @@ from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.sweep.parameters import Parameter, Varied, varied
+from grosmc_mj.sweep.parameters import CaseSample, Parameter, with_values
 
 # Begin of the names of margins' columns.
 MARGIN = "margin "
@@ -151,7 +157,7 @@ def run_rows(
     impossible: dict[int, str] = {}
     for number, row in enumerate(rows):
         try:
-            run = ready(experiment, row, plant, plants)
+            run = prepare_run(experiment, row, plant, plants)
         except GrosmcError as error:
             if not keep_impossible:
                 raise
@@ -183,7 +189,7 @@ def _columns_without_runs(count: int, limits: Sequence[Limit]) -> dict[str, NDAr
     return columns
 
 
-def ready(
+def prepare_run(
     experiment: Experiment,
     row: Row,
     name: PlantName = "physics",
@@ -205,7 +211,7 @@ def ready(
         parameter = Parameter.at_path(key) if isinstance(key, str) else key
         values.append((parameter, value))
 
-    changed = varied(experiment, values, row.case)
+    changed = with_values(experiment, values, row.case)
     plant = row.plant
     if plant is None:
         plant = _plant_of(experiment, changed, name, {} if plants is None else plants)
@@ -213,7 +219,7 @@ def ready(
 
 
 def _plant_of(
-    experiment: Experiment, changed: Varied, name: PlantName, plants: dict[Any, Plant]
+    experiment: Experiment, changed: CaseSample, name: PlantName, plants: dict[Any, Plant]
 ) -> Plant:
     """The plant with the numbers of a case; plants with equal numbers are one."""
     key = changed.case.edits, changed.scales
@@ -246,7 +252,7 @@ def _law_in_loop(experiment: Experiment, row: Row, name: PlantName, case: Case) 
     )
 
 
-def meters_for(
+def shared_meters(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit]
 ) -> list[Meters]:
     """Return the meters that limits need, of each run; runs with the same ones share them."""
@@ -290,7 +296,7 @@ def _run_group(
     timestep = experiment.settings.timestep
     recording = Recording.sampled(timestep, duration, onsets, windows(limits))
     costs = costs_wanted(limits)
-    metrics = said_by(law, batch.meters, recording, x0, last, completed, costs=costs)
+    metrics = metrics_of_simulations(law, batch.meters, recording, x0, last, completed, costs=costs)
 
     start = initial_error(law, experiment.case.x0)
     limits_of_law = [limit for limit in limits if law.name in limit.of]
@@ -324,7 +330,7 @@ def _simulated(
         control_period=settings.control_period,
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],
-        meters=meters_for(experiment, runs, limits),
+        meters=shared_meters(experiment, runs, limits),
         engine=settings.engine_for(runs[0].law),
         record=False,
         threads=threads,

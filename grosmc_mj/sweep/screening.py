@@ -18,7 +18,7 @@ from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import random_points
-from grosmc_mj.sweep.parameters import Varied
+from grosmc_mj.sweep.parameters import CaseSample
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
 # Judges of a run.
@@ -63,7 +63,7 @@ class Batch:
 
     # All controllers meet the same samples and plants, and a plant compiles its model.
     @cached_property
-    def samples(self) -> list[Varied]:
+    def samples(self) -> list[CaseSample]:
         """The case with each of the values, n of them."""
         return [self.campaign.plant_sample(values) for values in self.values]
 

@@ -26,7 +26,7 @@ from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.experiments.metrics import METRICS
-from grosmc_mj.files import cannot_write, written_aside
+from grosmc_mj.files import atomic_write, cannot_write
 from grosmc_mj.results.document import git_revision, write_json
 from grosmc_mj.results.result import result
 from grosmc_mj.sweep.campaign import Campaign, Specification
@@ -140,8 +140,8 @@ def _sources(specification: Specification) -> dict[str, str]:
 
 def _differences(recorded: Mapping[str, Any], now: Mapping[str, Any], *keys: str) -> list[str]:
     """A text for each leaf under some keys that is not the same."""
-    old = dict(flat({key: recorded.get(key) for key in keys}))
-    new = dict(flat({key: now.get(key) for key in keys}))
+    old = dict(leaves({key: recorded.get(key) for key in keys}))
+    new = dict(leaves({key: now.get(key) for key in keys}))
 
     texts: list[str] = []
     for key in {**old, **new}:
@@ -153,14 +153,14 @@ def _differences(recorded: Mapping[str, Any], now: Mapping[str, Any], *keys: str
     return texts
 
 
-def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the leaves of nested plain values, each with its path."""
     if isinstance(value, Mapping):
         for name, item in value.items():
-            yield from flat(item, f"{key}.{name}" if key else str(name))
+            yield from leaves(item, f"{key}.{name}" if key else str(name))
     elif isinstance(value, (list, tuple)):
         for index, item in enumerate(value):
-            yield from flat(item, f"{key} {index + 1}")
+            yield from leaves(item, f"{key} {index + 1}")
     else:
         yield key, value
 
@@ -297,7 +297,7 @@ class Folder:
             SetupError: If it cannot be written.
         """
         # A worker that was given up may still be at the same part: each has a file of its own.
-        with written_aside(self.part(index)) as part, part.open("wb") as file:
+        with atomic_write(self.part(index)) as part, part.open("wb") as file:
             pq.write_table(table, file, compression="zstd")
             file.flush()
             os.fsync(file.fileno())
@@ -491,7 +491,7 @@ def run_missing(
     passed = Counter[str]()
     finished_plants = 0
     repeated = 0
-    work = shards_of(campaign, folder, executor.threads_per_worker, screening)
+    work = part_runner(campaign, folder, executor.threads_per_worker, screening)
     with contextlib.closing(executor.run(work, parts, notice)) as finished_parts:
         for part in finished_parts:
             plants = len(campaign.specification.ids(part.index))
@@ -504,7 +504,7 @@ def run_missing(
     return repeated
 
 
-def shards_of(
+def part_runner(
     campaign: Campaign, folder: Folder, threads: int, screening: Screening = UNSCREENED
 ) -> partial[dict[str, int]]:
     """Return the function that runs a part of a campaign, by its number.
@@ -518,11 +518,11 @@ def shards_of(
     bound_to = read_manifest(folder.path)["hash"]
     path = str(folder.path.resolve())
     return partial(
-        run_shard, path, campaign.specification, bound_to, threads=threads, screening=screening
+        run_part, path, campaign.specification, bound_to, threads=threads, screening=screening
     )
 
 
-def run_shard(
+def run_part(
     folder: str,
     specification: Specification,
     bound_to: str,

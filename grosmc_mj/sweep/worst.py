@@ -16,7 +16,7 @@ from grosmc_mj.results.result import (
     MEASURED,
     NOT_KEPT,
     Answer,
-    Sheet,
+    ReportTable,
     Value,
     finite,
 )
@@ -43,7 +43,7 @@ SOURCES = ("samples", "search", "random")
 
 
 @dataclass(frozen=True, eq=False)
-class Worst:
+class WorstPlant:
     """The worst plant for one controller, and the least margin of each source, all in MuJoCo.
 
     Attributes:
@@ -86,7 +86,7 @@ def worst(
     ids: Sequence[int],
     evaluations: int,
     advance: Callable[[int], object] = lambda _: None,
-) -> Worst:
+) -> WorstPlant:
     """Search by differential evolution, a generation as one batch, and try as many random plants.
 
     Args:
@@ -112,7 +112,7 @@ def worst(
     outcome = evaluate(campaign, controller, candidates)
     margins = outcome["relative"].tolist()
     winner = int(outcome["order"].argmin())
-    worst_plant = Worst(
+    worst_plant = WorstPlant(
         controller,
         values=candidates[winner],
         relative=margins[winner],
@@ -188,7 +188,7 @@ class _WorstOfAll:
         )
 
 
-def _with_shrunk(campaign: Campaign, worst_plant: Worst) -> Worst:
+def _with_shrunk(campaign: Campaign, worst_plant: WorstPlant) -> WorstPlant:
     """A failing plant with the plant that it is shrunk to."""
     plant = shrunk(campaign, worst_plant.controller, worst_plant.values)
     margins = evaluate(campaign, worst_plant.controller, plant[None])["relative"]
@@ -238,7 +238,7 @@ def _with_fewest_changes(campaign: Campaign, controller: str, values: Array) -> 
         plant = candidates[int(order.argmin())]
 
 
-def worst_table(campaign: Campaign, searches: Sequence[Worst]) -> Table:
+def worst_table(campaign: Campaign, searches: Sequence[WorstPlant]) -> Table:
     """The worst plant under each controller, and the least margin of each source."""
     runs = searches[0].evaluations
     return table(
@@ -260,7 +260,7 @@ def worst_table(campaign: Campaign, searches: Sequence[Worst]) -> Table:
     )
 
 
-def _table_row(campaign: Campaign, plant: Worst) -> tuple[str, ...]:
+def _table_row(campaign: Campaign, plant: WorstPlant) -> tuple[str, ...]:
     """The row of one controller."""
     nearest = "none was found"
     if plant.shrunk is not None:
@@ -276,7 +276,7 @@ def _table_row(campaign: Campaign, plant: Worst) -> tuple[str, ...]:
     )
 
 
-def worst_document(campaign: Campaign, searches: Sequence[Worst]) -> dict[str, Any]:
+def worst_document(campaign: Campaign, searches: Sequence[WorstPlant]) -> dict[str, Any]:
     """Return worst.json: the worst plants, by controller."""
     verdict = MEASURED
     sentence = "none fails"
@@ -291,20 +291,20 @@ def worst_document(campaign: Campaign, searches: Sequence[Worst]) -> dict[str, A
         campaign,
         "worst",
         answers=[answer],
-        sheets=[Sheet(table=worst_table(campaign, searches))],
+        sheets=[ReportTable(table=worst_table(campaign, searches))],
         values=[_least_margin(plant) for plant in searches],
         says=NO_PROOF,
         controllers={plant.controller: _content(campaign, plant) for plant in searches},
     )
 
 
-def _least_margin(plant: Worst) -> Value:
+def _least_margin(plant: WorstPlant) -> Value:
     """The margin by which two results are compared."""
     name = f"{plant.controller}: least margin"
     return Value(name=name, value=finite(plant.relative), better=1)
 
 
-def _content(campaign: Campaign, plant: Worst) -> dict[str, Any]:
+def _content(campaign: Campaign, plant: WorstPlant) -> dict[str, Any]:
     """The worst plant of one controller as plain values."""
     return {
         "fails": plant.fails,

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from faults import FAULTS, OtherLaws
-from shipped import ARM_G, find_case, nominal, robust, run_case, task_of
+from shipped import find_case, nominal, robust, run_case, surface_of, task_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
@@ -27,7 +27,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -159,8 +159,8 @@ def test_gain_ratio_of_the_servo_is_that_of_its_inertias() -> None:
 
 
 @cache
-def laboratory() -> Laboratory:
-    return Laboratory(Settings())
+def laboratory() -> RunCache:
+    return RunCache(Settings())
 
 
 @cache
@@ -251,7 +251,7 @@ def test_named_epsilons_restore_the_premise(gain: str, in_region: bool, along_ru
     """With them s stays within the step of one sample, and with less it does not."""
     along, region = named_epsilons()
     epsilon = {"1.01 region": 1.01 * region, "along": along, "0.9 along": 0.9 * along}[gain]
-    law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, ARM_G)
+    law = tracking_grosmc(task_of("arm", nominal("arm")), 18.0, epsilon, surface_of("arm"))
     lab = OtherLaws(lambda *_: law)
 
     audited = audit(lab, find_experiment("arm", "case1"))

@@ -9,7 +9,7 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from shipped import TWO_LINK_G, TWO_LINK_TARGET, TWO_LINK_WEIGHTS, run_on
+from shipped import REGULATION, TWO_LINK_TARGET, run_on, surface_of, weights_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
@@ -108,8 +108,8 @@ def required(result: RunResult) -> Array:
 def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     """The same law by MuJoCo's dynamics and by the equations, on the same edited plants."""
     robot = Robot.from_mjcf(load_spec("two_link_arm"))
-    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
-    law_of_robot = tracking_grosmc(task, 5.0, 30.0, TWO_LINK_G)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *weights_of(REGULATION))
+    law_of_robot = tracking_grosmc(task, 5.0, 30.0, surface_of(REGULATION))
     heavier = BodyEdit("payload", mass_scale=3.0)
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
     start = (0.9, -1.4, 0.3, 0.0)
@@ -261,7 +261,7 @@ def test_an_untouched_joint_limit_is_kept() -> None:
 
 def test_a_robot_without_limits_keeps_them() -> None:
     robot = Robot.from_mjcf(re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM))
-    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *TWO_LINK_WEIGHTS)
+    task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *weights_of(REGULATION))
     case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
     assert audited(result).failed() == []

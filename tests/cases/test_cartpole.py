@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
 from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.simulation.simulate import simulate
@@ -34,7 +34,7 @@ def law(name: str, **numbers: float) -> Controller:
     declared = table.model_dump(exclude_unset=True)
     changed = ControllerTable.model_validate({**declared, **numbers})
     file = EXPERIMENT.file.model_copy(update={"controller": [changed]})
-    return undesigned(file, EXPERIMENT.path).law("physics", changed.called)
+    return experiment_without_designs(file, EXPERIMENT.path).law("physics", changed.called)
 
 
 @cache

@@ -17,7 +17,7 @@ import pytest
 from commands import run
 from rich.cells import cell_len
 from rich.console import Console
-from shipped import SERVO_UNCERTAINTY, TWO_LINK_UNCERTAINTY
+from shipped import REGULATION, uncertainty_of
 
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims
@@ -32,14 +32,14 @@ from grosmc_mj.chapter.claims.sweep import stored_flips, stored_sweeps, sweep
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result
 from grosmc_mj.results.tables import WIDTH
 
-LAB = Laboratory(Settings())
+LAB = RunCache(Settings())
 PAGE = Path(cli.__file__).parents[2] / "docs" / "claims.md"
 BY_ID = {claim.id: claim for claim in CLAIMS}
 
@@ -167,10 +167,10 @@ def test_both_laws_of_a_comparison_are_measured_alike(ours: str, theirs: str) ->
 
 
 def test_claims_about_uncertainty_have_the_declared_ranges() -> None:
-    low, high = SERVO_UNCERTAINTY.scales["J"]
+    low, high = uncertainty_of("servo").scales["J"]
     assert f"outside {low:g} to {high:g} times" in BY_ID["servo-inertia-grosmc"].untested
     payload = measurement("two-link-projection").arguments["payload"]
-    assert payload == TWO_LINK_UNCERTAINTY.scales["mp"][1]
+    assert payload == uncertainty_of(REGULATION).scales["mp"][1]
 
 
 def test_the_stored_sweeps_are_those_of_the_claims_choices() -> None:

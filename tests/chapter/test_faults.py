@@ -16,14 +16,14 @@ from grosmc_mj.assumptions.balance import switching_rate
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.reaching import nominal
+from grosmc_mj.control.reaching import nominal_law
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
-SOUND = Laboratory(Settings())
+SOUND = RunCache(Settings())
 
 
 @cache
@@ -79,7 +79,7 @@ def test_without_gain_grosmc_is_its_continuous_part(system: str) -> None:
 
         x = samples(law)[0][1][None]
         s = np.full((1, law.coordinates.size), 0.3)
-        reaching = nominal(law.designed, law.parameters, [0.0], x, s)
+        reaching = nominal_law(law.designed, law.parameters, [0.0], x, s)
         assert switching_rate(law.parameters, reaching).tolist() == [0.0]
 
 
@@ -141,7 +141,7 @@ def test_faults_of_disturbances_change_their_wrench_alone() -> None:
 # Claims notice them
 
 
-def verdicts(lab: Laboratory, claim_id: str) -> object:
+def verdicts(lab: RunCache, claim_id: str) -> object:
     """Verdict of a claim on every plant, without refinement: a fault shows at the first look."""
     try:
         finding = judge(lab, find_claim(claim_id), refine=False)

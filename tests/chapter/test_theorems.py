@@ -21,12 +21,12 @@ from grosmc_mj.chapter.claims.measurements.theory import (
     unbounded,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse
 
-LAB = Laboratory(Settings())
+LAB = RunCache(Settings())
 SERVO = find_experiment("servo", "nominal")
 
 

@@ -20,7 +20,7 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.ledger import CLAIMS
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.result import Result
 from grosmc_mj.sweep import agreement
@@ -363,7 +363,7 @@ def test_epsilon_falls_short_by_what_the_optimal_run_asks_for(value: Callable[..
 
 def test_cart_coasts_with_the_momentum_that_the_force_gave_it(value: Callable[..., float]) -> None:
     """(M + m) p' - m L cos(theta) theta' is the force's impulse: nothing else is horizontal."""
-    lab = Laboratory(Settings())
+    lab = RunCache(Settings())
     trajectory = lab.case("cart_pendulum", "case2", "physics", "grosmc").trajectory
     impulse = np.cumsum(trajectory.input * np.diff(trajectory.time))
     row = int(np.searchsorted(trajectory.time, 7.0))

@@ -28,7 +28,7 @@ from grosmc_mj.comparison.intervals import (
 )
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.results.result import Value
-from grosmc_mj.sweep.findings import Basis
+from grosmc_mj.sweep.findings import SampledRuns
 
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
 RUNS = 400
@@ -227,7 +227,7 @@ def rows(margins: Array, plants: Array = PLANTS, sampler: str = "random") -> Cam
     """Return a campaign of one law with one requirement; other plants have another seed."""
     ids = np.arange(len(margins), dtype=float)
     columns = {"id": ids, "relative": margins, "margin settles_within": margins}
-    basis = Basis(len(margins), len(margins), sampler, int(1e6 * plants[0, 0]))
+    basis = SampledRuns(len(margins), len(margins), sampler, int(1e6 * plants[0, 0]))
     return CampaignRows("servo", {"grosmc": columns}, {"grosmc": plants}, basis)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from shipped import ARM_ERROR, SERVO_UNCERTAINTY, nominal_controller, task_of
+from shipped import error_of, nominal_controller, task_of, uncertainty_of
 
 import grosmc_mj as gm
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
@@ -126,7 +126,7 @@ def test_a_discrete_time_surface_refuses_another_control_period() -> None:
 )
 def test_a_family_of_outputs_refuses(changes: dict[str, Any], words: str) -> None:
     def design() -> Any:
-        return linear_grosmc(task_of("servo"), replace(SERVO_UNCERTAINTY, **changes))
+        return linear_grosmc(task_of("servo"), replace(uncertainty_of("servo"), **changes))
 
     require_refused(words, design)
 
@@ -190,8 +190,8 @@ def test_adaptive_law_refuses_a_system_without_linear_torques() -> None:
 
 
 def test_adaptive_law_refuses_outputs_that_are_no_joints() -> None:
-    (q,) = ARM_ERROR.system.equations.h
-    error = replace(ARM_ERROR, outputs=(sp.sin(q),))
+    (q,) = error_of("arm").system.equations.h
+    error = replace(error_of("arm"), outputs=(sp.sin(q),))
     task = replace(task_of("arm"), error=error)
     require_refused("must be its joints, q", adaptive, task, 1.0, 1.0)
 

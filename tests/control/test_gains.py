@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from shipped import (
-    ARM_WEIGHTS,
-    PENDULUM_ERROR,
-    PENDULUM_UNCERTAINTY,
-    SERVO_ERROR,
-    nominal,
-    robust,
-)
-from shipped import SERVO_UNCERTAINTY as DECLARED
+from shipped import error_of, nominal, robust, uncertainty_of, weights_of
 
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
@@ -43,12 +35,12 @@ def pendulum_errors() -> Array:
     """Error states of the declared region: its middle and edges, and random states."""
     corners = list(itertools.product((-1.0, 0.0, 1.0), repeat=2))
     random = np.random.default_rng(0).uniform(-1, 1, (111, 2))
-    return np.array(PENDULUM_UNCERTAINTY.region) * np.vstack([corners, random])
+    return np.array(uncertainty_of("cart_pendulum").region) * np.vstack([corners, random])
 
 
 def worst_rate_of_s(ctl: Controller) -> float:
     """Largest s' sgn s of the pendulum under a law, over the declared family."""
-    declared = PENDULUM_UNCERTAINTY
+    declared = uncertainty_of("cart_pendulum")
     random = np.random.default_rng(1)
     low, high = np.array(list(declared.scales.values())).T
     p = ctl.parameters
@@ -76,7 +68,9 @@ def worst_rate_of_s(ctl: Controller) -> float:
 
 def test_reaching_condition_holds_for_the_pendulum_s_declared_family() -> None:
     """s' s <= -eta |s|, eqs. (14) and (39), with the declared eta."""
-    assert worst_rate_of_s(robust("cart_pendulum")) <= -PENDULUM_UNCERTAINTY.reaching_rate
+    assert (
+        worst_rate_of_s(robust("cart_pendulum")) <= -uncertainty_of("cart_pendulum").reaching_rate
+    )
 
 
 def test_reaching_condition_fails_with_half_of_gamma1() -> None:
@@ -84,7 +78,7 @@ def test_reaching_condition_fails_with_half_of_gamma1() -> None:
     ctl = robust("cart_pendulum")
     halved = replace(ctl.parameters, gamma1=0.5 * ctl.parameters.gamma1)
     worst = worst_rate_of_s(replace(ctl, parameters=halved))
-    assert worst > -0.75 * PENDULUM_UNCERTAINTY.reaching_rate
+    assert worst > -0.75 * uncertainty_of("cart_pendulum").reaching_rate
 
 
 CERTAIN = {
@@ -114,10 +108,12 @@ def test_gains_of_the_servo_are_the_closed_forms() -> None:
     gamma1 = 2 * math.hypot(K1, K2 - p.B / p.Kt)
     assert gains.gamma0 == pytest.approx(1.0 / p.Kt, rel=1e-12)
     assert (1 - GRID) * gamma1 <= gains.gamma1 <= gamma1 * (1 + 1e-12)
-    assert gains.eta == pytest.approx(3 * DECLARED.reaching_rate, rel=1e-12)
+    assert gains.eta == pytest.approx(3 * uncertainty_of("servo").reaching_rate, rel=1e-12)
 
 
-@pytest.mark.parametrize("error", [SERVO_ERROR, PENDULUM_ERROR], ids=lambda e: e.system.name)
+@pytest.mark.parametrize(
+    "error", [error_of("servo"), error_of("cart_pendulum")], ids=lambda e: e.system.name
+)
 def test_gains_without_uncertainty_are_the_reaching_rate(error: Any) -> None:
     """The linear law's A and B are a Jacobian by finite differences."""
     gains = gains_of(error, CERTAIN[error.system.name])
@@ -133,7 +129,7 @@ def test_gains_of_the_pendulum_are_those_of_the_lagrangian() -> None:
     """
     p: Any = nominal("cart_pendulum").parameters
     gains = robust("cart_pendulum").parameters
-    edge = PENDULUM_UNCERTAINTY.region[0]
+    edge = uncertainty_of("cart_pendulum").region[0]
 
     def E(m: float, L: float, theta: float) -> float:
         c = math.cos(theta)
@@ -141,7 +137,9 @@ def test_gains_of_the_pendulum_are_those_of_the_lagrangian() -> None:
         return c / (p.M + m) / (L * reduced)
 
     ratio = E(4 * p.m, 4 * p.L, edge) / E(p.m, p.L, edge)
-    assert gains.eta == pytest.approx(PENDULUM_UNCERTAINTY.reaching_rate / ratio, rel=1e-12)
+    assert gains.eta == pytest.approx(
+        uncertainty_of("cart_pendulum").reaching_rate / ratio, rel=1e-12
+    )
     inertia = p.m * p.L**2 * (4 / 3 - p.m / (p.M + p.m))
     torque = 0.01 * inertia
     expected = torque * (p.M + p.m) / (p.m * p.L * math.cos(edge))
@@ -154,7 +152,9 @@ def test_the_lightest_pole_at_the_edge_of_the_region_needs_the_largest_gamma0() 
     declared = Uncertainty({"m": (0.5, 1.0)}, wrench, region=(0.5, 1.0), reaching_rate=0.2)
     lightest = p.m / 2
     expected = 0.3 * (p.M + lightest) / (lightest * p.L * math.cos(0.5))
-    assert gains_of(PENDULUM_ERROR, declared).gamma0 == pytest.approx(expected, rel=1e-12)
+    assert gains_of(error_of("cart_pendulum"), declared).gamma0 == pytest.approx(
+        expected, rel=1e-12
+    )
 
 
 def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
@@ -173,7 +173,7 @@ def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
     expected = missing * inertia(HELD + 0.5) / inertia(HELD)
 
     error = ErrorCoordinates(ARM, setpoint)
-    task = Task(nominal("arm"), error, Setpoint(HELD), *ARM_WEIGHTS)
+    task = Task(nominal("arm"), error, Setpoint(HELD), *weights_of("arm"))
     declared = Uncertainty({"m": (1.0, 2.0)}, (0.0,) * 12, region=(0.5, 1.0), reaching_rate=0.2)
     law = regulating_grosmc(task, declared)
     assert law.parameters.gamma0 == pytest.approx(expected, rel=1e-9)
@@ -185,7 +185,7 @@ def test_family_that_reverses_or_loses_the_input_is_refused(scale: float) -> Non
     J, Kt = sp.symbols("J Kt")
     equations = replace(SERVO.equations, g=(0, (1 - Kt) / J))
     reversing = replace(SERVO, equations=equations)
-    error = ErrorCoordinates(reversing, SERVO_ERROR.reference, -1)
+    error = ErrorCoordinates(reversing, error_of("servo").reference, -1)
     declared = replace(CERTAIN["servo"], scales={"Kt": (1.0, scale)})
     message = r"servo: the input gain of a declared plant, Kt x[0-9.]+, is .* at z ="
     with pytest.raises(GainError, match=message):

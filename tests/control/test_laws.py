@@ -11,13 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from shipped import (
-    ARM_ERROR,
-    ARM_REFERENCE,
-    REGULATION,
-    nominal_controller,
-    of_design,
-)
+from shipped import REGULATION, error_of, nominal_controller, of_design, reference_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -287,7 +281,7 @@ REFERENCES: dict[str, tuple[Any, Any, Callable[[float], Any]]] = {
         NoNumbers(),
         lambda t: 1.3 * math.sin(math.pi * t),
     ),
-    "arm": (ARM_ERROR.reference, ARM_REFERENCE, lambda t: math.sin(math.pi * t)),
+    "arm": (error_of("arm").reference, reference_of("arm"), lambda t: math.sin(math.pi * t)),
     "series": (SERIES_REFERENCE, SERIES, series_value),
 }
 each_reference = pytest.mark.parametrize("name", REFERENCES)

@@ -21,7 +21,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.simulation.simulate import simulate
@@ -212,7 +212,7 @@ def test_a_claim_about_another_law_does_not_become_one_about_the_policy(
 
 
 def test_claims_that_run_the_law_by_hand_run_the_policy(idle: dict[str, Finding]) -> None:
-    usual = judge(Laboratory(NATIVE), find_claim("servo-unmatched"), refine=False)
+    usual = judge(RunCache(NATIVE), find_claim("servo-unmatched"), refine=False)
     judged = idle["servo-unmatched"].plants
     for plant, finding in usual.plants.items():
         assert judged[plant].measured.value != finding.measured.value

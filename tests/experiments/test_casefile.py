@@ -22,7 +22,7 @@ from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
@@ -150,7 +150,7 @@ def test_a_changed_gain_is_seen_by_validate() -> None:
 def test_a_law_is_designed_once_for_experiments_and_claims() -> None:
     experiment = Experiment.load("arm/case1")
     without_edits = experiment.varied(edits=())
-    law = Laboratory(Settings()).controller(without_edits, "physics", "grosmc")
+    law = RunCache(Settings()).controller(without_edits, "physics", "grosmc")
     assert experiment.laws["physics", "grosmc"] is law
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, load, written
 
-from grosmc_mj.experiments.experiment import Experiment, undesigned
+from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
@@ -176,7 +176,7 @@ READ = [
 @pytest.mark.parametrize(("system", "text", "part"), READ)
 def test_a_part_is_read_with_its_units(system, text, part, tmp_path) -> None:
     path = written(tmp_path, PARTS_OF.format(system) + text)
-    (edit,) = undesigned(read_case_file(path), path).case.edits
+    (edit,) = experiment_without_designs(read_case_file(path), path).case.edits
     assert type(edit) is type(part)
     for item in fields(part):
         expected = getattr(part, item.name)

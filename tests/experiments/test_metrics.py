@@ -333,7 +333,7 @@ NONE = Metric(None, "s", "not reached")
 )
 def test_a_record_tells_which_value_is_there_now(now, recorded, differences) -> None:
     expected.record_expected([result_of(RUN, settling_time=recorded)])
-    assert expected.differences([result_of(RUN, settling_time=now)]) == differences
+    assert expected.unexpected_results([result_of(RUN, settling_time=now)]) == differences
 
 
 SWITCHING = replace(RUN, sliding=np.zeros(10_000))
@@ -352,4 +352,4 @@ SWITCHING = replace(RUN, sliding=np.zeros(10_000))
 def test_only_laws_that_switch_may_repeat_roughly(run, apart, as_recorded) -> None:
     expected.record_expected([result_of(run, cost_whole=Metric(1.0, "1"))])
     now = result_of(run, cost_whole=Metric(1.0 + apart, "1"))
-    assert (expected.differences([now]) == []) is as_recorded
+    assert (expected.unexpected_results([now]) == []) is as_recorded

@@ -25,7 +25,7 @@ from case_texts import (
 )
 
 from grosmc_mj import cli
-from grosmc_mj.errors import NEXT, ArgumentError, GrosmcError
+from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 
 # A part of a sound text, the mistake in its place, and words of the line.
@@ -250,7 +250,7 @@ stiffness = 4
 def test_two_mistakes_are_named_at_once(tmp_path) -> None:
     with pytest.raises(ArgumentError) as refusal:
         load(tmp_path, SERVO + TWO_MISTAKES)
-    first, joint, unit = str(refusal.value).split(NEXT)
+    first, joint, unit = str(refusal.value).split(MISTAKE_SEPARATOR)
     assert first.endswith("mine.toml: 2 mistakes:")
     assert "transmission 1: unknown joint" in joint
     assert "lugre 1: stiffness: 4 has no unit" in unit

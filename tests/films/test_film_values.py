@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hand_written import tip
 from mjcf import TREE
-from shipped import TWO_LINK_CIRCLE, TWO_LINK_TIP, find_case, run_case
+from shipped import TWO_LINK_CIRCLE, error_of, find_case, run_case
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
@@ -512,7 +512,7 @@ def test_the_ghost_of_two_outputs_has_the_joints_that_give_them() -> None:
 
     p = plant("two_link_arm").parameters
     for t, q in zip(take.run.time[::200], ghost[::200], strict=True):
-        goal = TWO_LINK_TIP.reference(float(t), TWO_LINK_CIRCLE)
+        goal = error_of("two_link_arm").reference(float(t), TWO_LINK_CIRCLE)
         np.testing.assert_allclose(tip(q, p), [goal[0], goal[3]], rtol=0, atol=1e-8)
 
 

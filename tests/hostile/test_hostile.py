@@ -19,7 +19,7 @@ from mjcf import TREE
 
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
-from grosmc_mj.errors import NEXT
+from grosmc_mj.errors import MISTAKE_SEPARATOR
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
 pytestmark = [pytest.mark.slow, pytest.mark.apart]
@@ -192,7 +192,7 @@ def is_one_line(error: str) -> bool:
     if not error.endswith("\n") or "unforeseen" in error:
         return False
 
-    first, *mistakes = error.removesuffix("\n").split(NEXT)
+    first, *mistakes = error.removesuffix("\n").split(MISTAKE_SEPARATOR)
     if not first.startswith("grosmc-mj: "):
         return False
     if mistakes and not first.endswith(f"{len(mistakes)} mistakes:"):

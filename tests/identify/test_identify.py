@@ -25,9 +25,9 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import Rung, best_rung, compared, rungs_of
+from grosmc_mj.identify.compare import LogModel, best_model, models_of, prediction_errors
 from grosmc_mj.identify.fit import Fit, _residual_of, _weak, fit, quality, residuals
-from grosmc_mj.identify.log import Log, held, joined, read_log
+from grosmc_mj.identify.log import Log, held, join_logs, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, require_matching
 from grosmc_mj.loop import Computing, Loop
@@ -161,7 +161,7 @@ def two_logs() -> tuple[Log, Log]:
 
 
 def test_joined_logs_keep_their_samples(two_logs: tuple[Log, Log]) -> None:
-    both = joined(two_logs)
+    both = join_logs(two_logs)
     assert both.pieces == [slice(0, 500), slice(501, 1501)]
     assert (np.diff(both.time) > 0).all()
     for piece, log in zip(both.pieces, two_logs, strict=True):
@@ -170,11 +170,11 @@ def test_joined_logs_keep_their_samples(two_logs: tuple[Log, Log]) -> None:
 
 
 def test_joined_logs_have_the_noise_of_their_sensor(two_logs: tuple[Log, Log]) -> None:
-    assert joined(two_logs).noise("rotor angle") == pytest.approx(coverage.NOISE, rel=0.1)
+    assert join_logs(two_logs).noise("rotor angle") == pytest.approx(coverage.NOISE, rel=0.1)
 
 
 def test_a_late_input_of_a_joined_log_is_its_own_first_one(two_logs: tuple[Log, Log]) -> None:
-    both = joined(two_logs)
+    both = join_logs(two_logs)
     grid = both.time[501] + np.array([0.0, 1e-3])
     late = held(both.time, both.inputs, 5e-3, grid)
     assert late[0] == pytest.approx(two_logs[1].inputs[0])
@@ -184,7 +184,7 @@ def test_logs_of_different_states_are_not_joined(two_logs: tuple[Log, Log]) -> N
     first, second = two_logs
     speed = replace(second, outputs={"rotor speed": second.outputs["rotor angle"]})
     with pytest.raises(ArgumentError, match="several logs must measure the same states"):
-        joined([first, speed])
+        join_logs([first, speed])
 
 
 Change = Callable[[Array], Array]
@@ -364,10 +364,10 @@ def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> No
     parameters = parameters_of(experiment, coverage.NAMES)
     plant = parameters.plant(true, experiment.plant("physics"))
     late = Loop(computing=Computing(delay=round(float(true[2]), 3)))
-    rungs = {**rungs_of(experiment), "ideal": Rung(plant), "as it is": Rung(plant, late)}
+    rungs = {**models_of(experiment), "ideal": LogModel(plant), "as it is": LogModel(plant, late)}
     assert {"corrected", "physics", "loop", "machine"} < set(rungs)
-    rows, _ = compared(rungs, log, 1.0, 1e-3)
-    assert best_rung(rows) == {"rotor angle": "as it is"}
+    rows, _ = prediction_errors(rungs, log, 1.0, 1e-3)
+    assert best_model(rows) == {"rotor angle": "as it is"}
 
 
 def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(

@@ -21,7 +21,7 @@ from grosmc_mj.results import tables
 from grosmc_mj.results.charts import write_cells
 from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
-from grosmc_mj.results.figure import figure_written, labelled_below
+from grosmc_mj.results.figure import draw_legend_below, figure_written
 from grosmc_mj.results.palette import FAILED, KEPT
 from grosmc_mj.results.result import CellChart
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
@@ -177,7 +177,7 @@ def test_a_legend_below_stays_within_its_figure(tmp_path: Path) -> None:
         axes = figure.subplots()
         for label in [*labels, *"aaaaaaa"]:
             axes.plot([0, 1], label=label)
-        labelled_below(figure, [axes])
+        draw_legend_below(figure, [axes])
 
     assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
     box = figure.legends[0].get_window_extent()

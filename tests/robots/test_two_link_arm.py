@@ -10,13 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from hand_written import elbow_up, tip, two_link_inertia
-from shipped import (
-    TWO_LINK_CIRCLE,
-    TWO_LINK_JOINTS,
-    TWO_LINK_TIP,
-    TWO_LINK_UNCERTAINTY,
-    task_of,
-)
+from shipped import TWO_LINK_CIRCLE, error_of, task_of, uncertainty_of
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -61,7 +55,7 @@ def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> Non
     random = np.random.default_rng(2)
     for _ in range(5):
         x = np.concatenate([random.uniform(-math.pi, math.pi, 2), random.normal(0, 3, 2)])
-        E = np.reshape(TWO_LINK_TIP.linearization.decoupling_matrix(x, p), (2, 2))
+        E = np.reshape(error_of("two_link_arm").linearization.decoupling_matrix(x, p), (2, 2))
         expected = tip_jacobian(x) @ np.linalg.inv(two_link_inertia(x, p))
         np.testing.assert_allclose(E, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
@@ -74,7 +68,7 @@ def test_place_is_inverse_kinematics() -> None:
     random = np.random.default_rng(5)
     for t in np.linspace(0, 2, 9).tolist():
         z = random.uniform(-1, 1, 4) * [0.1, 0.3, 0.1, 0.3]
-        x = TWO_LINK_TIP.place(t, z, parameters)
+        x = error_of("two_link_arm").place(t, z, parameters)
 
         angle = circle.frequency * t
         radius = circle.radius * np.array([math.cos(angle), math.sin(angle)])
@@ -82,7 +76,9 @@ def test_place_is_inverse_kinematics() -> None:
         expected = elbow_up(centre + radius + z[::2], nominal().parameters)
         np.testing.assert_allclose(x[:2], expected, atol=1e-9)
         np.testing.assert_allclose(tip_jacobian(x) @ x[2:], speed + z[1::2], atol=1e-9)
-        np.testing.assert_allclose(TWO_LINK_TIP.error_state(t, x, parameters), z, atol=1e-9)
+        np.testing.assert_allclose(
+            error_of("two_link_arm").error_state(t, x, parameters), z, atol=1e-9
+        )
 
 
 # Gains
@@ -90,8 +86,8 @@ def test_place_is_inverse_kinematics() -> None:
 
 def declared_points() -> list[tuple[float, Array]]:
     """Scales of the payload and errors: corners of the declared family, and points within."""
-    low, high = TWO_LINK_UNCERTAINTY.scales["mp"]
-    region = np.array(TWO_LINK_UNCERTAINTY.region)
+    low, high = uncertainty_of(REGULATION).scales["mp"]
+    region = np.array(uncertainty_of(REGULATION).region)
     points: list[tuple[float, Array]] = []
     for signs in itertools.product((-1.0, 0.0, 1.0), repeat=4):
         points += [(low, region * signs), (high, region * signs)]
@@ -115,10 +111,10 @@ def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family(
     grosmc = law("grosmc")
     p = grosmc.parameters
     sides = np.array([side1, side2])
-    w = sign * np.array(TWO_LINK_UNCERTAINTY.wrench)
+    w = sign * np.array(uncertainty_of(REGULATION).wrench)
     for scale, z in declared_points():
         plant = nominal().changed(scales={"mp": scale})
-        x = TWO_LINK_JOINTS.place(0.0, z, p)
+        x = error_of(REGULATION).place(0.0, z, p)
         memory = grosmc.memory()
         assert isinstance(memory, SurfaceMemory)
         memory.z0[:] = z - np.linalg.pinv(p.G) @ (1e-6 * sides)
@@ -128,7 +124,7 @@ def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family(
 
         z_rate = plant.derivative(x, u, w)[[0, 2, 1, 3]]
         s_rate = p.G @ z_rate - p.S @ z
-        assert np.all(sides * s_rate <= -TWO_LINK_UNCERTAINTY.reaching_rate)
+        assert np.all(sides * s_rate <= -uncertainty_of(REGULATION).reaching_rate)
 
 
 def least_dominance(payload: float) -> float:
@@ -148,13 +144,13 @@ def least_dominance(payload: float) -> float:
 
 def test_gain_ratio_of_the_design_is_that_of_the_heaviest_payload() -> None:
     """The grid of states is coarser than the one by hand, but both have the region's edges."""
-    ratio = TWO_LINK_UNCERTAINTY.reaching_rate / law("grosmc").parameters.eta
+    ratio = uncertainty_of(REGULATION).reaching_rate / law("grosmc").parameters.eta
     assert ratio == pytest.approx(least_dominance(0.6), rel=1e-9)
 
 
 def test_no_gain_makes_up_for_a_payload_five_times_as_heavy() -> None:
     """Up to 1 kg under G = B+: none is given."""
-    heavier = replace(TWO_LINK_UNCERTAINTY, scales={"mp": (1.0, 5.0)})
+    heavier = replace(uncertainty_of(REGULATION), scales={"mp": (1.0, 5.0)})
     control = law("lqr")
     with pytest.raises(GainError, match="no switching gain can make up"):
         heavier.gains(control.designed, control.parameters)
@@ -174,7 +170,7 @@ def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output(pd: LqrD
 
 
 def test_pd_has_its_price_by_lyapunovs_equation(pd: LqrDesign) -> None:
-    chains = TWO_LINK_JOINTS.linearization
+    chains = error_of(REGULATION).linearization
     closed = chains.A - chains.B @ pd.K
     residual = closed.T @ pd.P + pd.P @ closed + pd.Q + pd.K.T @ pd.R @ pd.K
     np.testing.assert_allclose(residual, 0, atol=1e-9 * np.abs(pd.Q).max())

@@ -25,7 +25,7 @@ from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import Transmission
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import ladder as study
-from grosmc_mj.studies.ladder import ENDED, Climb, Rung, climb, ladder, rungs_of
+from grosmc_mj.studies.ladder import ENDED, Rung, RungResult, ladder, run_rung, rungs_of
 
 TIME: Array = 1e-3 * np.arange(10_000)
 SERVO = """
@@ -218,9 +218,9 @@ def test_loads_of_one_body_stand_beside_each_other(tmp_path: Path) -> None:
 # The answer.
 
 
-def row(rung: str, used: float, law: str = "lqr", **changes: Any) -> Climb:
+def row(rung: str, used: float, law: str = "lqr", **changes: Any) -> RungResult:
     numbers = {"tightest": "settles_within", "together": True, "condition": "nominal", **changes}
-    return Climb(law=law, rung=rung, share_of_the_tightest_limit=used, **numbers)
+    return RungResult(law=law, rung=rung, share_of_the_tightest_limit=used, **numbers)
 
 
 RUNGS = ("printed", "physics", "sampled", "delay", "friction", "stops")
@@ -351,7 +351,7 @@ def test_the_page_has_claims_distances_and_the_machine_under_each_condition() ->
         loaded, climbing=[rung], conditions=loaded.conditions[:2], statements={"quick": "It is so"}
     )
     document = json.loads(json_text(study.ladder_document(made, rows, complete=True)))
-    assert [Climb.model_validate(x) for x in document["climbs"]] == rows
+    assert [RungResult.model_validate(x) for x in document["climbs"]] == rows
     parts = study.ladders_text([document]).split("\n\n")
     tables = {before: part.splitlines()[2:] for before, part in itertools.pairwise(parts)}
     title = f"The complete machine, nominally and under load (case1: {made.conditions[1].title}):"
@@ -368,7 +368,7 @@ def test_the_page_has_claims_distances_and_the_machine_under_each_condition() ->
 def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     studied = ladder("servo", ["lqr"])
     steps = [x for x in studied.steps() if x[3] or x[1].name == "friction"]
-    *rungs, friction_alone = [climb(studied, *x[:3], together=x[3]) for x in steps]
+    *rungs, friction_alone = [run_rung(studied, *x[:3], together=x[3]) for x in steps]
     broken = study.first_failed(rungs)
     assert broken is not None
     assert broken.rung == "friction"
@@ -402,7 +402,9 @@ class Climber:
         self.ran: list[tuple[str, bool]] = []
         self.at_delay = lambda: None
 
-    def __call__(self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> Climb:
+    def __call__(
+        self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool
+    ) -> RungResult:
         if rung.name == "delay":
             self.at_delay()
         self.ran.append((rung.name, together))
@@ -430,7 +432,7 @@ class Climber:
 @pytest.fixture
 def climber(monkeypatch: pytest.MonkeyPatch) -> Climber:
     climber = Climber()
-    monkeypatch.setattr(study, "climb", climber)
+    monkeypatch.setattr(study, "run_rung", climber)
     return climber
 
 
@@ -602,7 +604,9 @@ def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
     file = written(tmp_path)
     assert run("run", file, "--out", tmp_path) == cli.DONE
     studied = ladder(str(file), ["lqr"])
-    alone = climb(studied, studied.laws[0], studied.alone[0], studied.conditions[0], together=False)
+    alone = run_rung(
+        studied, studied.laws[0], studied.alone[0], studied.conditions[0], together=False
+    )
     assert alone.kept
     assert alone.claims["servo-before-load"] > 1
 
@@ -616,7 +620,7 @@ def test_a_law_that_cannot_be_designed_has_its_reason(
     monkeypatch.setattr(study, "run_of", refused)
     studied = ladder(str(written(tmp_path)), ["lqr"])
     law, rung, condition, _ = next(studied.steps())
-    step = climb(studied, law, rung, condition, together=True)
+    step = run_rung(studied, law, rung, condition, together=True)
     assert step.impossible == "there is no such law"
     assert not step.kept
     assert step.shares == {}

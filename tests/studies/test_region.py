@@ -21,7 +21,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.studies import region
-from grosmc_mj.studies.region import Outcome, Region, RegionLoop, choose_axes, outcomes
+from grosmc_mj.studies.region import Outcome, RegionLoop, RegionStudy, choose_axes, outcomes
 from grosmc_mj.sweep.runs import Outcomes
 
 SETTINGS = Settings(integrator="implicitfast")
@@ -213,7 +213,7 @@ def test_a_map_has_the_second_axis_down_and_the_first_across(
     monkeypatch.setattr(region, "BATCH", 8)
     advances: list[str] = []
     limits = (math.degrees(1.5), 4.5)
-    study = Region("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
+    study = RegionStudy("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
     (first, *rest) = study.maps(advances.append)
     # Angles -1, 0 and 1; rates -3, 0 and 3 from above.
     assert first.rows == ["ddc", "ddc", "ddd"]
@@ -283,9 +283,9 @@ def test_a_screened_map_is_that_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> No
     """Equations take steps of RK4, and so does MuJoCo here: no start is judged otherwise."""
     monkeypatch.setattr(region, "INTEGRATOR", "RK4")
     options: Any = {"points": 10, "duration": 3.0, "controllers": ("fl-lqr",)}
-    screened = list(Region("cart_pendulum", **options).maps())
+    screened = list(RegionStudy("cart_pendulum", **options).maps())
     monkeypatch.setattr(region, "model_mismatch", lambda _: "all of it")
-    for ours, theirs in zip(screened, Region("cart_pendulum", **options).maps(), strict=True):
+    for ours, theirs in zip(screened, RegionStudy("cart_pendulum", **options).maps(), strict=True):
         np.testing.assert_array_equal(ours.grid, theirs.grid)
         assert ours.overturned == 0
         assert theirs.overturned == 0
@@ -351,13 +351,13 @@ def test_the_command_writes_figure_and_grids(
 def test_an_interrupt_keeps_the_finished_maps(
     finished: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    maps = Region.maps
+    maps = RegionStudy.maps
 
-    def interrupted(study: Region, *arguments: Any) -> Any:
+    def interrupted(study: RegionStudy, *arguments: Any) -> Any:
         yield from itertools.islice(maps(study, *arguments), finished)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Region, "maps", interrupted)
+    monkeypatch.setattr(RegionStudy, "maps", interrupted)
     options = ("--points", "2", "--duration", "0.1", "--out", tmp_path)
     assert run("study", "region", "servo", *options) == cli.INTERRUPTED
     assert len(list(tmp_path.iterdir())) == 3 * finished

@@ -23,9 +23,9 @@ from grosmc_mj.studies import tolerance
 from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance import (
     Imperfection,
-    Setting,
     Tolerance,
-    setting,
+    ToleranceStudy,
+    tolerance_study,
     tolerances,
     verdict,
 )
@@ -122,7 +122,7 @@ def test_times_on_a_grid_are_tried_once() -> None:
 
 
 def test_each_number_of_a_bench_is_an_imperfection() -> None:
-    studied = setting("servo")
+    studied = tolerance_study("servo")
     assert [kind.name for kind in studied.imperfections] == [
         "computing delay",
         "computing jitter",
@@ -137,18 +137,18 @@ def test_each_number_of_a_bench_is_an_imperfection() -> None:
     ]
 
 
-def imperfection(studied: Setting, name: str) -> Imperfection:
+def imperfection(studied: ToleranceStudy, name: str) -> Imperfection:
     return next(kind for kind in studied.imperfections if kind.name == name)
 
 
 def test_less_of_a_limit_is_more_of_an_imperfection() -> None:
-    limit = imperfection(setting("servo"), "actuator limit")
+    limit = imperfection(tolerance_study("servo"), "actuator limit")
     assert limit.at(4.0).actuators[0].limit == 1.0
     assert limit.at(0.0).actuators[0].limit == math.inf
 
 
 def test_all_at_once_are_in_the_bench_s_proportions() -> None:
-    studied = setting("servo")
+    studied = tolerance_study("servo")
     everything = imperfection(studied, "all")
     assert everything.at(1.0) == studied.bench
     assert everything.at(2.0).estimators == studied.bench.estimators
@@ -157,14 +157,14 @@ def test_all_at_once_are_in_the_bench_s_proportions() -> None:
 
 
 def test_a_time_is_shown_on_the_grid_of_the_timestep() -> None:
-    delay = imperfection(setting("servo"), "computing delay")
+    delay = imperfection(tolerance_study("servo"), "computing delay")
     assert delay.text(4.4) == "4.5"
     assert delay.heading == "computing delay [ms]"
 
 
 def test_amounts_end_at_their_physical_bounds() -> None:
     """One sample in a hundred comes through, times are below 1 s."""
-    studied = setting("servo")
+    studied = tolerance_study("servo")
     settings = studied.experiment.settings
     jitter = imperfection(studied, "computing jitter")
     assert jitter.at(jitter.most).computing.jitter < settings.control_period
@@ -177,29 +177,29 @@ def test_amounts_end_at_their_physical_bounds() -> None:
 
 
 def test_rivals_are_studied_on_request() -> None:
-    every = setting("servo/case1", rivals=True)
+    every = tolerance_study("servo/case1", rivals=True)
     names = [law.name for law in every.laws]
     assert names[:5] == ["lqr", "lqi", "pid", "adrc", "adaptive"]
     assert len(names) == 14
     assert len(set(names)) == 14
-    assert [law.name for law in setting("servo/case1").laws[:2]] == ["lqr", "sign"]
+    assert [law.name for law in tolerance_study("servo/case1").laws[:2]] == ["lqr", "sign"]
 
 
 def test_a_case_is_studied_on_its_system_s_bench_under_its_own_load() -> None:
-    studied = setting("servo/case1")
+    studied = tolerance_study("servo/case1")
     assert studied.bench_of == "servo/bench"
     assert [condition.name for condition in studied.conditions] == ["nominal", "under load"]
 
 
 def test_another_process_reads_the_same_laws() -> None:
-    studied = setting("servo/case1")
+    studied = tolerance_study("servo/case1")
     copied = pickle.loads(pickle.dumps(studied))
     assert [law.name for law in copied.laws] == [law.name for law in studied.laws]
 
 
 @pytest.mark.parametrize("system", ["servo", "cart_pendulum", "arm", "two_link_arm", "jaco"])
 def test_every_system_s_laws_switch_in_every_way(system: str) -> None:
-    names = {law.name for law in setting(system).laws}
+    names = {law.name for law in tolerance_study(system).laws}
     assert {"lqr", "implicit", "implicit, predicted"} <= names
 
 
@@ -211,12 +211,12 @@ def test_every_system_s_laws_switch_in_every_way(system: str) -> None:
     ],
 )
 def test_requirements_hold_for_every_law_that_they_can_be_about(law: str, kinds: list[str]) -> None:
-    arm = setting("arm/case1", [law])
+    arm = tolerance_study("arm/case1", [law])
     limits = arm.limits(arm.laws[0], arm.conditions[0])
     assert [limit.kind for limit in limits] == kinds
 
 
-SERVO = setting("servo", ["sign"])
+SERVO = tolerance_study("servo", ["sign"])
 BUILT = SERVO.bench
 STRONGER = replace(BUILT, actuators=(replace(BUILT.actuators[0], limit=8.0),))
 
@@ -255,7 +255,7 @@ def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyP
             self.known[trial, number] = outcome
 
     monkeypatch.setattr(tolerance.Trials, "_run", made)
-    studied = setting("servo", ["lqr"])
+    studied = tolerance_study("servo", ["lqr"])
     trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
     (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
     assert worst.kept is (failing is None)
@@ -271,7 +271,7 @@ def test_lqr_stands_its_delay_margin_and_physics_confirms_it(
 ) -> None:
     """Physics looks at the least and its neighbours at a limit, and at all once it differs."""
     (tmp_path / "mine.toml").write_text(FILE, encoding="utf-8")
-    studied = setting(str(tmp_path / "mine.toml"), ["lqr"])
+    studied = tolerance_study(str(tmp_path / "mine.toml"), ["lqr"])
     studied = replace(studied, conditions=studied.conditions[:1])
 
     def checked() -> list[Tolerance]:
@@ -300,7 +300,7 @@ def test_lqr_stands_its_delay_margin_and_physics_confirms_it(
     assert [row.physics_agrees for row in checked()] == [False] * 4
 
 
-def spectral_radius(studied: Setting, control_period: float) -> float:
+def spectral_radius(studied: ToleranceStudy, control_period: float) -> float:
     """Largest |eigenvalue| of the LQR loop sampled with this period."""
     optimum = studied.laws[0].controller.designed.lqr
     sampled = control.c2d(control.ss(optimum.A, optimum.B, np.eye(2), 0), control_period)
@@ -309,7 +309,7 @@ def spectral_radius(studied: Setting, control_period: float) -> float:
 
 def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(FILE, encoding="utf-8")
-    studied = setting(str(tmp_path / "mine.toml"), ["lqr"], longer_period=True)
+    studied = tolerance_study(str(tmp_path / "mine.toml"), ["lqr"], longer_period=True)
     kinds = {kind.name: kind for kind in studied.imperfections}
     studied = replace(
         studied, imperfections=[kinds["control period"]], conditions=studied.conditions[:1]
@@ -327,8 +327,8 @@ def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_pa
 
 
 def test_a_longer_period_is_asked_for_and_samples_the_law_and_its_surface() -> None:
-    assert "control period" not in {kind.name for kind in setting("servo").imperfections}
-    studied = setting("servo", ["sign", "implicit"], longer_period=True)
+    assert "control period" not in {kind.name for kind in tolerance_study("servo").imperfections}
+    studied = tolerance_study("servo", ["sign", "implicit"], longer_period=True)
     copied = pickle.loads(pickle.dumps(studied))
     names = [kind.name for kind in studied.imperfections]
     assert [kind.name for kind in copied.imperfections] == names
@@ -352,13 +352,15 @@ def test_a_longer_period_is_asked_for_and_samples_the_law_and_its_surface() -> N
 # The answer.
 
 
-def row_of(studied: Setting, at: int, kept: float, failed: float | None, **more: Any) -> Tolerance:
+def row_of(
+    studied: ToleranceStudy, at: int, kept: float, failed: float | None, **more: Any
+) -> Tolerance:
     usual: dict[str, Any] = {"law": "lqr", "condition": "nominal", "kept_ideally": True}
     numbers = {**usual, "breaks": "deviation_below", "largest_kept": kept, **more}
     return Tolerance(imperfection=studied.imperfections[at], smallest_failed=failed, **numbers)
 
 
-def rows_of(studied: Setting, kept: float = 2.0, **more: Any) -> list[Tolerance]:
+def rows_of(studied: ToleranceStudy, kept: float = 2.0, **more: Any) -> list[Tolerance]:
     changes = {"kept_again": [(4.0, 8.0)], "physics_agrees": True, **more}
     count = len(studied.imperfections)
     return [row_of(studied, i, kept, kept + 0.1, **changes) for i in range(count)]
@@ -383,12 +385,12 @@ def rows_of(studied: Setting, kept: float = 2.0, **more: Any) -> list[Tolerance]
 def test_a_cell_has_the_amount_that_is_run(
     index: int, kept: float, failed: float | None, more: dict[str, Any], cell: str
 ) -> None:
-    studied = setting("servo", ["lqr"])
+    studied = tolerance_study("servo", ["lqr"])
     assert row_of(studied, index, kept, failed, **more).cell == cell
 
 
 def test_the_verdict_has_the_amount_that_fails() -> None:
-    studied = setting("servo", ["lqr"])
+    studied = tolerance_study("servo", ["lqr"])
     assert verdict([row_of(studied, 0, 2.9, 3.5)]) == (
         "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's), "
         "and no longer at 3.5 ms (3.5 times the bench's): deviation below."
@@ -398,7 +400,7 @@ def test_the_verdict_has_the_amount_that_fails() -> None:
 
 
 def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
-    studied = setting("servo", ["lqr", "implicit"])
+    studied = tolerance_study("servo", ["lqr", "implicit"])
     weaker = rows_of(studied, 1.0, condition="case1", kept_again=())
     never = rows_of(studied, condition="case2", kept_ideally=False)
     # The other law was interrupted after its first answer.
@@ -424,7 +426,7 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
 def test_an_interrupt_keeps_finished_laws_and_the_answer_names_the_one_that_breaks_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(studied: Setting, index: int, **_: object) -> list[Tolerance]:
+    def interrupted(studied: ToleranceStudy, index: int, **_: object) -> list[Tolerance]:
         if index == 1:
             raise KeyboardInterrupt
         return rows_of(studied)
@@ -442,6 +444,6 @@ def test_an_interrupt_keeps_finished_laws_and_the_answer_names_the_one_that_brea
         assert row["kept_again"][0][1] == {"factor": 8.0, "shown": 0.008}
         assert file.with_suffix(".png").is_file()
     lines = capsys.readouterr().out.splitlines()
-    answer = verdict(rows_of(setting("arm", ["lqr"])))
+    answer = verdict(rows_of(tolerance_study("arm", ["lqr"])))
     assert answer in " ".join(lines)
     assert max(map(len, lines)) <= 100 + len(str(tmp_path))

@@ -8,7 +8,7 @@ import pytest
 from campaign_cases import BOTH, INERTIA, LOOP, MACHINE, campaign, of, plain, standing, uncertain
 from case_texts import PYTHON
 
-from grosmc_mj.errors import NEXT, ArgumentError
+from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError
 from grosmc_mj.sweep.campaign import Campaign
 
 
@@ -131,7 +131,7 @@ def refused(text: str, words: str, **options: Any) -> None:
     with pytest.raises(ArgumentError) as refusal:
         Campaign.of(small.specification(text, **options))
     assert words in str(refusal.value)
-    assert "\n" not in str(refusal.value).replace(NEXT, "")
+    assert "\n" not in str(refusal.value).replace(MISTAKE_SEPARATOR, "")
 
 
 @pytest.mark.parametrize(("text", "words"), TEXTS, ids=[words for _, words in TEXTS])
@@ -202,7 +202,7 @@ def test_mistakes_of_laws_numbers_and_controllers_are_named_at_once() -> None:
     text = plain(FOUR_MISTAKES) + UNKNOWN_LAW
     with pytest.raises(ArgumentError) as refusal:
         Campaign.of(small.specification(text, controllers=("lqq",)))
-    first, *mistakes = str(refusal.value).split(NEXT)
+    first, *mistakes = str(refusal.value).split(MISTAKE_SEPARATOR)
     assert first.endswith("4 mistakes:")
     for words, name in zip(mistakes, ("'lqq'", "'grosmk'", "'roter'", "'shaf'"), strict=True):
         assert name in words

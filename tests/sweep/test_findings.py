@@ -255,7 +255,7 @@ def wide_findings() -> Findings:
     many = np.array([-INF, *np.linspace(-123456, 0.001234, 999)])
     drivers = {"start [angle]": X, LONG: np.ones(400), "mass": np.abs(X)}
     return Findings(
-        sampled=module.Basis(512, 4096, "random", 7),
+        sampled=module.SampledRuns(512, 4096, "random", 7),
         rates={
             (SETTLES, "grosmc"): pass_rate(512, 512),
             (SETTLES, "lqr"): pass_rate(5119, 5120),

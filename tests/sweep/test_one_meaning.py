@@ -8,7 +8,7 @@ import pytest
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.studies.tolerance import Trial, Trials, setting
+from grosmc_mj.studies.tolerance import Trial, Trials, tolerance_study
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.screening import evaluate
 
@@ -39,7 +39,7 @@ settles_within = "2 s"
 """
 
 
-@pytest.mark.parametrize("load", [Experiment.load, Campaign.load, setting])
+@pytest.mark.parametrize("load", [Experiment.load, Campaign.load, tolerance_study])
 def test_a_settling_time_at_rest_needs_a_band(load: Callable[[str], Any], tmp_path: Path) -> None:
     file = tmp_path / "at_rest.toml"
     file.write_text(AT_REST, encoding="utf-8")
@@ -57,7 +57,7 @@ def test_a_settling_time_is_one_in_run_campaign_and_tolerance(tmp_path: Path) ->
     campaign = Campaign.load(str(file), runs=1)
     nominal = evaluate(campaign, "lqr", campaign.family.nominal[None])
 
-    studied = setting(str(file), ["lqr"])
+    studied = tolerance_study(str(file), ["lqr"])
     (law,) = studied.laws
     loaded = studied.conditions[1]
     trials = Trials(law, "physics", {loaded: studied.limits(law, loaded)}, studied.bench, 1)

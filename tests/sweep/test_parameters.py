@@ -17,7 +17,7 @@ from grosmc_mj.simulation.disturbances import Pulse, SineFrom
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.map import PassMap, pass_map_of
-from grosmc_mj.sweep.parameters import Varied
+from grosmc_mj.sweep.parameters import CaseSample
 from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.screening import Batch
 
@@ -38,7 +38,7 @@ damping = 0.3
 """
 
 
-def sample(tables: str, *values: float, more: str = "") -> Varied:
+def sample(tables: str, *values: float, more: str = "") -> CaseSample:
     """The servo with these values."""
     return campaign(plain(tables) + more).plant_sample(values)
 

@@ -38,7 +38,7 @@ from grosmc_mj.sweep.plant_file import (
 )
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
-from grosmc_mj.sweep.store import Folder, shards_of
+from grosmc_mj.sweep.store import Folder, part_runner
 
 DAMPING = of("joint", "shaft", "damping = [0, 1]")
 # All that a predicting law would otherwise take from the drawn loop.
@@ -189,7 +189,7 @@ def screened(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Folder
     text = servo(laws=PAIR, limits=ON_PHYSICS)
     declared = campaign(text, runs=32, shard=32, screen="equations")
     folder = begun(declared, tmp_path_factory.mktemp("screened"))
-    run_part = shards_of(declared, folder, 0, screening_of(declared))
+    run_part = part_runner(declared, folder, 0, screening_of(declared))
     run_part(0)
     return declared, folder
 

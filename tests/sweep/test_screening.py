@@ -17,7 +17,13 @@ from grosmc_mj.sweep import screening as screening_module
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import random_points
-from grosmc_mj.sweep.findings import Judges, findings, judged_words, results_document, run_campaign
+from grosmc_mj.sweep.findings import (
+    ScreeningSummary,
+    findings,
+    results_document,
+    run_campaign,
+    screening_sentences,
+)
 from grosmc_mj.sweep.plant_file import find_plant
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import (
@@ -239,7 +245,7 @@ def test_a_screened_campaign_makes_few_runs_in_mujoco(
 def test_the_answer_says_who_judged(screened_folder: Folder) -> None:
     by_equations = 2 * RUNS - confirmed_runs(screened_folder)
     result = findings(screened(), screened_folder)
-    words = judged_words(result.judges)
+    words = screening_sentences(result.judges)
     assert words.startswith(f"{by_equations} of {2 * RUNS} runs judged by the equations")
     drawn = result.judges["lqr"].drawn
     share = 100 * (1 - 0.05 ** (1 / drawn))
@@ -290,7 +296,7 @@ def test_few_runs_are_screened_only_if_that_is_wanted(
     assert screening_of(campaign(pair(), **options)).bands == bands
 
 
-def overturned_judges() -> Judges:
+def overturned_judges() -> ScreeningSummary:
     """Judges of forty runs, of which every other one was overturned."""
     ids = np.arange(40)
     columns = {
@@ -302,7 +308,7 @@ def overturned_judges() -> Judges:
         "screened": np.full(40, 0.2),
         "relative": np.append(-np.inf, np.linspace(0.25, 0.2, 39)),
     }
-    return Judges.of(columns)
+    return ScreeningSummary.of(columns)
 
 
 def test_judges_are_counted() -> None:
@@ -314,14 +320,14 @@ def test_judges_are_counted() -> None:
 def test_of_overturned_runs_the_first_sixteen_are_named() -> None:
     judges = overturned_judges()
     assert judges.overturned_runs == list(range(1, 32, 2))
-    words = judged_words({"lqr": judges})
+    words = screening_sentences({"lqr": judges})
     assert "(band 0.1 of a limit; margins confirmed differ by 0.05)" in words
     assert "MuJoCo overturned 20: 1, 3, 5, 7," in words
 
 
-def judges_of(drawn: int, overturned: int) -> Judges:
+def judges_of(drawn: int, overturned: int) -> ScreeningSummary:
     """Judges of whose drawn runs some were overturned."""
-    return Judges(1000, 500, overturned, [], 0.1, 0.0, drawn, overturned)
+    return ScreeningSummary(1000, 500, overturned, [], 0.1, 0.0, drawn, overturned)
 
 
 @pytest.mark.parametrize(("drawn", "overturned"), [(41, 0), (41, 2)])

@@ -29,7 +29,7 @@ from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Radius, ScaleTrial, _growth, radius
 from grosmc_mj.sweep.screening import evaluate
-from grosmc_mj.sweep.worst import Worst, shrunk, worst, worst_document
+from grosmc_mj.sweep.worst import WorstPlant, shrunk, worst, worst_document
 
 
 def loads(limit: float, tables: str = AMPLITUDE, laws: str = LQR, **options: Any) -> Campaign:
@@ -51,12 +51,12 @@ def relative(declared: Campaign, *values: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def found() -> Worst:
+def found() -> WorstPlant:
     """The worst plant of a family in which the load fails at a fraction of its range."""
     return worst(loads(1.0, BOTH), "lqr", list(range(8)), 256)
 
 
-def test_the_search_finds_the_known_worst_plant(found: Worst) -> None:
+def test_the_search_finds_the_known_worst_plant(found: WorstPlant) -> None:
     declared = loads(1.0, BOTH)
     corners = declared.family.values(np.array([[1.0, 0.0], [1.0, 1.0]]))
     # The corner itself, off by as much as points are kept off the faces of the cube.
@@ -68,7 +68,7 @@ def test_the_search_finds_the_known_worst_plant(found: Worst) -> None:
     assert (found.fails, found.winner, found.evaluations) == (True, "search", 256)
 
 
-def test_the_shrunk_plant_fails_and_a_nearer_one_passes(found: Worst) -> None:
+def test_the_shrunk_plant_fails_and_a_nearer_one_passes(found: WorstPlant) -> None:
     declared = loads(1.0, BOTH)
     plant = found.shrunk
     assert plant is not None
@@ -105,13 +105,13 @@ def least_sample() -> float:
     return least(loads(1.0, BOTH).values(range(8)))
 
 
-def test_samples_and_random_plants_compete_with_the_search(found: Worst) -> None:
+def test_samples_and_random_plants_compete_with_the_search(found: WorstPlant) -> None:
     assert found.random == least_random()
     assert found.samples == least_sample()
 
 
 @pytest.fixture
-def lost(monkeypatch: Patch) -> Worst:
+def lost(monkeypatch: Patch) -> WorstPlant:
     """The worst plant, where the search tries the middle of the family alone."""
 
     def lazy(search: Any, bounds: Any, **_options: Any) -> None:
@@ -121,13 +121,13 @@ def lost(monkeypatch: Patch) -> Worst:
     return worst(loads(1.0, BOTH), "lqr", list(range(8)), 256)
 
 
-def test_a_search_can_lose(lost: Worst) -> None:
+def test_a_search_can_lose(lost: WorstPlant) -> None:
     assert lost.search == relative(loads(1.0, BOTH), 2.0, 0.0) > lost.random
     margin, winner = min((least_sample(), "samples"), (least_random(), "random"))
     assert (lost.winner, lost.relative) == (winner, margin)
 
 
-def test_the_document_says_who_has_the_worst_plant(lost: Worst) -> None:
+def test_the_document_says_who_has_the_worst_plant(lost: WorstPlant) -> None:
     document = worst_document(loads(1.0, BOTH), [lost])["controllers"]["lqr"]
     assert document["worst_by"] == lost.winner
     assert document["worst_of_the_search"] == lost.search

@@ -21,7 +21,7 @@ from grosmc_mj.sweep import store
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import findings, run_campaign
 from grosmc_mj.sweep.screening import evaluate
-from grosmc_mj.sweep.store import Folder, manifest_of, read_campaign, read_manifest, run_shard
+from grosmc_mj.sweep.store import Folder, manifest_of, read_campaign, read_manifest, run_part
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def copy(pairs: Folder, tmp_path: Path) -> Folder:
 def pair_shard(folder: Folder, index: int, threads: int = 0) -> Any:
     """Run a part of the campaign of eight servos."""
     bound_to = manifest_of(campaign(pair()))["hash"]
-    return run_shard(str(folder.path), campaign(pair()).specification, bound_to, index, threads)
+    return run_part(str(folder.path), campaign(pair()).specification, bound_to, index, threads)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_other_versions_add_nothing(other_scipy: Folder) -> None:
     assert "install those to go on" in refusal(other_scipy.begin, five(), resume=True)
     # A worker, which has not opened the campaign yet.
     bound_to = read_manifest(other_scipy.path)["hash"]
-    line = refusal(run_shard, str(other_scipy.path), five().specification, bound_to, 1)
+    line = refusal(run_part, str(other_scipy.path), five().specification, bound_to, 1)
     assert "was begun with other versions: versions.scipy: " in line
 
 

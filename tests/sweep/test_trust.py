@@ -28,7 +28,7 @@ from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.sweep.campaign import Campaign, Specification
-from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_shard
+from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_part
 
 BUMP = """
 [[disturbance]]
@@ -231,7 +231,7 @@ def test_a_campaign_is_not_read_with_other_python(changed_python: Folder, file: 
 def test_a_worker_does_not_run_other_python(changed_python: Folder, file: Path) -> None:
     path = str(changed_python.path)
     bound_to = read_manifest(changed_python.path)["hash"]
-    assert "other Python" in refusal(run_shard, path, question(file), bound_to, 1)
+    assert "other Python" in refusal(run_part, path, question(file), bound_to, 1)
     assert not was_imported(file)
 
 
@@ -249,7 +249,7 @@ def test_a_worker_builds_its_own_campaign(folder: Folder, file: Path) -> None:
     other = begun(declared, folder.path / "other")
     change_question(other.path, {"text": TEXT, "folder": str(file.parent)})
     bound_to = read_manifest(other.path)["hash"]
-    run_shard(str(other.path), declared.specification, bound_to, 0)
+    run_part(str(other.path), declared.specification, bound_to, 0)
     assert other.part(0).exists()
     assert not folder.part(1).exists()
     assert not was_imported(file)

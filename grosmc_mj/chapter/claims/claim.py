@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from grosmc_mj.errors import GrosmcError, shown
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.errors import GrosmcError, value_text
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
@@ -95,10 +95,10 @@ class Choice:
     def written(self, value: Any) -> str:
         """Return a value with name and unit."""
         if isinstance(value, list):
-            numbers = ", ".join(shown(number, str) for number in value)
+            numbers = ", ".join(value_text(number, str) for number in value)
             text = f"[{numbers}]"
         else:
-            text = shown(value, str)
+            text = value_text(value, str)
         return f"{self.name} = {text} {self.unit}".rstrip()
 
 
@@ -156,7 +156,7 @@ class Claim:
     some: tuple[str, ...] = ()
     cause: str = ""
     exact: bool = False
-    premise: Callable[[Laboratory], str] | None = None
+    premise: Callable[[RunCache], str] | None = None
     equation: str = ""
     drawing: Mapping[str, Any] | None = None
 

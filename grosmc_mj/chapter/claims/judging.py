@@ -21,7 +21,7 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.executors import Executor, Notice
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 
 # Relative difference up to which physics counts as equal to the equations. Rounding leaves a
@@ -31,7 +31,7 @@ _SAME = 1e-6
 _PART = 8
 
 
-def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
+def judge(lab: RunCache, claim: Claim, *, refine: bool = True) -> Finding:
     """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
 
     The choices are tried on the plant that decides, and count on every plant.
@@ -61,19 +61,19 @@ def judge(lab: Laboratory, claim: Claim, *, refine: bool = True) -> Finding:
     return replace(finding, because=because)
 
 
-def _trials(lab: Laboratory, claim: Claim) -> dict[str, Measured]:
+def _trials(lab: RunCache, claim: Claim) -> dict[str, Measured]:
     """Measurements on the plant that decides, for the choices that the claim is meant for."""
     trials = {}
     for choice in claim.choices:
         if choice.name in (*claim.every, *claim.some):
             for value in choice.values:
-                measured = tried(lab, claim, claim.plants[-1], choice, value)
+                measured = measure_with(lab, claim, claim.plants[-1], choice, value)
                 trials[choice.written(value)] = measured
     return trials
 
 
 def _judge_on(
-    lab: Laboratory,
+    lab: RunCache,
     claim: Claim,
     plant: PlantName,
     trials: Mapping[str, Measured],
@@ -130,7 +130,9 @@ def _same(physics: Measured, equations: Measured) -> bool:
     return math.isclose(physics.value, equations.value, rel_tol=_SAME)
 
 
-def tried(lab: Laboratory, claim: Claim, plant: PlantName, choice: Choice, value: Any) -> Measured:
+def measure_with(
+    lab: RunCache, claim: Claim, plant: PlantName, choice: Choice, value: Any
+) -> Measured:
     """Measure with another value of a choice; broken where no law can be designed.
 
     Raises:
@@ -158,7 +160,7 @@ def verdict_differences(findings: Sequence[Finding]) -> list[str]:
 
 
 def judge_claims(
-    lab: Laboratory,
+    lab: RunCache,
     claims: Sequence[Claim],
     executor: Executor,
     advance: Callable[[str], object] = lambda _: None,
@@ -200,6 +202,6 @@ def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:
     return parts
 
 
-def _judged(lab: Laboratory, parts: Sequence[Sequence[Claim]], index: int) -> list[Finding]:
+def _judged(lab: RunCache, parts: Sequence[Sequence[Claim]], index: int) -> list[Finding]:
     """Judge a part; all parts that come to one process share its runs."""
     return [judge(lab, claim) for claim in parts[index]]

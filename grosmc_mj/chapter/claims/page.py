@@ -14,19 +14,19 @@ from grosmc_mj.chapter.claims.picture import write_picture
 from grosmc_mj.chapter.claims.story import (
     claim_tables,
     claims_tables,
-    facts,
-    is_told,
+    has_story,
+    story_of,
     turning_table,
 )
 from grosmc_mj.chapter.claims.sweep import stored_sweeps
-from grosmc_mj.experiments.laboratory import Laboratory
-from grosmc_mj.files import written_aside
+from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.files import atomic_write
 from grosmc_mj.results.tables import Table, table, words
 
 _HOME = Path(__file__)
 
 
-def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list[Path]:
+def write_page(findings: Sequence[Finding], lab: RunCache, path: Path) -> list[Path]:
     """Write the page and, in a folder beside it, the figure of each defect and refuted claim.
 
     Returns:
@@ -35,19 +35,19 @@ def write_page(findings: Sequence[Finding], lab: Laboratory, path: Path) -> list
     Raises:
         SetupError: If a file cannot be written.
     """
-    stories = [finding for finding in findings if is_told(finding)]
+    stories = [finding for finding in findings if has_story(finding)]
     figures = []
     for finding in stories:
         figure = path.parent / "figures" / f"{finding.claim.id}.png"
         figures.append(write_picture(finding, lab, figure))
 
     page = _page_text(findings, stories, lab)
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         part.write_text(page.rstrip() + "\n", encoding="utf-8")
     return [path, *figures]
 
 
-def _page_text(findings: Sequence[Finding], stories: Sequence[Finding], lab: Laboratory) -> str:
+def _page_text(findings: Sequence[Finding], stories: Sequence[Finding], lab: RunCache) -> str:
     """The page in Markdown, with links from the claims' names to their stories."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -59,7 +59,7 @@ def _page_text(findings: Sequence[Finding], stories: Sequence[Finding], lab: Lab
         brief=tables[:2],
         tables=tables[2:],
         stories=stories,
-        facts=facts,
+        facts=story_of,
         claim_tables=claim_tables,
         appendix=[turning_table(stored_sweeps()), slips_table()],
     )

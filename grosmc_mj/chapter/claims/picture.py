@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Finding, Measured
 from grosmc_mj.chapter.figures import claim_panel
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.results.figure import TITLE_SIZE, figure_written
 from grosmc_mj.results.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 
@@ -18,7 +18,7 @@ _WIDE = 30.0
 _ROW = 0.22
 
 
-def write_picture(finding: Finding, lab: Laboratory, path: Path) -> Path:
+def write_picture(finding: Finding, lab: RunCache, path: Path) -> Path:
     """Write the figure of a claim as PNG.
 
     Raises:

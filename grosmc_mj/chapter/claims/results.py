@@ -9,7 +9,7 @@ from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, verdicts_of
 from grosmc_mj.chapter.claims.story import claims_tables, turning_table
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
@@ -19,8 +19,8 @@ from grosmc_mj.results.result import (
     NOT_KEPT,
     Answer,
     LineChart,
+    ReportTable,
     Series,
-    Sheet,
     Value,
     result,
 )
@@ -49,7 +49,7 @@ _SWITCHED = 0.1
 _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be told"}
 
 
-def claims_result(findings: Sequence[Finding], lab: Laboratory) -> dict[str, Any]:
+def claims_result(findings: Sequence[Finding], lab: RunCache) -> dict[str, Any]:
     """Return the content of claims.json."""
     verdict = KEPT
     sentence = "All verdicts are as expected"
@@ -79,9 +79,9 @@ def counts_words(findings: Sequence[Finding]) -> str:
     return f"sentences of the chapter: {shares}"
 
 
-def claims_sheets(findings: Sequence[Finding]) -> list[Sheet]:
+def claims_sheets(findings: Sequence[Finding]) -> list[ReportTable]:
     """Return all tables of claims that have rows."""
-    return [Sheet(table=rows) for rows in claims_tables(findings) if rows.rows]
+    return [ReportTable(table=rows) for rows in claims_tables(findings) if rows.rows]
 
 
 def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
@@ -97,7 +97,7 @@ def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
             yield Value(name=name, value=value, unit=claim.unit, relative=_SWITCHED)
 
 
-def claim_numbers(finding: Finding, lab: Laboratory) -> dict[str, Any]:
+def claim_numbers(finding: Finding, lab: RunCache) -> dict[str, Any]:
     """Return one claim with its measurements, and the evidence that they have converged."""
     claim = finding.claim
     plants = {}
@@ -140,7 +140,7 @@ def _evidence(plant: PlantName, on_plant: PlantFinding, settings: Settings) -> d
     }
 
 
-def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: Laboratory) -> dict[str, Any]:
+def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: RunCache) -> dict[str, Any]:
     """Return the content of sweeps.json, from the rows that ``sweep`` yields."""
     claims = {row["claim"] for row in rows}
     turning = {row["claim"] for row in rows if row["flips"] and not row["printed"]}
@@ -162,7 +162,7 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: Laboratory) -> dict[st
         values=values,
         sweeps=rows,
         answers=[answer],
-        sheets=[Sheet(table=turning_table(rows), charts=charts)],
+        sheets=[ReportTable(table=turning_table(rows), charts=charts)],
     )
 
 

@@ -40,7 +40,7 @@ def number_of(measured: Measured | None) -> str:
     return f"{measured.value:.3g}"
 
 
-def needed(claim: Claim) -> str:
+def criterion_text(claim: Claim) -> str:
     """Return the criterion in few characters."""
     relation = "≤" if claim.sense == "at most" else "≥"
     limit = f"{relation} {claim.threshold:g}"
@@ -49,14 +49,14 @@ def needed(claim: Claim) -> str:
     return f"{limit} {claim.unit}"
 
 
-def is_told(finding: Finding) -> bool:
+def has_story(finding: Finding) -> bool:
     """Whether the page has the claim's story: of equations, proofs, and claims not supported."""
     if finding.claim.kind in (Kind.MISPRINT, Kind.PROOF):
         return True
     return finding.verdict is not Verdict.SUPPORTED
 
 
-def turning(finding: Finding) -> list[str]:
+def turning_reasons(finding: Finding) -> list[str]:
     """Return what can turn the verdict: a near threshold, and choices that are not printed."""
     reasons = []
     if finding.near:
@@ -130,17 +130,17 @@ def _statement(finding: Finding) -> list[str]:
     if finding.needs:
         statement += f" (with {finding.needs})"
     verdict = finding.verdict.value
-    if turning(finding):
+    if turning_reasons(finding):
         verdict += " *"
     return [
         claim.id,
         f"{statement}: {claim.criterion} [{claim.source}]",
-        f"{number_of(finding.representative)} ({needed(claim)})",
+        f"{number_of(finding.representative)} ({criterion_text(claim)})",
         verdict,
     ]
 
 
-def facts(finding: Finding) -> dict[str, str]:
+def story_of(finding: Finding) -> dict[str, str]:
     """Return the story of one claim: titles and texts."""
     claim = finding.claim
     story = {
@@ -153,7 +153,7 @@ def facts(finding: Finding) -> dict[str, str]:
         "meant": claim.quantifier,
         "it needs": finding.needs,
         "it is": finding.turns,
-        "turns": "; ".join(turning(finding)),
+        "turns": "; ".join(turning_reasons(finding)),
         "cause": claim.cause,
         "because": finding.because and f"a premise failed: {finding.because}",
         "expected": claim.reason,
@@ -164,7 +164,7 @@ def facts(finding: Finding) -> dict[str, str]:
 
 def claim_tables(finding: Finding) -> list[Table]:
     """Return the story of one claim, and its values on each plant at T and at half of it."""
-    story = facts(finding)
+    story = story_of(finding)
     if "equation" in story:
         story["equation"] = in_text(story["equation"])
     columns = [*words(finding.claim.id), *text(finding.verdict.value.upper())]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Choice, Claim
-from grosmc_mj.chapter.claims.judging import tried
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.chapter.claims.judging import measure_with
+from grosmc_mj.experiments.laboratory import RunCache
 
 # Written by `claims sweep --record`.
 STORED = Path(__file__).resolve().parents[1] / "sweeps.json"
@@ -20,7 +20,7 @@ _HALVINGS = 5
 
 
 def sweep(
-    lab: Laboratory, claims: Sequence[Claim], advance: Callable[[str], object] = lambda _: None
+    lab: RunCache, claims: Sequence[Claim], advance: Callable[[str], object] = lambda _: None
 ) -> Iterator[dict[str, Any]]:
     """Vary every choice of every claim; claims that share a choice share its runs.
 
@@ -54,17 +54,17 @@ def sweep(
 
 
 def _at(
-    lab: Laboratory, claim: Claim, choice: Choice, value: Any
+    lab: RunCache, claim: Claim, choice: Choice, value: Any
 ) -> tuple[float | None, bool | None]:
     """The measured value on the plant that decides, and whether the claim holds there."""
-    measured = tried(lab, claim, claim.plants[-1], choice, value)
+    measured = measure_with(lab, claim, claim.plants[-1], choice, value)
     if measured.broken:
         return measured.value, None
     return measured.value, claim.holds(measured)
 
 
 def _flips(
-    lab: Laboratory, claim: Claim, choice: Choice, answers: Sequence[bool | None]
+    lab: RunCache, claim: Claim, choice: Choice, answers: Sequence[bool | None]
 ) -> Iterator[str]:
     """Yield where the answer changes; between two numbers it is found by bisection."""
     pairs = zip(choice.values, answers, strict=True)

@@ -17,7 +17,7 @@ from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
-    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.laboratory import RunCache
 
 _Claims = Annotated[
     Positional[str | None],
@@ -81,7 +81,7 @@ class JudgeCommand(Command):
     def _say_claim(
         self,
         finding: Finding,
-        lab: Laboratory,
+        lab: RunCache,
         document: Mapping[str, Any],
         differences: Sequence[str],
     ) -> None:
@@ -180,22 +180,22 @@ CLAIMS = {
 }
 
 
-def _laboratory() -> Laboratory:
+def _laboratory() -> RunCache:
     """Return an empty cache of runs with the default settings."""
-    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.laboratory import RunCache
     from grosmc_mj.experiments.runs import Settings
 
-    return Laboratory(Settings())
+    return RunCache(Settings())
 
 
-def judge_with_progress(lab: Laboratory, claims: Sequence[Claim]) -> list[Finding]:
+def judge_with_progress(lab: RunCache, claims: Sequence[Claim]) -> list[Finding]:
     """Judge claims with a progress bar."""
     with screen.progress(len(claims), "claims") as advance:
         return judge_in_processes(lab, claims, advance)
 
 
 def judge_in_processes(
-    lab: Laboratory, claims: Sequence[Claim], advance: Callable[[str], object]
+    lab: RunCache, claims: Sequence[Claim], advance: Callable[[str], object]
 ) -> list[Finding]:
     """Judge claims on all cores."""
     from grosmc_mj.chapter.claims.judging import judge_claims

@@ -42,7 +42,7 @@ class _OfLog(Command):
     def _read(self) -> tuple[Experiment, Log]:
         """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.log import joined, read_log
+        from grosmc_mj.identify.log import join_logs, read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
@@ -50,7 +50,7 @@ class _OfLog(Command):
         system = experiment.nominal.system
         table = experiment.file.log
         logs = [read_log(path, system, table) for path in (self.log, *self.also)]
-        return experiment, joined(logs)
+        return experiment, join_logs(logs)
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
@@ -80,7 +80,7 @@ class IdentifyCommand(_OfLog):
         from grosmc_mj.identify.case_file import write_case
         from grosmc_mj.identify.fit import fit, quality, residuals
         from grosmc_mj.identify.parameters import parameters_of
-        from grosmc_mj.identify.report import draw, identification
+        from grosmc_mj.identify.report import draw_residuals, identification
 
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
@@ -108,7 +108,7 @@ class IdentifyCommand(_OfLog):
         screen.say_result(document, path, unseen, full=self.verbose, brief=2)
 
         figure = path.with_suffix(".png")
-        draw(errors, held_out, plant.system, figure)
+        draw_residuals(errors, held_out, plant.system, figure)
         # The case file has a name of its own: a run of it writes results of that name.
         case_file = self._path("identify", experiment).with_suffix(".toml")
         write_case(best, log.name, case_file)
@@ -148,17 +148,17 @@ class CompareCommand(_OfLog):
 
     def execute(self) -> int:
         """Read the logs, predict them on every rung, write and print the errors."""
-        from grosmc_mj.identify.compare import compared, comparison_result, rungs_of
+        from grosmc_mj.identify.compare import comparison_result, models_of, prediction_errors
         from grosmc_mj.identify.film import film_of_log
 
         experiment, log = self._read()
-        rungs = rungs_of(experiment)
+        rungs = models_of(experiment)
         film = None
         if self.film:
             truest = rungs.get("loop", rungs[experiment.nominal.truest])
             film = film_of_log(truest, log, self.horizon)
 
-        rows, notes = compared(rungs, log, self.horizon, experiment.settings.timestep)
+        rows, notes = prediction_errors(rungs, log, self.horizon, experiment.settings.timestep)
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)

@@ -15,7 +15,7 @@ from tyro.conf import Positional, arg
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.errors import ArgumentError, shown, unknown_name
+from grosmc_mj.errors import ArgumentError, unknown_name, value_text
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
@@ -37,7 +37,7 @@ class NewCommand(Command):
 
     def execute(self) -> int:
         """Write a case file to begin with."""
-        from grosmc_mj.files import written_aside
+        from grosmc_mj.files import atomic_write
 
         texts = self._texts()
         for file in texts:
@@ -45,7 +45,7 @@ class NewCommand(Command):
                 raise ArgumentError(f"{file} is there already: take another name or remove it")
 
         for file, text in texts.items():
-            with written_aside(Path(file)) as part:
+            with atomic_write(Path(file)) as part:
                 part.write_text(text, encoding="utf-8")
         files = " and ".join(texts)
         screen.console().print(
@@ -62,7 +62,7 @@ class NewCommand(Command):
         name = self.name.removesuffix(".toml")
         if not _NAME.fullmatch(name) or keyword.iskeyword(name) or name in sys.stdlib_module_names:
             raise ArgumentError(
-                f"{shown(self.name)} must be a name of letters, digits and underscores"
+                f"{value_text(self.name)} must be a name of letters, digits and underscores"
             )
         return name
 

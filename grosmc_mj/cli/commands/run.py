@@ -121,10 +121,10 @@ class RunCommand(Command):
         """Write the results of an experiment, and print them, also if they cannot be written."""
         from grosmc_mj.cli.commands import run_answer
         from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.results.document import keep_other, write_json
+        from grosmc_mj.results.document import set_aside_other, write_json
 
         try:
-            aside = keep_other(path, answer.content, "configuration")
+            aside = set_aside_other(path, answer.content, "configuration")
             write_json(path, answer.content)
             write_curves(answer.results, path.stem, path.parent)
         finally:

@@ -115,10 +115,10 @@ class ValidateCommand(Command):
     def _write(self, done: Validation) -> None:
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.experiments.laboratory import Laboratory
+        from grosmc_mj.experiments.laboratory import RunCache
         from grosmc_mj.experiments.runs import Settings
 
-        document = done.document(Laboratory(Settings()))
+        document = done.document(RunCache(Settings()))
         differences = [f"differs: {line}" for line in done.differences]
         path = self.out / "validation.json"
         screen.say_result(document, path, differences, full=self.verbose, brief=2)
@@ -155,7 +155,7 @@ def _compute(
     advance: Callable[[str], object],
 ) -> None:
     """Run the cases, compare equations with MuJoCo, judge the claims."""
-    from grosmc_mj.experiments.laboratory import Laboratory
+    from grosmc_mj.experiments.laboratory import RunCache
     from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
     from grosmc_mj.sweep.agreement import agreements
@@ -169,5 +169,5 @@ def _compute(
         done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
         advance(f"{system}: analytic against physics")
 
-    lab = Laboratory(Settings(), known=done.results)
+    lab = RunCache(Settings(), known=done.results)
     done.findings = judge_in_processes(lab, claims, advance)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.references import ReferenceFunction
-from grosmc_mj.errors import ArgumentError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import AnalyticPlant, Plant, System
 
@@ -223,11 +223,11 @@ class OutputCoordinates(Coordinates):
         require("system", self.system, System, "a System, such as plant.system")
         if not callable(self.reference):
             raise ArgumentError(
-                f"reference = {shown(self.reference)} must be a function (t, p) -> y_r and its "
-                "derivatives, such as setpoints(2)"
+                f"reference = {value_text(self.reference)} must be a function (t, p) -> y_r and "
+                "its derivatives, such as setpoints(2)"
             )
         if type(self.sign) is not int or abs(self.sign) != 1:
-            raise ArgumentError(f"sign = {shown(self.sign)} must be 1 or -1")
+            raise ArgumentError(f"sign = {value_text(self.sign)} must be 1 or -1")
 
     @cached_property
     @abstractmethod
@@ -337,8 +337,8 @@ class OutputCoordinates(Coordinates):
         count = sum(degrees) + len(degrees)
         if values.shape != (count,) or not np.all(np.isfinite(values)):
             raise ArgumentError(
-                f"the reference gives {shown(values)} at t = 0, must give finite values of each "
-                f"output with derivatives up to {degrees}"
+                f"the reference gives {value_text(values)} at t = 0, must give finite values of "
+                f"each output with derivatives up to {degrees}"
             )
 
     @property

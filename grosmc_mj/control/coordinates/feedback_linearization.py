@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.codegen import generate
 from grosmc_mj.control.coordinates.base import Chains
-from grosmc_mj.errors import PremiseError, shown
+from grosmc_mj.errors import PremiseError, value_text
 from grosmc_mj.fields import Is, checked_call
 from grosmc_mj.plants.equations import Equations, Expressions
 
@@ -147,9 +147,9 @@ class FeedbackLinearization(Chains):
         E = self.E[0] if single else self.E.tolist()
         raise PremiseError(
             f"feedback linearization is not possible about x = {np.round(x, 9).tolist()}: the "
-            f"decoupling matrix E = {shown(E, str)} of {', '.join(map(str, self.h))}, of relative "
-            f"degree {self.relative_degree}, is singular there (eq. (21)). Possible are lqr and "
-            "linear-grosmc on the linearization, about an operating point ([plant] at, a "
+            f"decoupling matrix E = {value_text(E, str)} of {', '.join(map(str, self.h))}, of "
+            f"relative degree {self.relative_degree}, is singular there (eq. (21)). Possible are "
+            "lqr and linear-grosmc on the linearization, about an operating point ([plant] at, a "
             "state_task); and laws of an approximation that has a relative degree ([design] plant)"
         )
 

@@ -22,7 +22,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
     feedback_linearization,
 )
 from grosmc_mj.control.matrices import divide, solve
-from grosmc_mj.errors import ArgumentError, GainError, PremiseError, shown
+from grosmc_mj.errors import ArgumentError, GainError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 
@@ -53,7 +53,7 @@ class ErrorCoordinates(OutputCoordinates):
             guess = reals(self.guess)
             n = len(self.system.states)
             if guess.shape != (n,) or not np.all(np.isfinite(guess)):
-                raise ArgumentError(f"guess = {shown(self.guess)} must be {n} finite numbers")
+                raise ArgumentError(f"guess = {value_text(self.guess)} must be {n} finite numbers")
 
     @cached_property
     def linearization(self) -> FeedbackLinearization:

@@ -24,7 +24,7 @@ from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import row_times
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.control.task import Task
-from grosmc_mj.errors import GainError, shown
+from grosmc_mj.errors import GainError, value_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ def dynamic_controller(
         GainError: If the limit is not positive.
     """
     if not real(limit) > 0:
-        raise GainError(f"{name}: limit = {shown(limit)} must be positive")
+        raise GainError(f"{name}: limit = {value_text(limit)} must be positive")
     limit = float(limit)
     if math.isfinite(limit):
         gains = gains | {"limit": limit}

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from grosmc_mj.errors import ArgumentError, shown
+from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.experiments.file.units import number_in
 
 # Characters of a formula, its parts, and the depth of their nesting.
@@ -121,7 +121,7 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
     """
     if len(text) > _LONGEST:
         raise ArgumentError(
-            f"{shown(text)} has {len(text)} characters, a formula may have {_LONGEST}"
+            f"{value_text(text)} has {len(text)} characters, a formula may have {_LONGEST}"
         )
     names = {symbol.name: symbol for symbol in symbols}
     plain = text.strip()
@@ -137,14 +137,14 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
             tree = ast.parse(plain, mode="eval").body
     # Besides text that is no Python: too many brackets, and text that only warns, such as 1if.
     except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
-        raise ArgumentError(f"{shown(text)} is no formula in {', '.join(names)}") from None
+        raise ArgumentError(f"{value_text(text)} is no formula in {', '.join(names)}") from None
 
     try:
         return _Builder(names).part(tree, 0).exact
     except _NoFormulaError as error:
-        raise ArgumentError(f"{shown(text)} {error}") from None
+        raise ArgumentError(f"{value_text(text)} {error}") from None
     except (ArithmeticError, ValueError):
-        raise ArgumentError(f"{shown(text)} has no finite real value") from None
+        raise ArgumentError(f"{value_text(text)} has no finite real value") from None
 
 
 class _NoFormulaError(Exception):
@@ -212,7 +212,7 @@ class _Builder:
                 return _NoFormulaError(f"gives {name} other than one argument")
             case ast.Call(func=ast.Name(id=name)) | ast.Name(id=name) | ast.Attribute(attr=name):
                 valid = ", ".join((self._names, *_CONSTANTS, *FUNCTIONS))
-                return _NoFormulaError(f"has {shown(name, str)}, may have {valid} and numbers")
+                return _NoFormulaError(f"has {value_text(name, str)}, may have {valid} and numbers")
             case ast.BinOp(op=ast.BitXor()):
                 return _NoFormulaError("has ^: a power is written **")
         return _NoFormulaError(f"is no formula in {self._names}")

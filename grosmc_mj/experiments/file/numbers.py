@@ -11,7 +11,7 @@ import numpy as np
 from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, shown
+from grosmc_mj.errors import ArgumentError, GrosmcError, value_text
 from grosmc_mj.experiments.file.units import is_number, number_in
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
@@ -34,7 +34,7 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
         return uncertainty(value)
     if name == "body":
         if not isinstance(value, str):
-            raise ArgumentError(f"body = {shown(value)} must be a name")
+            raise ArgumentError(f"body = {value_text(value)} must be a name")
         return value
     if name in ("frequency", "bandwidth") and isinstance(value, str):
         try:
@@ -44,9 +44,11 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
 
     entries = np.ravel(np.asarray(value, object)).tolist()
     if not all(map(is_number, entries)):
-        raise ArgumentError(f"{name} = {shown(value)} must be a number or the rows of a matrix")
+        raise ArgumentError(
+            f"{name} = {value_text(value)} must be a number or the rows of a matrix"
+        )
     if not all(map(math.isfinite, entries)):
-        raise ArgumentError(f"{name} = {shown(value)} must be finite")
+        raise ArgumentError(f"{name} = {value_text(value)} must be finite")
     if np.ndim(value) == 0:
         return float(value)
     return np.array(value, float)
@@ -64,7 +66,9 @@ def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
     """
     keys = [item.name for item in fields(kind)]
     if not isinstance(value, dict):
-        raise ArgumentError(f"uncertainty = {shown(value)} must be a table with {', '.join(keys)}")
+        raise ArgumentError(
+            f"uncertainty = {value_text(value)} must be a table with {', '.join(keys)}"
+        )
     for key in value:
         require_known("key", key, keys, where="uncertainty: ")
     try:

@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from grosmc_mj.errors import ArgumentError, shown, together, unknown_name
+from grosmc_mj.errors import ArgumentError, together, unknown_name, value_text
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.shipped import base_file
 
@@ -79,7 +79,7 @@ def _extended_file(name: Any, path: Path, above: tuple[Path, ...]) -> Path:
     """Return the file that a case file extends."""
     if not isinstance(name, str) or Path(name).name != name or not name.endswith(".toml"):
         raise ArgumentError(
-            f'{path}: extends = {shown(name)} must be a file beside it, such as "base.toml"'
+            f'{path}: extends = {value_text(name)} must be a file beside it, such as "base.toml"'
         )
     base = path.parent / name
     if base in (path, *above):
@@ -137,9 +137,9 @@ def _content(text: str, path: Path) -> Content:
 def _refuse_odd(value: Any) -> None:
     """Refuse control characters, and integers of more than 64 bits, which TOML does not have."""
     if isinstance(value, str) and not value.isprintable():
-        raise ValueError(f"{shown(value)} has characters that cannot be printed")
+        raise ValueError(f"{value_text(value)} has characters that cannot be printed")
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise ValueError(f"{shown(value)} has more than 64 bits")
+        raise ValueError(f"{value_text(value)} has more than 64 bits")
 
     members: list[Any] = []
     if isinstance(value, list):
@@ -303,7 +303,7 @@ def _line(mistake: Any) -> str:
 
     if kind not in _TYPES and not message.startswith(_SHOULD):
         return f"{where}{key}: {message.removeprefix('Value error, ')}"
-    written = shown(value)
+    written = value_text(value)
     if kind == "int_type" and isinstance(value, float):
         # 2.0 would be shown as 2.
         written = repr(value)

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import shown, unknown_name
+from grosmc_mj.errors import unknown_name, value_text
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
     LOOP_UNITS,
@@ -47,7 +47,7 @@ def file_name(name: str) -> str:
     valid = name.isprintable() and "/" not in name and name not in {".", ".."}
     if not valid or len(name) > 100:
         raise ValueError(
-            f"{shown(name)} must be a name for files: no slash, no dots alone, printable, 100 "
+            f"{value_text(name)} must be a name for files: no slash, no dots alone, printable, 100 "
             "characters at most"
         )
     return name
@@ -336,7 +336,7 @@ def _weight(value: Any) -> Any:
         entries = row if isinstance(row, list) else [row]
         if not all(map(is_number, entries)):
             raise ValueError(
-                f"{shown(value)} must be a number, a list of numbers or a list of rows"
+                f"{value_text(value)} must be a number, a list of numbers or a list of rows"
             )
     return value
 
@@ -485,7 +485,7 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
         return value
     if not isinstance(value, dict):
         raise ValueError(  # noqa: TRY004
-            f"{shown(value)} must be a range [least, most] or a table such as "
+            f"{value_text(value)} must be a range [least, most] or a table such as "
             '{ distribution = "normal", mean = 0.1, deviation = 0.02 }'
         )
     for key in value:

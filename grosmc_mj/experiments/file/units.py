@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from grosmc_mj.errors import ArgumentError, Mistakes, shown
+from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 
 if TYPE_CHECKING:
     import pint
@@ -77,16 +77,18 @@ def number_in(value: Any, unit: str) -> float:
     """
     if unit in {"", "1", "%"}:
         if not is_number(value):
-            raise ArgumentError(f"{shown(value)} must be a number without a unit")
+            raise ArgumentError(f"{value_text(value)} must be a number without a unit")
         return _finite(float(value), value)
 
     example = _EXAMPLES.get(unit, f"1 {unit}")
     if is_number(value):
         raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')
     if not isinstance(value, str):
-        raise ArgumentError(f'{shown(value)} must be a number with a unit, such as "{example}"')
+        raise ArgumentError(
+            f'{value_text(value)} must be a number with a unit, such as "{example}"'
+        )
 
-    text = shown(value, str)
+    text = value_text(value, str)
     match = _NUMBER.fullmatch(value.strip())
     if match is None:
         raise ArgumentError(f'"{text}" is no number with a unit, such as "{example}"')
@@ -95,7 +97,9 @@ def number_in(value: Any, unit: str) -> float:
     if not written:
         raise ArgumentError(f'"{text}" has no unit: write "{text} {unit}"')
     if not _UNIT.fullmatch(written):
-        raise ArgumentError(f'"{text}": {shown(written)} is no unit; write it as in "{example}"')
+        raise ArgumentError(
+            f'"{text}": {value_text(written)} is no unit; write it as in "{example}"'
+        )
 
     if written == unit:
         return _finite(number, value)
@@ -123,13 +127,13 @@ def _converted(number: float, written: str, unit: str) -> float:
         raise _UnitError(f" cannot be converted to {unit}") from None
     # pint has no common class of errors for text that it cannot read.
     except Exception:
-        raise _UnitError(f": {shown(written)} is no unit") from None
+        raise _UnitError(f": {value_text(written)} is no unit") from None
 
 
 def _finite(number: float, value: Any) -> float:
     """Return a number, and refuse one that is not finite."""
     if not math.isfinite(number):
-        raise ArgumentError(f"{shown(value)} must be finite")
+        raise ArgumentError(f"{value_text(value)} must be finite")
     return number
 
 

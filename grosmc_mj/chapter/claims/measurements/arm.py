@@ -26,7 +26,7 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     worst_deviation,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -39,7 +39,7 @@ _AMPLITUDES = (1.0, math.pi)
 
 
 def tracking(
-    lab: Laboratory, plant: PlantName, *, state: int, statistic: str, arrived: float
+    lab: RunCache, plant: PlantName, *, state: int, statistic: str, arrived: float
 ) -> Measured:
     """Measure peak or RMS of an entry of e in case 1, in percent of its reference's amplitude.
 
@@ -68,7 +68,7 @@ def tracking(
     return from_run(result, value, f"from {time[begin]:.3g} s on")
 
 
-def settling_ratio(lab: Laboratory, plant: PlantName, *, band: float, percent_of: Size) -> Measured:
+def settling_ratio(lab: RunCache, plant: PlantName, *, band: float, percent_of: Size) -> Measured:
     """Measure when |e1| enters a band [%] for good, over when the optimum does."""
     result = lab.case(_SYSTEM, "case1", plant, "grosmc")
     comparison = result.comparison
@@ -90,7 +90,7 @@ def _last_entry(time: Array, error: Array, width: float) -> float:
     return float(time[min(outside[-1] + 1, len(time) - 1)])
 
 
-def worst_of_family(lab: Laboratory, plant: PlantName, *, heaviest: float) -> Measured:
+def worst_of_family(lab: RunCache, plant: PlantName, *, heaviest: float) -> Measured:
     """Measure the worst max |e1 - e1*| over payloads and links, in percent of the start.
 
     Payloads go up to ``heaviest`` times the nominal one.
@@ -107,7 +107,7 @@ def worst_of_family(lab: Laboratory, plant: PlantName, *, heaviest: float) -> Me
     return worst_deviation(lab, plant, cases)
 
 
-def unbalanced_torque(lab: Laboratory, plant: PlantName) -> Measured:
+def unbalanced_torque(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the power that the equation invents, relative to its largest term.
 
     C q' is held against M'(q) q'^2 / 2.
@@ -123,7 +123,7 @@ def _balance(p: Any, q: float, rate: float, torque: float) -> tuple[float, tuple
     return 0.1 + 0.06 * math.sin(q), (torque, -gravity, -coriolis)
 
 
-def difference_of_printed_law(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+def difference_of_printed_law(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     """Measure the largest difference of e1 under the laws of both C, in percent of the start."""
     experiment = find_experiment(_SYSTEM, case)
     printed = lab.run_misdesigned(experiment, plant, "grosmc", "printed")
@@ -138,7 +138,7 @@ def difference_of_printed_law(lab: Laboratory, plant: PlantName, *, case: str) -
     return from_run(printed, value, note)
 
 
-def epsilon_margin(lab: Laboratory, _: PlantName) -> Measured:
+def epsilon_margin(lab: RunCache, _: PlantName) -> Measured:
     """Measure epsilon over the rate that d(t) requires along the run.
 
     Raises:
@@ -158,13 +158,13 @@ def epsilon_margin(lab: Laboratory, _: PlantName) -> Measured:
     return Measured(margin, f"ε = {enough:.3g} rad/s² along a run that stays on its surface")
 
 
-def _rates(lab: Laboratory) -> tuple[Array, Array]:
+def _rates(lab: RunCache) -> tuple[Array, Array]:
     """The required and the configured rate along case 1."""
     signals = audit(lab, find_experiment(_SYSTEM, "case1")).signals
     return signals["required"], signals["configured"]
 
 
-def excursion_with_k(lab: Laboratory, plant: PlantName) -> Measured:
+def excursion_with_k(lab: RunCache, plant: PlantName) -> Measured:
     """Measure max |s| in case 1 over that with a hundredth of k.
 
     Raises:
@@ -182,7 +182,7 @@ def excursion_with_k(lab: Laboratory, plant: PlantName) -> Measured:
     return from_run(result, largest / largest_weaker, note)
 
 
-def worst_of_three(lab: Laboratory, plant: PlantName) -> Measured:
+def worst_of_three(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the worst of s, deviation and index in case 1, each over the limit of its word."""
     case: Any = {"system": _SYSTEM, "case": "case1"}
     by_word = {

@@ -24,7 +24,7 @@ from grosmc_mj.control.reaching import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
@@ -124,9 +124,7 @@ def _slowest_pole(optimum: LqrDesign, G: Array | None, model: Model) -> float:
     return float(np.linalg.eigvals(loop).real.max())
 
 
-def distance_from_hold(
-    lab: Laboratory, plant: PlantName, *, case: str, controller: str
-) -> Measured:
+def distance_from_hold(lab: RunCache, plant: PlantName, *, case: str, controller: str) -> Measured:
     """Measure the worse of cart and angle at the end of a case, in units of their bands."""
     result = lab.run(holding_case(case), plant, controller)
     rail = rail_half_length(MujocoPlant.load(SYSTEM))
@@ -154,18 +152,18 @@ def _pole(uncertainty: str) -> Experiment:
     return perturbed(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
 
 
-def deviation(lab: Laboratory, plant: PlantName, *, uncertainty: str) -> Measured:
+def deviation(lab: RunCache, plant: PlantName, *, uncertainty: str) -> Measured:
     """Measure max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
     result = lab.run(_pole(uncertainty), plant, "cart-ism")
     return from_run(result, from_optimum(result.comparison))
 
 
-def _optimum(lab: Laboratory, plant: PlantName) -> LqrDesign:
+def _optimum(lab: RunCache, plant: PlantName) -> LqrDesign:
     """The optimum that cart-ism is designed for."""
     return lab.controller(holding_case("case1"), plant, "cart-ism").designed.lqr
 
 
-def _unmatched_model(lab: Laboratory, plant: PlantName) -> tuple[LqrDesign, Model]:
+def _unmatched_model(lab: RunCache, plant: PlantName) -> tuple[LqrDesign, Model]:
     """The optimum, and the linear model of case 1.
 
     Raises:
@@ -178,7 +176,7 @@ def _unmatched_model(lab: Laboratory, plant: PlantName) -> tuple[LqrDesign, Mode
     return optimum, model
 
 
-def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measured:
+def amplification_by_pseudoinverse(lab: RunCache, plant: PlantName) -> Measured:
     """Measure by how much B+ enlarges the unmatched uncertainty, in percent of it."""
     optimum, model = _unmatched_model(lab, plant)
     factors = {}
@@ -191,7 +189,7 @@ def amplification_by_pseudoinverse(lab: Laboratory, plant: PlantName) -> Measure
     return Measured(100 * (factors["B+"] - 1), f"amplification: {words}")
 
 
-def slowest_pole_loss(lab: Laboratory, plant: PlantName) -> Measured:
+def slowest_pole_loss(lab: RunCache, plant: PlantName) -> Measured:
     """Measure how far the sliding dynamics' pole lies right of LQR's [1/s].
 
     The weights are the stiff ones.
@@ -210,7 +208,7 @@ def slowest_pole_loss(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(sliding - alone, note)
 
 
-def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
+def deviation_over_least(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the deviation with G = B+ over the least with another G, in case 1."""
     case = holding_case("case1").varied(duration=_SHORT)
     realization = case.with_settings(**lab.settings.changes()).realization
@@ -229,7 +227,7 @@ def deviation_over_least(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(ratio, words)
 
 
-def lean_excess(lab: Laboratory, plant: PlantName) -> Measured:
+def lean_excess(lab: RunCache, plant: PlantName) -> Measured:
     """Measure how far |θ| under cart-pfl exceeds its start or the allowed lean, in percent.
 
     Raises:

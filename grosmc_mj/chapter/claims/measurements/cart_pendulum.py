@@ -16,7 +16,7 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     within,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum, settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
@@ -31,9 +31,7 @@ _LARGER = (BodyEdit("pole", mass_scale=4.0, length_scale=4.0),)
 _SYMBOLS = {"eta": "η", "gamma0": "γ0", "gamma1": "γ1"}
 
 
-def from_two_seconds(
-    lab: Laboratory, plant: PlantName, *, controller: str, band: float
-) -> Measured:
+def from_two_seconds(lab: RunCache, plant: PlantName, *, controller: str, band: float) -> Measured:
     """Measure the difference of settling to a band [%] from 2 s, in percent."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
     theta = result.comparison.z[:, 0]
@@ -44,7 +42,7 @@ def from_two_seconds(
 
 
 def largest_start(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     controller: str,
@@ -98,7 +96,7 @@ def _converged(run: Trajectory, start: float) -> bool:
     return bool(theta.max() < math.pi / 2 and theta[-1] <= 0.02 * start)
 
 
-def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:
+def final_cart_speed(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the speed of the cart when the pole has long been at rest [m/s]."""
     result = lab.case(_SYSTEM, "case2", plant, "grosmc")
     run = result.trajectory
@@ -108,7 +106,7 @@ def final_cart_speed(lab: Laboratory, plant: PlantName) -> Measured:
     return from_run(result, speed, f"it travels {travel:.3g} m in {run.time[-1]:g} s")
 
 
-def acceleration_error(lab: Laboratory, plant: PlantName) -> Measured:
+def acceleration_error(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the largest error of theta'' against Lagrange, in percent of the largest term."""
     p = MujocoPlant.load(_SYSTEM).analytic().parameters
     return equation_error(lab, plant, _SYSTEM, (1.2, 5.0, 10.0), partial(_lagrange, p))
@@ -139,7 +137,7 @@ def _lagrange(
     return 1.0, accelerations
 
 
-def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
+def naive_gain(lab: RunCache, plant: PlantName) -> Measured:
     """Measure a gain sized on u_c alone, over the required one, in case 1 along the run.
 
     Raises:

@@ -21,7 +21,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
@@ -94,7 +94,7 @@ def from_optimum(comparison: Comparison, percent_of: Size = "start") -> float:
 
 
 def deviation(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     system: str,
@@ -134,7 +134,7 @@ def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
 
 
 def worst_deviation(
-    lab: Laboratory, plant: PlantName, cases: Sequence[Experiment], note: str = ""
+    lab: RunCache, plant: PlantName, cases: Sequence[Experiment], note: str = ""
 ) -> Measured:
     """Measure the largest max |y - y*| over experiments under GROSMC, in percent of each start.
 
@@ -158,7 +158,7 @@ def worst_deviation(
 
 
 def late_error(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     system: str,
@@ -175,7 +175,7 @@ def late_error(
 
 
 def difference(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     system: str,
@@ -208,7 +208,7 @@ def difference_of(results: Sequence[RunResult], until: float = np.inf) -> float:
     return 100 * float(distance.max()) / abs(float(second.error[0]))
 
 
-def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
+def beside_lqr(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
     """Measure max |y - y*| under GROSMC over that under the LQR."""
     robust = deviation(lab, plant, system=system, case=case, controller="grosmc")
     linear = deviation(lab, plant, system=system, case=case, controller="lqr")
@@ -223,7 +223,7 @@ def beside_lqr(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> 
 
 
 def excess_cost(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     system: str,
@@ -238,7 +238,7 @@ def excess_cost(
     return from_run(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 
-def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
+def leaving_the_surface(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
     """Measure the largest |s_i| over the change that one sample of the switching term makes.
 
     While the gain covers the disturbance, |s_i'| is at most twice the effect of the switching term
@@ -269,7 +269,7 @@ def leaving_the_surface(lab: Laboratory, plant: PlantName, *, system: str, case:
 
 
 def equation_error(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     system: str,
     bounds: Sequence[float],
@@ -299,7 +299,7 @@ def equation_error(
     return Measured(100 * float(worst), "300 random states and inputs")
 
 
-def failed_premise(lab: Laboratory, *, system: str, case: str) -> str:
+def failed_premise(lab: RunCache, *, system: str, case: str) -> str:
     """Return the premises of the case that fail, in words; empty if none does."""
     lines = []
     for premise in audit(lab, find_experiment(system, case)).failed():

@@ -20,7 +20,7 @@ from grosmc_mj.chapter.claims.measurements.measures import (
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import Laboratory
+from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import overshoot
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import Plant
@@ -38,7 +38,7 @@ class _Margins(NamedTuple):
 
 
 def overshoot_growth(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, controller: str
+    lab: RunCache, plant: PlantName, *, system: str, case: str, controller: str
 ) -> Measured:
     """Measure the overshoot in a case less the nominal one, in percent of the step."""
     result = lab.case(system, case, plant, controller)
@@ -48,13 +48,13 @@ def overshoot_growth(
     return from_run(result, changed - nominal, f"{changed:.2g} % against {nominal:.2g} %")
 
 
-def largest_overshoot(lab: Laboratory, plant: PlantName, *, system: str, case: str) -> Measured:
+def largest_overshoot(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
     """Measure the robust law's overshoot over the whole run, in percent of the step."""
     result = lab.case(system, case, plant, "grosmc")
     return from_run(result, overshoot(result.comparison.z[:, 0]).value)
 
 
-def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measured:
+def stability_loss(lab: RunCache, plant: PlantName, *, measure: str) -> Measured:
     """Measure by how much 3J lowers a measure of the LQR loop's relative stability, in percent.
 
     Loop and plant are linearized by differences of x' on the plant, law and all.
@@ -69,7 +69,7 @@ def stability_loss(lab: Laboratory, plant: PlantName, *, measure: str) -> Measur
     return Measured(100 * float(1 - heavier[measure] / nominal[measure]), "; ".join(words))
 
 
-def _stability(lab: Laboratory, plant: PlantName, name: str) -> dict[str, float]:
+def _stability(lab: RunCache, plant: PlantName, name: str) -> dict[str, float]:
     """The measures of relative stability of the LQR loop in a case, by their names."""
     case = find_experiment(_SYSTEM, name)
     closed, A = _linearized(lab.plant(case, plant), lab.controller(case, plant, "lqr"))
@@ -125,7 +125,7 @@ def _loop_gain(w: float, A: Array, closed: Array) -> complex:
     return np.trace(np.linalg.solve(resolvent, A - closed))
 
 
-def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
+def slowest_of_definite(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the largest real part of a pole under (5), for semidefinite Q with P > 0.
 
     Of 100 random Q of rank one, those with a singular P are left out: (5)-(7) do not treat them.
@@ -147,7 +147,7 @@ def slowest_of_definite(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(max(poles), f"{len(poles)} weights of rank one with P > 0")
 
 
-def undercut(lab: Laboratory, plant: PlantName) -> Measured:
+def undercut(lab: RunCache, plant: PlantName) -> Measured:
     """Measure by how much u_c = 0 changes the index (13) from J*, in percent.
 
     The surface (8) fixes x, whether u_c or u_d supplies the input. So the law (12) runs with
@@ -180,7 +180,7 @@ def undercut(lab: Laboratory, plant: PlantName) -> Measured:
     return from_run(result, 100 * (J / least - 1), note)
 
 
-def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
+def naive_gain(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the bound sized without the switching term, over the one that 3J requires.
 
     Assumption 4 bounds the lumped uncertainty, which under J = 3 J_hat contains (r - 1) u with
@@ -214,7 +214,7 @@ def naive_gain(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(float(naive / required), f"γ1 = {naive:.3g} sized so, {required:.4g} required")
 
 
-def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+def cost_of_switching(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     """Measure the cost of the input beyond (13), over J*, in percent per second of the run."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
     continuous, switching = result.cost_shares
@@ -227,7 +227,7 @@ def cost_of_switching(lab: Laboratory, plant: PlantName, *, case: str) -> Measur
     return from_run(result, 100 * abs(switching.value), note)
 
 
-def without_bounds(lab: Laboratory, plant: PlantName) -> Measured:
+def without_bounds(lab: RunCache, plant: PlantName) -> Measured:
     """Measure max |x1 - x1*| in case 1 under the law with eta alone, in percent of the step."""
     experiment = find_experiment(_SYSTEM, "case1")
     law = lab.controller(experiment, plant, "grosmc")

@@ -24,7 +24,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import RunResult
@@ -85,7 +85,7 @@ def perturbed(system: str, name: str, duration: float, mass: float, length: floa
     return trial(system, name, start, duration, (edit,))
 
 
-def _declared(lab: Laboratory, system: str) -> _Family:
+def _declared(lab: RunCache, system: str) -> _Family:
     """The family that a system's gain is declared for."""
     declared = lab.as_set(find_experiment(system, "nominal")).uncertainty
     if declared is None:
@@ -97,7 +97,7 @@ def _declared(lab: Laboratory, system: str) -> _Family:
     return _Family(declared.reaching_rate, mass, length, np.array(declared.wrench))
 
 
-def _region(lab: Laboratory, case: Experiment) -> tuple[float, ...]:
+def _region(lab: RunCache, case: Experiment) -> tuple[float, ...]:
     """The declared bounds of z."""
     region = lab.as_set(case).region
     assert region is not None
@@ -105,7 +105,7 @@ def _region(lab: Laboratory, case: Experiment) -> tuple[float, ...]:
 
 
 def slowest_approach(
-    lab: Laboratory,
+    lab: RunCache,
     plant: PlantName,
     *,
     system: str,
@@ -129,7 +129,7 @@ def slowest_approach(
 
 
 def _slowest_approach(
-    lab: Laboratory, plant: PlantName, system: str, rate: float | None, torque: float
+    lab: RunCache, plant: PlantName, system: str, rate: float | None, torque: float
 ) -> Measured:
     family = _declared(lab, system)
     wrench = family.wrench + torque * np.eye(len(family.wrench))[-2]
@@ -209,7 +209,7 @@ def approach(
     return worst
 
 
-def unbounded(lab: Laboratory, *, system: str, assumption: str) -> str:
+def unbounded(lab: RunCache, *, system: str, assumption: str) -> str:
     """Return by how much the lumped uncertainty exceeds its bound in (12) or (37), in words.
 
     delta contains the switching input where the input gain is uncertain. The same law can be split
@@ -238,7 +238,7 @@ def unbounded(lab: Laboratory, *, system: str, assumption: str) -> str:
     )
 
 
-def reaching_time(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
+def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """Measure the time of s back to zero after a kick, over |s| / eta: the worst kick and plant.
 
     eta is the law's own; where it has none, the part of epsilon that (56) leaves over the declared
@@ -281,7 +281,7 @@ def reaching_time(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
 
 
 def _kicked(
-    lab: Laboratory, still: Experiment, plant: PlantName, share: float, load: Array
+    lab: RunCache, still: Experiment, plant: PlantName, share: float, load: Array
 ) -> Experiment:
     """An experiment under a kick, a share of the largest, and a constant wrench, (6,)."""
     kick = share * _impulse(lab, still, plant) / _KICK * np.eye(6)[4]
@@ -292,7 +292,7 @@ def _kicked(
     return still.varied(disturbances=tuple(disturbances))
 
 
-def _impulse(lab: Laboratory, still: Experiment, plant: PlantName) -> float:
+def _impulse(lab: RunCache, still: Experiment, plant: PlantName) -> float:
     """The impulse on a body [N m s] that gives the output the declared region's largest rate."""
     law = lab.controller(still, plant, "grosmc")
     derivative = lab.plant(still, plant).derivative
@@ -333,7 +333,7 @@ def _return(result: RunResult, eta: float, where: str) -> Measured | None:
     return Measured(duration / allowed, f"{note}; {where}")
 
 
-def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured:
+def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """Measure the worst deviation over random plants and matched disturbances of declared size."""
     family = _declared(lab, system)
     body = find_system(system).uncertain_body
@@ -354,7 +354,7 @@ def worst_matched(lab: Laboratory, plant: PlantName, *, system: str) -> Measured
 
 
 def worst_start(
-    lab: Laboratory, plant: PlantName, *, system: str, case: str, bound: float
+    lab: RunCache, plant: PlantName, *, system: str, case: str, bound: float
 ) -> Measured:
     """Measure the worst deviation over random starts in a case, in percent of each start.
 
@@ -376,7 +376,7 @@ def worst_start(
     return worst_deviation(lab, plant, cases, f"{len(cases)} random starts")
 
 
-def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
+def unmatched_drift(lab: RunCache, plant: PlantName) -> Measured:
     """Measure max |x1 - x1*| of the servo in percent, with 0.05 rad/s added to theta'."""
     case = find_experiment("servo", "nominal")
     law = lab.controller(case, plant, "grosmc")
@@ -399,7 +399,7 @@ def unmatched_drift(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(from_optimum(compare_with_optimum(run, law)))
 
 
-def proof_three(lab: Laboratory, _: PlantName) -> Measured:
+def proof_three(lab: RunCache, _: PlantName) -> Measured:
     """Measure the largest difference of -k s's from -k |s|_1, which proof 3 has, for |s| < 1."""
     law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
     k = law.parameters.k
@@ -444,7 +444,7 @@ def _riccati_rate(_: float, flat: Array, A: Array, B: Array, Q: Array) -> Array:
     return (P @ A + A.T @ P - P @ B @ B.T @ P + Q).ravel()
 
 
-def left_unseen(lab: Laboratory, plant: PlantName) -> Measured:
+def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the servo's error 20 s after a start at 1 rad/s, in percent of that at the start.
 
     The law is the optimal one for Q = diag(0, 1), R = 1. A state that no weight sees costs
@@ -470,7 +470,7 @@ def left_unseen(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(100 * abs(float(error[-1] / error[0])), note)
 
 
-def approach_under_equality(lab: Laboratory, plant: PlantName) -> Measured:
+def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
     """Measure how fast |s| falls next to the surface with |d/M| = epsilon, in percent of epsilon.
 
     The torque epsilon M(q) pushes s away on either side.
@@ -494,7 +494,7 @@ def approach_under_equality(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(-100 * largest / epsilon, "the least of 40 states")
 
 
-def growth_of_mismatch(lab: Laboratory, plant: PlantName, *, heaviest: float = 2.0) -> Measured:
+def growth_of_mismatch(lab: RunCache, plant: PlantName, *, heaviest: float = 2.0) -> Measured:
     """Measure the effect of a wrong M(q) on s at five times the region's rates, over within it.
 
     Raises:

@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import Laboratory, trial
+from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.edits import BodyEdit
 
@@ -29,7 +29,7 @@ _STATES = 20
 _POSES = 25
 
 
-def gain_margin(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+def gain_margin(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     """Measure the least rho of the law over the required one along a run, by the true equations.
 
     The case ``together`` is 1 kg at the tip, links 5 % longer and every disturbance of case 1.
@@ -49,7 +49,7 @@ def gain_margin(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     return from_run(result, float(least), f"least r {points.gain_ratio.min():.3g}")
 
 
-def projection(lab: Laboratory, plant: PlantName, *, payload: float) -> Measured:
+def projection(lab: RunCache, plant: PlantName, *, payload: float) -> Measured:
     """Measure the least authority of G = B+ over the declared poses.
 
     The payload goes up to ``payload`` times the nominal one.
@@ -108,7 +108,7 @@ def _payload(mass: float, case: Experiment) -> Experiment:
     return trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
 
 
-def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
+def slowest_approach(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the largest s_i' sgn(s_i) + eta over the declared family.
 
     s' follows from the plant's own accelerations. At each state the law is evaluated on all four
@@ -137,7 +137,7 @@ def slowest_approach(lab: Laboratory, plant: PlantName) -> Measured:
     return Measured(worst + declared.reaching_rate, note)
 
 
-def off_the_circle(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+def off_the_circle(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     """Measure the largest distance of the true tip from its reference in the last turn [mm]."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
     comparison = result.comparison
@@ -148,14 +148,14 @@ def off_the_circle(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
     return from_run(result, 1e3 * float(distance.max()), note)
 
 
-def elbow_bend(lab: Laboratory, plant: PlantName, *, case: str) -> Measured:
+def elbow_bend(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     """Measure the least |sin q2| along the run of GROSMC."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
     bend = np.abs(np.sin(result.trajectory.state[:, 1]))
     return from_run(result, float(bend.min()))
 
 
-def unknown_kinematics(lab: Laboratory) -> str:
+def unknown_kinematics(lab: RunCache) -> str:
     """Return the premise that errors of the links' lengths break."""
     return (
         "the output map y = h(x) is known (section 4.1: only the dynamics have an uncertain part); "

@@ -10,13 +10,19 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.results.tables import Table, number
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import ALL, Findings, findings_tables, judged_words, rate_interval
+from grosmc_mj.sweep.findings import (
+    ALL,
+    Findings,
+    findings_tables,
+    rate_interval,
+    screening_sentences,
+)
 from grosmc_mj.sweep.radius import Radius, radius_table
 from grosmc_mj.sweep.statistics import PassRate, rate_shown
-from grosmc_mj.sweep.worst import Worst, worst_table
+from grosmc_mj.sweep.worst import WorstPlant, worst_table
 
 
-def say_verdict(
+def say_campaign_verdict(
     console: Console,
     campaign: Campaign,
     findings: Findings,
@@ -96,7 +102,11 @@ def say_findings(
     screen.say_lines(console, lines, "", full=False)
 
     sampled = findings.sampled
-    notes = [judged_words(findings.judges), f"{sampled.words}. {sampled.footnote}", *progress]
+    notes = [
+        screening_sentences(findings.judges),
+        f"{sampled.words}. {sampled.footnote}",
+        *progress,
+    ]
     for line in notes:
         if line:
             console.print(line, style="dim", markup=False)
@@ -146,7 +156,7 @@ def _driver_lines(findings: Findings) -> Iterator[str]:
 
 
 def say_worst(
-    console: Console, campaign: Campaign, searches: Sequence[Worst], *, full: bool
+    console: Console, campaign: Campaign, searches: Sequence[WorstPlant], *, full: bool
 ) -> None:
     """Print the worst plant under each law, the worst first."""
     lines = []

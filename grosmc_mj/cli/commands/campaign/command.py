@@ -167,7 +167,9 @@ class CampaignCommand(Command):
         result = findings(campaign, folder, self.confidence)
         write_json(folder.path / RESULTS, results_document(campaign, result))
         console = screen.console()
-        code = answer.say_verdict(console, campaign, result, self.at_least, self.confidence)
+        code = answer.say_campaign_verdict(
+            console, campaign, result, self.at_least, self.confidence
+        )
         answer.say_findings(console, campaign, result, progress, full=self.verbose)
         self._search(campaign, folder, result)
         return code

@@ -9,7 +9,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 from grosmc_mj.sweep.plant_file import case_text, find_plant
 from grosmc_mj.sweep.store import Folder, read_campaign
 
@@ -62,5 +62,5 @@ def _write(path: Path, text: str) -> None:
     content = text.encode()
     if path.is_file() and path.read_bytes() != content:
         raise ArgumentError(f"{path} is there already with other content: rename or remove it")
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(content)

@@ -13,7 +13,7 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import Findings
 from grosmc_mj.sweep.radius import Radius, radius
 from grosmc_mj.sweep.store import Folder
-from grosmc_mj.sweep.worst import Worst, worst
+from grosmc_mj.sweep.worst import WorstPlant, worst
 
 
 def notices(campaign: Campaign) -> list[str]:
@@ -106,7 +106,7 @@ def _speed_line(campaign: Campaign, runs: int, seconds: float, repeated: int) ->
     return f"{line}."
 
 
-def search_worst(campaign: Campaign, result: Findings, evaluations: int) -> list[Worst]:
+def search_worst(campaign: Campaign, result: Findings, evaluations: int) -> list[WorstPlant]:
     """Search for the worst plant under each law.
 
     Args:

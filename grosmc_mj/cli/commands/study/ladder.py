@@ -14,7 +14,7 @@ from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.ladder import Cells, Climb, Ladder
+    from grosmc_mj.studies.ladder import Cells, Ladder, RungResult
     from grosmc_mj.studies.studied import StudiedLaw
 
 
@@ -67,7 +67,7 @@ class LadderCommand(Command):
             require_known("law", self.film, laws)
         cells = Cells.of(studied, self._path(studied).with_suffix(""))
 
-        rows: list[Climb] = []
+        rows: list[RungResult] = []
         with screen.partial_results_kept(
             lambda: self._write(studied, rows, complete=False),
             "interrupted; the same command with --resume runs what is missing",
@@ -93,7 +93,7 @@ class LadderCommand(Command):
         statements = {name: claim.statement for name, claim in claims.items()}
         return replace(studied, statements=statements)
 
-    def _climb(self, studied: Ladder, cells: Cells, rows: list[Climb]) -> None:
+    def _climb(self, studied: Ladder, cells: Cells, rows: list[RungResult]) -> None:
         """Run every rung, or read it if it is finished and --resume is given.
 
         Args:
@@ -101,7 +101,7 @@ class LadderCommand(Command):
             cells: Files of the finished rungs.
             rows: Filled rung by rung: an interrupt leaves the first ones.
         """
-        from grosmc_mj.studies.ladder import climb
+        from grosmc_mj.studies.ladder import run_rung
 
         steps = list(studied.steps())
         with screen.progress(len(steps), "rungs") as advance:
@@ -111,7 +111,7 @@ class LadderCommand(Command):
                 if self.resume:
                     row = cells.read(law.name, rung.name, condition.name, together)
                 if row is None:
-                    row = climb(studied, law, rung, condition, together=together)
+                    row = run_rung(studied, law, rung, condition, together=together)
                     cells.write(row)
                 rows.append(row)
                 advance(law.name, 1)
@@ -120,7 +120,9 @@ class LadderCommand(Command):
         """Return the path of the result."""
         return self.out / f"ladder_{result_name(studied.machine.path)}.json"
 
-    def _write(self, studied: Ladder, rows: list[Climb], *, complete: bool) -> tuple[Path, ...]:
+    def _write(
+        self, studied: Ladder, rows: list[RungResult], *, complete: bool
+    ) -> tuple[Path, ...]:
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
@@ -135,7 +137,7 @@ class LadderCommand(Command):
         figure = write_cells(path.with_suffix(".png"), title, charts, ladder.NOTE)
         return path, figure
 
-    def _film(self, studied: Ladder, law: StudiedLaw, rows: list[Climb]) -> Path:
+    def _film(self, studied: Ladder, law: StudiedLaw, rows: list[RungResult]) -> Path:
         """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
         from grosmc_mj.studies.ladder import ladder_film
@@ -146,7 +148,7 @@ class LadderCommand(Command):
         written = write_case_film(studied.machine.case, film, path, settings=settings, gif=self.gif)
         return written.film
 
-    def _print_answer(self, studied: Ladder, rows: list[Climb]) -> None:
+    def _print_answer(self, studied: Ladder, rows: list[RungResult]) -> None:
         """Print which laws pass, where each breaks, and on request every table."""
         from grosmc_mj.studies import ladder
 

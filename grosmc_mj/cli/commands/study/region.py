@@ -12,12 +12,12 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Out, Target
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import written_aside
+from grosmc_mj.files import atomic_write
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from grosmc_mj.studies.region import Region, RegionMap
+    from grosmc_mj.studies.region import RegionMap, RegionStudy
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class RegionCommand(Command):
         # Opened before the work: a place that cannot be written is refused at once.
         with (
             screen.partial_results_kept(lambda: _write_partial(region, maps, path)),
-            written_aside(path) as part,
+            atomic_write(path) as part,
         ):
             with screen.progress(region.batches, "batches") as advance:
                 maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
@@ -101,19 +101,19 @@ class RegionCommand(Command):
         screen.say_files(console, path, figure)
         return DONE
 
-    def _region(self) -> Region:
+    def _region(self) -> RegionStudy:
         """Return the study that the options describe.
 
         Raises:
             ArgumentError: If axes or limits are no pair, or another option does not fit.
         """
-        from grosmc_mj.studies.region import Region
+        from grosmc_mj.studies.region import RegionStudy
 
         pairs: dict[str, Any] = {"axes": self.axes or None, "limits": self.limits or None}
         for name, pair in pairs.items():
             if pair and len(pair) != 2:
                 raise ArgumentError(f"--{name} {' '.join(map(str, pair))}: give two, X and Y")
-        return Region(
+        return RegionStudy(
             target=self.target,
             controllers=self.laws,
             points=self.points,
@@ -122,7 +122,7 @@ class RegionCommand(Command):
         )
 
 
-def _write_partial(region: Region, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:
+def _write_partial(region: RegionStudy, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:
     """Write the maps of a study that did not come to its end; returns where they are."""
     from grosmc_mj.results.document import write_json
     from grosmc_mj.studies import region as study

@@ -16,7 +16,7 @@ from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.tolerance import Setting, Tolerance
+    from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
 
 _MOST_SEEDS = 1000
 
@@ -55,11 +55,11 @@ class ToleranceCommand(Command):
     def execute(self) -> int:
         """Search the tolerances, write, draw and print them."""
         from grosmc_mj.executors import executor_for
-        from grosmc_mj.studies.tolerance import setting, tolerances_of_laws
+        from grosmc_mj.studies.tolerance import tolerance_study, tolerances_of_laws
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
-        studied = setting(
+        studied = tolerance_study(
             self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
         )
         # Laws finish in any order.
@@ -85,7 +85,7 @@ class ToleranceCommand(Command):
         return DONE
 
     def _write(
-        self, studied: Setting, rows: list[Tolerance], *, complete: bool
+        self, studied: ToleranceStudy, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
