@@ -270,7 +270,10 @@ def _label(figure: Figure, film: Film, pictures: Sequence[Box], font: float) -> 
 
 
 def outputs(film: Film) -> Plot:
-    """Controlled coordinates with their ghosts; of many, the distance from the ghosts."""
+    """Controlled coordinates of the system with their ghosts; of many, one norm of each run.
+
+    It is that of the distance from the ghost if every run has one, else of the coordinates.
+    """
     system = film.takes[0].run.system
     columns = list(system.controlled)
     many = len(columns) > _FEW
@@ -278,9 +281,10 @@ def outputs(film: Film) -> Plot:
     errors = [
         take.run.state[:, columns] - take.ghost for take in film.takes if take.ghost is not None
     ]
+    norm = "size of the coordinates |q|"
     if many and len(errors) == len(film.takes):
         values = errors
-    norm = f"distance |q − {film.ghost_symbol}|"
+        norm = f"distance |q − {film.ghost_symbol}|"
     plot = _plot(film, [system.states[i] for i in columns], values, norm)
 
     ghosts = []

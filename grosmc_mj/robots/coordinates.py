@@ -105,7 +105,8 @@ class RobotCoordinates(OutputCoordinates):
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
             if memory.workspace == 0.0:
                 memory.undefined = 1.0
-                u[:] = 0.0
+                for i in range(len(u)):
+                    u[i] = 0.0
                 return
             accelerations(t, v, p, u)
             inverse_dynamics(memory.workspace, x, u, u)
@@ -122,7 +123,8 @@ class RobotCoordinates(OutputCoordinates):
         def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
             if memory.workspace == 0.0:
                 memory.undefined = 1.0
-                v[:] = 0.0
+                for i in range(len(v)):
+                    v[i] = 0.0
                 return
             forward_dynamics(memory.workspace, x, u, v)
             y_r = reference(t, p.reference)

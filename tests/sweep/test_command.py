@@ -204,12 +204,12 @@ def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatc
         written[name] = {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
         return returned
 
-    for name in ("say_verdict", "say_worst", "say_radius"):
+    for name in ("say_campaign_verdict", "say_worst", "say_radius"):
         monkeypatch.setattr(answer, name, partial(note, name, cli.DONE))
     monkeypatch.setattr(maps, "write_figures", partial(note, "figures", []))
     assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
     # The verdict comes before searches and figures.
-    assert [*written] == ["say_verdict", "say_worst", "say_radius", "figures"]
+    assert [*written] == ["say_campaign_verdict", "say_worst", "say_radius", "figures"]
     assert [len(names) for names in written.values()] == [1, 2, 3, 3]
 
 

@@ -495,7 +495,10 @@ def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
 
 
 def growth_of_mismatch(lab: RunCache, plant: PlantName, *, heaviest: float = 2.0) -> Measured:
-    """Measure the effect of a wrong M(q) on s at five times the region's rates, over within it.
+    """Measure how much more a wrong M(q) drives s off if the rates may be five times as large.
+
+    It is the largest rate of s on a grid with five times the declared bound of the rate, divided
+    by that on a grid within the declared region.
 
     Raises:
         NoValueError: If nothing pushes s away within the region.

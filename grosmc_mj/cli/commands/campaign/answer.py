@@ -134,12 +134,12 @@ def _rates_table(findings: Findings) -> Table:
 
 
 def _difference_lines(findings: Findings) -> Iterator[str]:
-    """Yield a line on each pair of laws: on how many plants one alone keeps everything."""
-    for (requirement, first, second), pair in findings.differences.items():
+    """Yield a line on each two laws: on how many plants only one of them keeps everything."""
+    for (requirement, first_law, second_law), counts in findings.differences.items():
         if requirement == ALL:
             yield (
-                f"same plants: {first} alone keeps everything on {pair.only_first}, {second} alone "
-                f"on {pair.only_second}"
+                f"same plants: {first_law} alone keeps everything on {counts.only_first}, "
+                f"{second_law} alone on {counts.only_second}"
             )
 
 
