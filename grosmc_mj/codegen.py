@@ -49,7 +49,10 @@ class _Printer(PythonCodePrinter):
 
 
 def generate(
-    name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
+    name: str,
+    expressions: Sequence[Any],
+    arguments: str,
+    places: Mapping[Any, str],
 ) -> Callable[..., Any]:
     """Make a jitable function of the arguments that returns the expressions' values as a tuple.
 
@@ -92,7 +95,10 @@ def generate(
 
 
 def _cached_source(
-    name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
+    name: str,
+    expressions: Sequence[Any],
+    arguments: str,
+    places: Mapping[Any, str],
 ) -> Path | None:
     """File for the source of a function, which its expressions name; None without a cache."""
     folder = cache_folder()
@@ -109,7 +115,10 @@ def _cached_source(
 
 
 def _source(
-    name: str, expressions: Sequence[Any], arguments: str, places: Mapping[Any, str]
+    name: str,
+    expressions: Sequence[Any],
+    arguments: str,
+    places: Mapping[Any, str],
 ) -> str:
     """Source of a function in which common parts of the expressions are computed once.
 

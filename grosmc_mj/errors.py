@@ -55,7 +55,12 @@ class DivergenceError(GrosmcError, RuntimeError):
         trajectory: The record up to then, or None.
     """
 
-    def __init__(self, message: str, time: float, trajectory: Any = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        time: float,
+        trajectory: Any = None,
+    ) -> None:
         super().__init__(message)
         self.time = time
         self.trajectory = trajectory

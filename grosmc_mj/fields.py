@@ -281,7 +281,10 @@ _CONFIG = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="
 
 @dataclass_transform(frozen_default=True)
 def checked(
-    error: type[GrosmcError] = ArgumentError, *, label: str = "", eq: bool = True
+    error: type[GrosmcError] = ArgumentError,
+    *,
+    label: str = "",
+    eq: bool = True,
 ) -> Callable[[type[Class]], type[Class]]:
     """Make a class a frozen dataclass that checks its fields.
 
@@ -315,7 +318,12 @@ def checked(
     return decorate
 
 
-def _label_of(kind: Any, first_field: str, args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
+def _label_of(
+    kind: Any,
+    first_field: str,
+    args: tuple[Any, ...],
+    kwargs: dict[str, Any],
+) -> str:
     """Return the ``kind`` of a class with the value of its first field; empty without a kind."""
     title = getattr(kind, "kind", None)
     if not isinstance(title, str):

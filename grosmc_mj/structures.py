@@ -20,7 +20,12 @@ from numba.np.arrayobj import make_array, np_cfarray
 def _pointer(typing_context: Any, address: Any) -> Any:
     """Type and code of ``pointer``."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(
+        context: Any,
+        builder: Any,
+        signature: Any,
+        arguments: Any,
+    ) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
 
     return types.voidptr(address), generate
@@ -30,10 +35,20 @@ def _pointer(typing_context: Any, address: Any) -> Any:
 pointer: Any = intrinsic(_pointer)
 
 
-def _array_at(typing_context: Any, address: Any, shape: Any, dtype: Any) -> Any:
+def _array_at(
+    typing_context: Any,
+    address: Any,
+    shape: Any,
+    dtype: Any,
+) -> Any:
     """Type and code of ``array_at``."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(
+        context: Any,
+        builder: Any,
+        signature: Any,
+        arguments: Any,
+    ) -> Any:
         start = arguments[0]
         if address != types.voidptr:
             start = builder.inttoptr(start, context.get_value_type(types.voidptr))
@@ -50,7 +65,12 @@ array_at: Any = intrinsic(_array_at)
 def _record_at(typing_context: Any, place: Any, dtype: Any) -> Any:
     """Type and code of ``record_at``."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(
+        context: Any,
+        builder: Any,
+        signature: Any,
+        arguments: Any,
+    ) -> Any:
         pointer = context.get_value_type(signature.return_type)
         if not isinstance(place, types.Array):
             return builder.inttoptr(arguments[0], pointer)
@@ -69,7 +89,12 @@ def _local_copy(typing_context: Any, array: Any, count: Any) -> Any:
     shape_type = types.UniTuple(types.intp, 1)
     size = count.literal_value
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def generate(
+        context: Any,
+        builder: Any,
+        signature: Any,
+        arguments: Any,
+    ) -> Any:
         source = make_array(array)(context, builder, arguments[0]).data
         target = cgutils.alloca_once(builder, context.get_value_type(array.dtype), size=size)
         for k in range(size):
@@ -183,7 +208,12 @@ def _reader(result: Any, load: Callable[[Any, Any, Any], Any]) -> Any:
     """Intrinsic from an address to a value of a type, by a generator of code that loads it."""
 
     def typed(typing_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        def generate(
+            context: Any,
+            builder: Any,
+            signature: Any,
+            arguments: Any,
+        ) -> Any:
             return load(context, builder, arguments[0])
 
         return result(types.voidptr), generate
@@ -191,7 +221,12 @@ def _reader(result: Any, load: Callable[[Any, Any, Any], Any]) -> Any:
     return intrinsic(typed)
 
 
-def _load(context: Any, builder: Any, kind: Any, place: Any) -> Any:
+def _load(
+    context: Any,
+    builder: Any,
+    kind: Any,
+    place: Any,
+) -> Any:
     """Code that loads the value of a type from where its layout begins."""
     if isinstance(kind, types.NamedTuple):
         layout = layout_of(kind)
@@ -213,7 +248,12 @@ def _load(context: Any, builder: Any, kind: Any, place: Any) -> Any:
     return builder.load(builder.bitcast(place, context.get_value_type(kind).as_pointer()))
 
 
-def _load_array(context: Any, builder: Any, kind: Any, place: Any) -> Any:
+def _load_array(
+    context: Any,
+    builder: Any,
+    kind: Any,
+    place: Any,
+) -> Any:
     """Code that makes an array of the address and the shape that lie at a place."""
     words = []
     for k in range(1 + kind.ndim):

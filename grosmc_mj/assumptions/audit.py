@@ -264,7 +264,11 @@ def _region_balance(
 
 
 def _region_states(
-    law: Controller, true: AnalyticPlant, bound: Sequence[float], grid: int, phases: int
+    law: Controller,
+    true: AnalyticPlant,
+    bound: Sequence[float],
+    grid: int,
+    phases: int,
 ) -> list[tuple[float, Array]]:
     """Times and states of a grid over the operating region, where the laws are defined."""
     system = true.system

@@ -101,7 +101,11 @@ def balance(
 
 
 def balances(
-    law: Controller, true: AnalyticPlant, t: Sequence[float], x: Array, w: Array
+    law: Controller,
+    true: AnalyticPlant,
+    t: Sequence[float],
+    x: Array,
+    w: Array,
 ) -> Balance:
     """The balance at many states of a plant with equations, all at once.
 
@@ -122,7 +126,12 @@ def balances(
 
 
 def balances_along(
-    law: Controller, true: AnalyticPlant, run: Trajectory, every: int, *, pushed: bool = True
+    law: Controller,
+    true: AnalyticPlant,
+    run: Trajectory,
+    every: int,
+    *,
+    pushed: bool = True,
 ) -> Balance:
     """The balance along a run.
 
@@ -142,7 +151,11 @@ def balances_along(
 
 
 def _balances(
-    law: Controller, t: Sequence[float], x: Array, z: Array, motion: tuple[Array, Array]
+    law: Controller,
+    t: Sequence[float],
+    x: Array,
+    z: Array,
+    motion: tuple[Array, Array],
 ) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
     design = law.designed
@@ -173,7 +186,12 @@ def _balances(
     )
 
 
-def _unmatched(law: Controller, by_model: NominalLaw, z: Array, dz: Array) -> Array:
+def _unmatched(
+    law: Controller,
+    by_model: NominalLaw,
+    z: Array,
+    dz: Array,
+) -> Array:
     """The part of z' that no input could have made, where the law's model differs from it."""
     design = law.designed
     if not isinstance(design.error, StateCoordinates):

@@ -125,7 +125,11 @@ def _curve(name: str, result: RunResult) -> tuple[Array, Array]:
 
 
 def claim_panel(
-    lab: RunCache, system: str, panel: str, case: str, laws: Sequence[str] = ()
+    lab: RunCache,
+    system: str,
+    panel: str,
+    case: str,
+    laws: Sequence[str] = (),
 ) -> tuple[CurvePanel, Runs]:
     """Return a panel of one case that shows a claim, and its runs.
 

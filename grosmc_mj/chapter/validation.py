@@ -163,7 +163,11 @@ class Validation:
                     yield self._by_record(target, run, recorded, differing)
 
     def _by_record(
-        self, target: str, run: RunResult, recorded: Mapping[str, Any], differing: set[str]
+        self,
+        target: str,
+        run: RunResult,
+        recorded: Mapping[str, Any],
+        differing: set[str],
     ) -> StudyVerdict:
         """Standing of a law by its run in MuJoCo: its deviation beside the recorded one."""
         before = None

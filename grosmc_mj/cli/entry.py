@@ -141,7 +141,10 @@ def _libraries_quiet(loud: bool) -> Iterator[None]:
 
 
 def _show_warning(
-    default: Callable[..., None], message: Warning | str, category: type[Warning], *where: Any
+    default: Callable[..., None],
+    message: Warning | str,
+    category: type[Warning],
+    *where: Any,
 ) -> None:
     """Show a warning of ours in a line, and one of a library as Python shows it."""
     if issubclass(category, ImplausibleWarning):

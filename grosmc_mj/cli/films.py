@@ -100,7 +100,9 @@ def film_runs(
 
 
 def _write_missing(
-    console: Console, films: Mapping[Path, tuple[Case, Film]], settings: Settings
+    console: Console,
+    films: Mapping[Path, tuple[Case, Film]],
+    settings: Settings,
 ) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current

@@ -49,7 +49,13 @@ def say_verdict(to: Console, words: str, *, good: bool) -> None:
     to.print(words, style=f"bold {color}", markup=False)
 
 
-def say_lines(to: Console, lines: Sequence[str], style: str = "red", *, full: bool) -> None:
+def say_lines(
+    to: Console,
+    lines: Sequence[str],
+    style: str = "red",
+    *,
+    full: bool,
+) -> None:
     """Print lines of one kind: all of them, or the first ones and how many there are more."""
     printed = lines if full else lines[:_MOST_LINES]
     for line in printed:

@@ -240,7 +240,10 @@ def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[Compared
 
 
 def _rate(
-    name: str, runs: LawRuns, before: NDArray[np.bool_], after: NDArray[np.bool_]
+    name: str,
+    runs: LawRuns,
+    before: NDArray[np.bool_],
+    after: NDArray[np.bool_],
 ) -> ComparedNumber:
     """Return the share of runs, (n,) before and (m,) after."""
     interval = None
@@ -250,7 +253,12 @@ def _rate(
     return ComparedNumber(name, float(before.mean()), float(after.mean()), interval)
 
 
-def _mean(name: str, runs: LawRuns, before: Array, after: Array) -> ComparedNumber:
+def _mean(
+    name: str,
+    runs: LawRuns,
+    before: Array,
+    after: Array,
+) -> ComparedNumber:
     """Return the mean margin of the runs that completed, (n,) before and (m,) after."""
     interval = None
     if runs.comparable and len(before) and len(after):

@@ -129,7 +129,12 @@ def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> 
     return _Conditions(one_machine, other_seeds)
 
 
-def _judged(kind: str, old: Value, new: Value, conditions: _Conditions) -> Change:
+def _judged(
+    kind: str,
+    old: Value,
+    new: Value,
+    conditions: _Conditions,
+) -> Change:
     """Return the change of a value with its effect."""
     effect, note = _effect(old, new, conditions)
     return Change(kind, new.name, old.value, new.value, effect, new.unit, note)

@@ -36,7 +36,12 @@ def optimal_feedback(error: Coordinates, *, linearizing: bool) -> Law:
 
 
 @cache
-def grosmc(error: Coordinates, linearizing: bool, regulating: bool, reach: SwitchingTerm) -> Law:
+def grosmc(
+    error: Coordinates,
+    linearizing: bool,
+    regulating: bool,
+    reach: SwitchingTerm,
+) -> Law:
     """v = -K z + (G B)^-1 phi, with phi the rate that the switching law asks of s.
 
     It is eq. (12) of a linear plant, about its operating point, and eqs. (37) and (55) through

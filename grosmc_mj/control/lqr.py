@@ -87,7 +87,12 @@ def _exponential(matrix: bytes, shape: tuple[int, ...], t: float) -> Array:
     return scipy.linalg.expm(A * t)
 
 
-def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
+def lqr(
+    A: ArrayLike,
+    B: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+) -> LqrDesign:
     """Design the optimal law (5) for the index (4) from the Riccati equation (6).
 
     Args:
@@ -194,7 +199,12 @@ def _require_matrix(
         raise GainError(f"LQR: {name} has shape {matrix.shape}, must be {shape}")
 
 
-def _unsolvable(A: Array, B: Array, Q: Array, reason: object) -> str:
+def _unsolvable(
+    A: Array,
+    B: Array,
+    Q: Array,
+    reason: object,
+) -> str:
     """Message about a plant and weights without a stabilizing optimum, in one line."""
     return (
         f"LQR: no stabilizing solution of the Riccati equation for A = {A.tolist()}, "

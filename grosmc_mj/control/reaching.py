@@ -103,7 +103,12 @@ def nominal_law(
 
 
 def _inputs(
-    design: Design, p: Any, t: Sequence[float], x: Array, v_0: Array, G: Array
+    design: Design,
+    p: Any,
+    t: Sequence[float],
+    x: Array,
+    v_0: Array,
+    G: Array,
 ) -> tuple[Array, Array, Array]:
     """u_c (N, m), E and G_r E, (m, m) each or (N, m, m), at N states."""
     error = design.error
@@ -163,7 +168,12 @@ def mismatch(optimum: LqrDesign, A_t: Array, B_t: Array) -> tuple[Array, Array]:
     return difference, matched
 
 
-def sliding_dynamics(optimum: LqrDesign, G: Array, A_t: Array, B_t: Array) -> Array:
+def sliding_dynamics(
+    optimum: LqrDesign,
+    G: Array,
+    A_t: Array,
+    B_t: Array,
+) -> Array:
     """Matrix of x' on s = 0 of a linear plant (A_t, B_t), (n, n).
 
     s' = G (x' - (A - B K) x) = 0 gives the equivalent input, and with X = B_t (G B_t)^-1 G

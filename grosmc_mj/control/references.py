@@ -196,7 +196,12 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
     rows = 3 * outputs
 
     # The functions are nested because numba compiles sizes that a closure fixes.
-    def entry(row: int, c: float, s: float, p: Any) -> float:
+    def entry(
+        row: int,
+        c: float,
+        s: float,
+        p: Any,
+    ) -> float:
         i = row // 3
         order = row % 3
         # cos(k w t) and sin(k w t) follow from those of k - 1, so that a sample needs two calls.

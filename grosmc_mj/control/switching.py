@@ -99,7 +99,12 @@ def sgn(s: float) -> float:
 
 
 @jitable
-def _implicit(s: float, k: float, rho: float, h: float) -> float:
+def _implicit(
+    s: float,
+    k: float,
+    rho: float,
+    h: float,
+) -> float:
     """phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form."""
     if h == 0.0:
         return 0.0
@@ -108,14 +113,28 @@ def _implicit(s: float, k: float, rho: float, h: float) -> float:
     return (next_s - s) / h
 
 
-def sign(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def sign(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """phi = -(k s + rho sgn s), as printed: it chatters, with |s| in a band of the order h."""
     for i in range(len(s)):
         switched = q.gain * rho * sgn(s[i])
         phi[i] = -(k * s[i] + switched)
 
 
-def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def boundary_layer(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """phi = -(k s + rho sat(s/layer)): |s| <= layer W/rho under |w| <= W."""
     layer = q.width * memory.elapsed * q.gain * rho
     # At the first sample no time has passed; s is zero, so any layer will do.
@@ -126,7 +145,14 @@ def boundary_layer(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) 
         phi[i] = -(k * s[i] + switched)
 
 
-def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def implicit(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """Sign law by implicit Euler (Acary, Brogliato): phi moves only as the disturbance does.
 
     s+ = sgn(s) max(|s| - h rho, 0)/(1 + h k), phi = (s+ - s)/h; |s| <= h W under |w| <= W < rho.
@@ -135,7 +161,14 @@ def implicit(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> Non
         phi[i] = _implicit(s[i], k, q.gain * rho, memory.elapsed)
 
 
-def implicit_estimate(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def implicit_estimate(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """Implicit law less an estimate of w from the last sample: |s| <= h^2 L under |w'| <= L.
 
     With an input gain of r times the nominal one, the characteristic polynomial of its linear zone
@@ -151,7 +184,14 @@ def implicit_estimate(s: Any, k: float, rho: float, memory: Any, q: Any, phi: An
         phi[i] = _implicit(s[i], k, q.gain * rho, h) - w
 
 
-def super_twisting(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def super_twisting(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """phi = -(k s + k1 sqrt|s| sgn s) + z, z' = -k2 sgn s; k1 = 1.5 sqrt L, k2 = 1.1 L.
 
     Continuous, and |s| is of the order h^2 under |w'| <= L. Its gain is L, not rho.
@@ -165,7 +205,14 @@ def super_twisting(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) 
         twist[i] -= memory.elapsed * 1.1 * q.gain * q.slope * side
 
 
-def adaptive(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def adaptive(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """phi = -(k s + epsilon(t) sgn s), epsilon' = c |s| sgn(|s| - mu), mu = 4 epsilon h.
 
     After Plestan: the gain grows until it holds s and falls while |s| is below mu, so that it
@@ -183,7 +230,14 @@ def adaptive(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> Non
         phi[i] = -(k * s[i] + switched)
 
 
-def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def unit_vector(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """phi = -(k s + rho s/|s|): one switch for all inputs; for one input it is the sign law."""
     size = norm(s)
     scale = k
@@ -193,7 +247,14 @@ def unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> 
         phi[i] = -scale * s[i]
 
 
-def implicit_unit_vector(s: Any, k: float, rho: float, memory: Any, q: Any, phi: Any) -> None:
+def implicit_unit_vector(
+    s: Any,
+    k: float,
+    rho: float,
+    memory: Any,
+    q: Any,
+    phi: Any,
+) -> None:
     """Unit-vector law by implicit Euler: s+ = s max(1 - h rho/|s|, 0) / (1 + h k)."""
     h = memory.elapsed
     size = norm(s)

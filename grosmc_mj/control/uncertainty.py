@@ -301,7 +301,12 @@ def _scaled_parameters(nominal_parameters: Any, scales: Mapping[str, float]) -> 
     return replace(nominal_parameters, **changes)
 
 
-def _require_count(name: str, noun: str, values: Sequence[float], count: int) -> None:
+def _require_count(
+    name: str,
+    noun: str,
+    values: Sequence[float],
+    count: int,
+) -> None:
     """Refuse values of which there must be another number."""
     if len(values) != count:
         raise GainError(f"{name}: the uncertainty has {len(values)} {noun}, must have {count}")
@@ -410,7 +415,13 @@ class StateUncertainty:
             f"sliding pole {slowest_pole:.3g} 1/s"
         )
 
-    def _disturbed(self, G: Array, B_t: Array, member: Plant, point: OperatingPoint) -> Array:
+    def _disturbed(
+        self,
+        G: Array,
+        B_t: Array,
+        member: Plant,
+        point: OperatingPoint,
+    ) -> Array:
         """Largest part of the push by disturbances on a member, (m,)."""
         by_force = self.force * np.abs(G @ B_t).sum(axis=1)
         if not self.push:

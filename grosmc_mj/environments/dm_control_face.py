@@ -51,7 +51,12 @@ class CasePhysics(control.Physics):
         """Physics timestep [s]."""
         return self.episode.problem.timestep
 
-    def render(self, height: int = 480, width: int = 640, **_options: Any) -> np.ndarray:
+    def render(
+        self,
+        height: int = 480,
+        width: int = 640,
+        **_options: Any,
+    ) -> np.ndarray:
         """A picture of the state, (height, width, 3).
 
         Raises:

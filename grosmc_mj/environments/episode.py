@@ -349,7 +349,12 @@ def _index_law(experiment: Experiment) -> Controller:
     return experiment.law(experiment.nominal.truest, name)
 
 
-def _numbers(name: str, value: ArrayLike, signals: Sequence[Signal], bound: Range) -> Array:
+def _numbers(
+    name: str,
+    value: ArrayLike,
+    signals: Sequence[Signal],
+    bound: Range,
+) -> Array:
     """A number for each signal, of which one may stand for all, within a bound."""
     numbers = reals(value)
     count = len(signals)

@@ -93,7 +93,10 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         self.observation_space = spaces.Dict(entries)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Named, dict[str, Any]]:
         """Begin an episode.
 

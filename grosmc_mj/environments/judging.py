@@ -85,7 +85,11 @@ class _PolicyLaboratory(RunCache):
         self._policy = policy
 
     def controller(
-        self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
+        self,
+        experiment: Experiment,
+        plant: PlantName,
+        name: str,
+        believed: PlantName | None = None,
     ) -> Controller:
         """Controller as for every laboratory, or the policy."""
         law = super().controller(experiment, plant, name, believed)

@@ -78,7 +78,12 @@ class DaskWorkers:
         yield from run_in(partial(self._pool, work, len(indices), notice), indices, notice)
 
     @contextlib.contextmanager
-    def _pool(self, work: Work, parts: int, notice: Notice) -> Iterator[Pool]:
+    def _pool(
+        self,
+        work: Work,
+        parts: int,
+        notice: Notice,
+    ) -> Iterator[Pool]:
         """Open Dask's own executor of a client; it lasts as long as the context."""
         with cluster_client(min(self.workers, parts), self.scheduler) as client:
             address = client.scheduler and client.scheduler.address

@@ -247,7 +247,10 @@ def _fate(death: BrokenExecutor) -> str:
 
 
 def _run_until_broken(
-    pool: Pool, waiting: Iterator[int], under_way: dict[int, Future], attempts: Counter[int]
+    pool: Pool,
+    waiting: Iterator[int],
+    under_way: dict[int, Future],
+    attempts: Counter[int],
 ) -> Generator[Finished, None, None]:
     """Yield parts as they finish; if the pool breaks, ``under_way`` has the unfinished ones."""
     while True:

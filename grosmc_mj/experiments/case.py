@@ -170,7 +170,10 @@ def case_of(
 
 
 def state_of(
-    values: Mapping[str, Any], system: System, where: str, rest: Sequence[float] | None = None
+    values: Mapping[str, Any],
+    system: System,
+    where: str,
+    rest: Sequence[float] | None = None,
 ) -> tuple[float, ...]:
     """Return a state from values of some states by name.
 

@@ -280,7 +280,10 @@ def _hidden_panels(results: Sequence[RunResult]) -> list[Panel]:
 
 
 def _hidden_panel(
-    signal: Any, size: float, rows: Sequence[Array], results: Sequence[RunResult]
+    signal: Any,
+    size: float,
+    rows: Sequence[Array],
+    results: Sequence[RunResult],
 ) -> Panel:
     """Return the panel of a hidden state, in a unit with a prefix that suits its size."""
     unit, scale = prefixed(signal.unit, size)
@@ -376,7 +379,10 @@ def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
 
 
 def _draw_panel(
-    axes: Axes, panel: Panel, styles: dict[str, LawStyle], results: Sequence[RunResult]
+    axes: Axes,
+    panel: Panel,
+    styles: dict[str, LawStyle],
+    results: Sequence[RunResult],
 ) -> None:
     """Draw curves, reference, backlash, disturbances and limits of a panel."""
     several_plants = len({curve.run.plant for curve in panel.curves}) > 1
@@ -398,7 +404,11 @@ def _draw_panel(
 
 
 def _draw_curve(
-    axes: Axes, curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool
+    axes: Axes,
+    curve: Curve,
+    styles: dict[str, LawStyle],
+    *,
+    several_plants: bool,
 ) -> None:
     """Draw a run's curve; if it jumps at every sample, its range and its mean."""
     time = curve.time
@@ -429,7 +439,12 @@ def _style(curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool) -
     return {"color": styles[law].colour, "label": label, **line}
 
 
-def _mark_end(axes: Axes, time: float, value: float, colour: str) -> None:
+def _mark_end(
+    axes: Axes,
+    time: float,
+    value: float,
+    colour: str,
+) -> None:
     """Mark the end of a run that ended early."""
     axes.plot(time, value, "X", color=colour, mec="white", ms=9)
     axes.annotate(

@@ -82,7 +82,11 @@ def experiment_document(
 
 
 def _answer(
-    target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
+    target: str,
+    results: Sequence[RunResult],
+    judgements: Sequence[Judgement],
+    *,
+    complete: bool,
 ) -> Answer:
     """Return the verdict on a case, and the requirement that is the nearest to its limit."""
     count = len(judgements)
@@ -111,7 +115,11 @@ def _answer(
 
 
 def standings(
-    target: str, results: Sequence[RunResult], judgements: Sequence[Judgement], *, complete: bool
+    target: str,
+    results: Sequence[RunResult],
+    judgements: Sequence[Judgement],
+    *,
+    complete: bool,
 ) -> Iterator[StudyVerdict]:
     """Return for each law the judgement that is furthest beyond its limit, or nearest to it.
 

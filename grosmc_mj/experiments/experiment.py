@@ -381,7 +381,12 @@ class Experiment:
         """
         return replace(self, case=replace(self.case, **changes))
 
-    def changed(self, key: str, value: Any, designs: dict[Any, Controller]) -> Experiment:
+    def changed(
+        self,
+        key: str,
+        value: Any,
+        designs: dict[Any, Controller],
+    ) -> Experiment:
         """Return a copy with another number in its file.
 
         Args:

@@ -72,7 +72,9 @@ def check_request(experiment: Experiment, controllers: Sequence[str], form: Form
 
 
 def film_of(
-    results: Sequence[RunResult], form: Format | None = None, names: Sequence[str] = ()
+    results: Sequence[RunResult],
+    form: Format | None = None,
+    names: Sequence[str] = (),
 ) -> Film:
     """Film of one case: its runs in MuJoCo, side by side.
 

@@ -98,12 +98,22 @@ class RunCache:
         """A run under this very law."""
         return run_on(self.as_set(experiment), plant, law, self.plant(experiment, plant))
 
-    def case(self, system: str, name: str, plant: PlantName, controller: str) -> RunResult:
+    def case(
+        self,
+        system: str,
+        name: str,
+        plant: PlantName,
+        controller: str,
+    ) -> RunResult:
         """One of the chapter's cases, by name."""
         return self.run(find_experiment(system, name), plant, controller)
 
     def controller(
-        self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
+        self,
+        experiment: Experiment,
+        plant: PlantName,
+        name: str,
+        believed: PlantName | None = None,
     ) -> Controller:
         """Controller designed for ``believed`` (default: the plant that it runs on)."""
         return self.as_set(experiment).law(believed or plant, name)

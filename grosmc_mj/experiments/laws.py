@@ -442,7 +442,10 @@ def _outputs_by_formulas(formulas: list[str], system: System) -> tuple[sp.Expr, 
 
 
 def _reference(
-    formulas: list[str] | None, degrees: tuple[int, ...], nominal: Any, folder: Path
+    formulas: list[str] | None,
+    degrees: tuple[int, ...],
+    nominal: Any,
+    folder: Path,
 ) -> tuple[ReferenceFunction, Any]:
     """Return a reference and its parameters, from formulas in t or from Python; zero by default."""
     formulas = formulas or ["0"] * len(degrees)

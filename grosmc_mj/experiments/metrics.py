@@ -503,7 +503,12 @@ def _transition(closed_loop: bytes, size: int, timestep: float) -> Array:
 # A new function would be compiled anew.
 @cache
 def _noting_timesteps(
-    error_state: Any, outputs: tuple[int, ...], *, surface: bool, cart: bool, costs: bool
+    error_state: Any,
+    outputs: tuple[int, ...],
+    *,
+    surface: bool,
+    cart: bool,
+    costs: bool,
 ) -> Any:
     """Return ``problem.Meters.note``: numba compiles a closure with only the branches it needs."""
     difference = _difference(outputs)
@@ -827,7 +832,12 @@ def _record(value: Any) -> Any:
 def _noting_rows() -> Any:
     """Return the compiled loop over the instants of a recorded run."""
 
-    def note_rows(time: Any, rows: Any, meters: Any, numbers: Any) -> None:
+    def note_rows(
+        time: Any,
+        rows: Any,
+        meters: Any,
+        numbers: Any,
+    ) -> None:
         for i in range(len(time)):
             row = rows[i]
             note(time[i], row[0], row[1], row[2], row[3], row[4], meters[0], numbers[0])

@@ -93,7 +93,11 @@ class NominalPlant:
         return self.believed or self.plant.analytic(design_variant(plant))
 
     def true(
-        self, name: PlantName, edits: tuple[Edit, ...], timestep: float, integrator: Integrator
+        self,
+        name: PlantName,
+        edits: tuple[Edit, ...],
+        timestep: float,
+        integrator: Integrator,
     ) -> Plant:
         """Return the plant that a law runs on.
 

@@ -178,7 +178,12 @@ def _with_unit(metric: Metric) -> str:
     return f"{metric.value:.4g} {metric.unit}"
 
 
-def run_on(experiment: Experiment, name: PlantName, law: Controller, plant: Plant) -> RunResult:
+def run_on(
+    experiment: Experiment,
+    name: PlantName,
+    law: Controller,
+    plant: Plant,
+) -> RunResult:
     """Run an experiment with a given law on a given plant, and measure the run.
 
     A run that ends early is a result like any other.

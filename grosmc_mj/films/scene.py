@@ -66,7 +66,12 @@ def default_camera(model: mujoco.MjModel) -> int:
     return FREE_CAMERA
 
 
-def place(model: mujoco.MjModel, camera: int, states: Array, aspect: float) -> Array:
+def place(
+    model: mujoco.MjModel,
+    camera: int,
+    states: Array,
+    aspect: float,
+) -> Array:
     """Find the least move of a camera that keeps every moving body in the picture.
 
     Nothing is moved if all is in view from the camera's own place, nor is MuJoCo's own camera.
@@ -134,7 +139,13 @@ def visible_height(camera: Any, point: Array) -> float:
     return float((camera.frustum_top - camera.frustum_bottom) / camera.frustum_near * depth)
 
 
-def _add(scene: Any, kind: Any, width: float, start: Array, end: Array) -> None:
+def _add(
+    scene: Any,
+    kind: Any,
+    width: float,
+    start: Array,
+    end: Array,
+) -> None:
     """Add a geom in the disturbance's colour from a point to another."""
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, kind, np.ones(3), start, np.eye(3).ravel(), _WRENCH)
@@ -175,7 +186,10 @@ def add_ghost(scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData
 
 
 def add_wrenches(
-    scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData, largest: Array
+    scene: mujoco.MjvScene,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    largest: Array,
 ) -> None:
     """Draw ``xfrc_applied``: an arrow for each force, an arc for each torque.
 

@@ -236,7 +236,12 @@ def _style(points: float) -> dict[Any, Any]:
     }
 
 
-def _label(figure: Figure, film: Film, pictures: Sequence[Box], font: float) -> None:
+def _label(
+    figure: Figure,
+    film: Film,
+    pictures: Sequence[Box],
+    font: float,
+) -> None:
     """Write the title, and above each picture its law, its ghost and whether it is disturbed."""
     points = font * 72 / _DPI
     pad = 0.8 * font
@@ -319,7 +324,12 @@ def inputs(film: Film) -> Plot:
     return _plot(film, signals, values, "size of the input |u|")
 
 
-def _plot(film: Film, signals: Sequence[Signal], values: Sequence[Array], norm: str = "") -> Plot:
+def _plot(
+    film: Film,
+    signals: Sequence[Signal],
+    values: Sequence[Array],
+    norm: str = "",
+) -> Plot:
     """Plot of signals, from the values of each run, (N, signals).
 
     Of many signals the Euclidean norm is drawn, of those with the unit of the first one.

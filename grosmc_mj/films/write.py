@@ -97,7 +97,11 @@ def write_film(
 
 
 def _write(
-    film: Film, path: Path, pool: RenderingPool, gif: bool, advance: Callable[[], object]
+    film: Film,
+    path: Path,
+    pool: RenderingPool,
+    gif: bool,
+    advance: Callable[[], object],
 ) -> Written:
     """Draw a film with a pool and write its files."""
     program = find_ffmpeg()
@@ -164,7 +168,12 @@ class _Encoder:
         program: What mediapy starts.
     """
 
-    def __init__(self, path: Path, writer: mediapy.VideoWriter, program: Ffmpeg) -> None:
+    def __init__(
+        self,
+        path: Path,
+        writer: mediapy.VideoWriter,
+        program: Ffmpeg,
+    ) -> None:
         self._path = path
         self._writer = writer
         self._program = program

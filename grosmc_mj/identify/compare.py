@@ -146,7 +146,12 @@ def _rung_errors(
     return rows
 
 
-def _rms_at(time: float, ages: Sequence[Array], errors: Sequence[Array], period: float) -> float:
+def _rms_at(
+    time: float,
+    ages: Sequence[Array],
+    errors: Sequence[Array],
+    period: float,
+) -> float:
     """RMS error so long [s] after the start, over the windows that last so long.
 
     Args:
@@ -179,7 +184,11 @@ def best_model(rows: Sequence[PredictionError]) -> dict[str, str]:
 
 
 def comparison_result(
-    rows: Sequence[PredictionError], notes: Sequence[str], log: Log, case: str, horizon: float
+    rows: Sequence[PredictionError],
+    notes: Sequence[str],
+    log: Log,
+    case: str,
+    horizon: float,
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
     best = best_model(rows)

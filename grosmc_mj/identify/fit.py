@@ -452,7 +452,9 @@ def residuals(
 
 
 def quality(
-    parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System
+    parts: Mapping[str, Sequence[tuple[slice, Array]]],
+    log: Log,
+    system: System,
 ) -> list[Quality]:
     """Measure how well a fit predicts a log.
 

@@ -134,7 +134,12 @@ def read_log(path: Path, system: System, table: LogTable | None) -> Log:
         raise ArgumentError(f"{path}: {error}") from None
 
 
-def _log_of(name: str, columns: Mapping[str, _Column], system: System, table: LogTable) -> Log:
+def _log_of(
+    name: str,
+    columns: Mapping[str, _Column],
+    system: System,
+    table: LogTable,
+) -> Log:
     """The log that columns of numbers are."""
     inputs = [_signal(columns, signal, table) for signal in system.inputs]
     states = {state.name: _signal(columns, state, table) for state in system.states}
@@ -412,7 +417,12 @@ def _require_excited(inputs: Sequence[Signal], u: Array) -> None:
             )
 
 
-def held(time: Array, values: Array, delay: float, grid: Array) -> Array:
+def held(
+    time: Array,
+    values: Array,
+    delay: float,
+    grid: Array,
+) -> Array:
     """The mean over each interval of a grid of inputs that are held, later by a delay.
 
     Args:

@@ -131,7 +131,10 @@ class Predictor:
         return laws
 
     def states(
-        self, plants: Sequence[Plant], starts: Sequence[Array], delays: Sequence[float]
+        self,
+        plants: Sequence[Plant],
+        starts: Sequence[Array],
+        delays: Sequence[float],
     ) -> list[list[Array]]:
         """The states of several plants along every window.
 
@@ -262,7 +265,12 @@ def _samples_around(log: Log, sample: int) -> slice:
     return slice(max(sample - _AROUND, piece.start), min(sample + _AROUND, piece.stop))
 
 
-def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) -> None:
+def require_matching(
+    log: Log,
+    plant: Plant,
+    horizon: float,
+    timestep: float,
+) -> None:
     """Refuse a log that another sign or unit of one of its columns would explain far better.
 
     Args:
@@ -290,7 +298,12 @@ def require_matching(log: Log, plant: Plant, horizon: float, timestep: float) ->
                 )
 
 
-def _scaled(log: Log, name: str, factor: float, inputs: Sequence[str]) -> Log:
+def _scaled(
+    log: Log,
+    name: str,
+    factor: float,
+    inputs: Sequence[str],
+) -> Log:
     """A log with one of its measured states or inputs times a factor."""
     if name in log.outputs:
         return replace(log, outputs={**log.outputs, name: factor * log.outputs[name]})

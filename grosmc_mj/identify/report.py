@@ -72,7 +72,11 @@ def quality_table(rows: Sequence[Quality]) -> Table:
 
 
 def identification(
-    fit: Fit, rows: Sequence[Quality], log: str, horizon: float, hold_out: float
+    fit: Fit,
+    rows: Sequence[Quality],
+    log: str,
+    horizon: float,
+    hold_out: float,
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
     path = fit.parameters.experiment.path
@@ -115,7 +119,10 @@ def identification(
 
 
 def draw_residuals(
-    parts: Mapping[str, Sequence[tuple[slice, Array]]], log: Log, system: System, path: Path
+    parts: Mapping[str, Sequence[tuple[slice, Array]]],
+    log: Log,
+    system: System,
+    path: Path,
 ) -> None:
     """Draw measured and fitted states of a log, and their difference.
 
@@ -140,7 +147,11 @@ def draw_residuals(
 
 
 def _draw_state(
-    above: Any, below: Any, log: Log, state: str, pieces: Sequence[tuple[slice, Array]]
+    above: Any,
+    below: Any,
+    log: Log,
+    state: str,
+    pieces: Sequence[tuple[slice, Array]],
 ) -> None:
     """Draw one state over its residual, window by window."""
     # Only the first window has labels: the legend names each curve once.

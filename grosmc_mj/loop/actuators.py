@@ -54,7 +54,12 @@ def kept_in_a_timestep(actuator: Actuator, timestep: float) -> float:
 
 
 @jitable
-def lagged(u: float, tau: float, kept: float, actuator: Any) -> float:
+def lagged(
+    u: float,
+    tau: float,
+    kept: float,
+    actuator: Any,
+) -> float:
     """Mean over a timestep of u behind one or two lags of tau timesteps, with kept = exp(-1/tau).
 
     The lags' outputs are brought to the end of the timestep: with the input held they are exact,

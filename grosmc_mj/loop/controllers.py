@@ -64,7 +64,12 @@ class AppliedLoop:
         """Time from a sample to the arrival of its output, as the law knows it [s]."""
         return float(self.start.computer["ahead"][0])
 
-    def begin(self, seen: Array, predicted: Array, **of_engine: Any) -> LoopRun:
+    def begin(
+        self,
+        seen: Array,
+        predicted: Array,
+        **of_engine: Any,
+    ) -> LoopRun:
         """Loop of a new run.
 
         Args:

@@ -22,7 +22,14 @@ Words = tuple[int, int, int, int]
 
 
 @jitable
-def philox(a: int, b: int, c: int, d: int, key: int, other_key: int) -> Words:
+def philox(
+    a: int,
+    b: int,
+    c: int,
+    d: int,
+    key: int,
+    other_key: int,
+) -> Words:
     """Four random words of 32 bits from a counter of four and a key of two."""
     for _ in range(_ROUNDS):
         # Compiled integers have 64 bits and wrap round; Python's do not: the masks make them one.
@@ -44,7 +51,12 @@ def _uniform(high: int, low: int) -> float:
 
 
 @jitable
-def _words(seed: float, run: float, signal: int, number: int) -> Words:
+def _words(
+    seed: float,
+    run: float,
+    signal: int,
+    number: int,
+) -> Words:
     """Words of a number of a signal of a run."""
     s = int(seed)
     r = int(run)
@@ -53,7 +65,12 @@ def _words(seed: float, run: float, signal: int, number: int) -> Words:
 
 
 @jitable
-def uniform(seed: float, run: float, signal: int, number: int) -> float:
+def uniform(
+    seed: float,
+    run: float,
+    signal: int,
+    number: int,
+) -> float:
     """Uniform number of [0, 1).
 
     Args:
@@ -67,7 +84,12 @@ def uniform(seed: float, run: float, signal: int, number: int) -> float:
 
 
 @jitable
-def normal(seed: float, run: float, signal: int, number: int) -> float:
+def normal(
+    seed: float,
+    run: float,
+    signal: int,
+    number: int,
+) -> float:
     """Normal number of mean 0 and standard deviation 1, by Box and Muller; see ``uniform``."""
     a, b, c, d = _words(seed, run, signal, number)
     radius = math.sqrt(-2.0 * math.log(1.0 - _uniform(a, b)))

@@ -134,7 +134,12 @@ def _of_robot(error: Any) -> Advance:
     return advance
 
 
-def held(controller: Controller, model: DesignModel, rest: Array, period: float) -> Any:
+def held(
+    controller: Controller,
+    model: DesignModel,
+    rest: Array,
+    period: float,
+) -> Any:
     """Linearize the design model over a period, by central differences at zero error.
 
     Args:

@@ -108,7 +108,13 @@ ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *MEMORY)])
 
 
 @jitable
-def levant(position: float, rate: float, y: float, L: float, T: float) -> tuple[float, float]:
+def levant(
+    position: float,
+    rate: float,
+    y: float,
+    L: float,
+    T: float,
+) -> tuple[float, float]:
     """Position and rate after a sample y, T after the last one, with |y''| <= L."""
     a = 1.5 * math.sqrt(L) * T
     b = 1.1 * L * T * T
@@ -142,7 +148,12 @@ def _high_gain(estimator: Any, y: float, T: float) -> None:
 
 
 @jitable
-def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
+def _extended(
+    estimator: Any,
+    y: float,
+    T: float,
+    gained: float,
+) -> None:
     """Observer with a disturbance as a third state, all three poles at exp(-w T).
 
     ``gained`` is the change of the rate in the period by the design model.
@@ -158,7 +169,12 @@ def _extended(estimator: Any, y: float, T: float, gained: float) -> None:
 
 
 @jitable
-def _update(estimator: Any, y: float, T: float, gained: float) -> None:
+def _update(
+    estimator: Any,
+    y: float,
+    T: float,
+    gained: float,
+) -> None:
     """Update an estimator by a sample y, T after the last one."""
     if estimator.kind == _LEVANT:
         estimator.y, estimator.rate = levant(estimator.y, estimator.rate, y, estimator.number, T)

@@ -41,7 +41,13 @@ def filter_states(i: int, t: float, loop: Any) -> None:
             loop.seen[j] = loop.sensors[j].observed
 
 
-def kalman_gain(A: Array, B: Array, measured: list[int], variances: Array, load: float) -> Array:
+def kalman_gain(
+    A: Array,
+    B: Array,
+    measured: list[int],
+    variances: Array,
+    load: float,
+) -> Array:
     """Steady-state Kalman gain of x_{k+1} = A x + B (u + w), y = C x + v.
 
     Args:

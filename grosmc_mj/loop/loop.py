@@ -89,7 +89,12 @@ class Loop:
             parts.update(dict.fromkeys(_names(part), part))
         return parts
 
-    def changed(self, kind: str, of: str, **numbers: Any) -> Loop:
+    def changed(
+        self,
+        kind: str,
+        of: str,
+        **numbers: Any,
+    ) -> Loop:
         """Copy with other numbers of one of the parts.
 
         Args:

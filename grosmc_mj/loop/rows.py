@@ -22,7 +22,12 @@ def row_dtype(part: type, *memory: str) -> np.dtype[Any]:
     return np.dtype([(name, np.float64) for name in (*numbers_of(part), *memory)])
 
 
-def rows_of(parts: Any, dtype: np.dtype[Any], h: float, **more: Any) -> np.ndarray[Any, Any]:
+def rows_of(
+    parts: Any,
+    dtype: np.dtype[Any],
+    h: float,
+    **more: Any,
+) -> np.ndarray[Any, Any]:
     """Make a row for each part, with its times in timesteps.
 
     Args:

@@ -34,7 +34,13 @@ def chart_figure(chart: Chart) -> Figure:
     return _grid(chart)
 
 
-def _figure(data: Sequence[Item], height: int, *, legend: bool = True, **layout: Any) -> Figure:
+def _figure(
+    data: Sequence[Item],
+    height: int,
+    *,
+    legend: bool = True,
+    **layout: Any,
+) -> Figure:
     defaults = {
         "height": height,
         "showlegend": legend,
@@ -291,7 +297,12 @@ def _panel_title(panel: CurvePanel, top: float) -> Item:
     }
 
 
-def _panel(panel: CurvePanel, y_axis: str, curves: Curves, in_legend: set[str]) -> list[Item]:
+def _panel(
+    panel: CurvePanel,
+    y_axis: str,
+    curves: Curves,
+    in_legend: set[str],
+) -> list[Item]:
     """Return the traces of a panel.
 
     Args:
@@ -311,7 +322,12 @@ def _panel(panel: CurvePanel, y_axis: str, curves: Curves, in_legend: set[str]) 
     return traces
 
 
-def _curve(curve: Curve, y_axis: str, curves: Curves, in_legend: set[str]) -> list[Item]:
+def _curve(
+    curve: Curve,
+    y_axis: str,
+    curves: Curves,
+    in_legend: set[str],
+) -> list[Item]:
     """Return the trace of a curve, after that of its range if it has one."""
     style = curves.laws.get(curve.law)
     colour = style.colour if style else _GREY
@@ -357,7 +373,14 @@ def _curve(curve: Curve, y_axis: str, curves: Curves, in_legend: set[str]) -> li
     return traces
 
 
-def _line(name: str, line: Line, colour: str, dash: str, y_axis: str, in_legend: set[str]) -> Item:
+def _line(
+    name: str,
+    line: Line,
+    colour: str,
+    dash: str,
+    y_axis: str,
+    in_legend: set[str],
+) -> Item:
     """Return the trace of a reference or of a limit."""
     trace = {
         "type": "scatter",

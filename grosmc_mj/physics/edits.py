@@ -382,7 +382,12 @@ def _tilted(axis: Array, angle: float) -> Array:
     return math.cos(angle) * axis + math.sin(angle) * across / np.linalg.norm(across)
 
 
-def write_inertia(body: mujoco.MjsBody, mass: float, like: mujoco.MjModel, index: int) -> None:
+def write_inertia(
+    body: mujoco.MjsBody,
+    mass: float,
+    like: mujoco.MjModel,
+    index: int,
+) -> None:
     """Give a body the inertia of a compiled one, explicit from now on, with another mass."""
     body.explicitinertial = True
     body.mass = mass
@@ -402,7 +407,12 @@ def linear_polynomial(coefficient: float, like: Any) -> Array:
     return coefficient * np.eye(np.size(like))[0]
 
 
-def draw_geom(body: mujoco.MjsBody, kind: mujoco.mjtGeom, size: list[float], **place: Any) -> None:
+def draw_geom(
+    body: mujoco.MjsBody,
+    kind: mujoco.mjtGeom,
+    size: list[float],
+    **place: Any,
+) -> None:
     """Draw a geom that neither weighs nor touches."""
     body.add_geom(type=kind, size=size, rgba=COLOUR, contype=0, conaffinity=0, mass=0, **place)
 

@@ -122,7 +122,9 @@ class MujocoPlant(Plant):
         return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
 
     def changed(
-        self, edits: Sequence[Edit] = (), scales: Mapping[str, float] | None = None
+        self,
+        edits: Sequence[Edit] = (),
+        scales: Mapping[str, float] | None = None,
     ) -> MujocoPlant:
         """Copy with these edits of the nominal model, as ``edited``.
 

@@ -52,7 +52,12 @@ class Template:
         """Copy the compiled model, to write changes into."""
         return copy.copy(self.model)
 
-    def write(self, changes: Sequence[Change], model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def write(
+        self,
+        changes: Sequence[Change],
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+    ) -> None:
         """Write changes into a copy of the model, whatever has been written into it before.
 
         Args:

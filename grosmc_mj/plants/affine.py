@@ -83,7 +83,12 @@ def affine_plant(
 
 
 def _read_equations(
-    name: str, states: tuple[str, ...], f: Any, g: Any, h: Any, region: Any
+    name: str,
+    states: tuple[str, ...],
+    f: Any,
+    g: Any,
+    h: Any,
+    region: Any,
 ) -> Equations:
     """Equations of a system, whose mistakes carry its name.
 
@@ -105,7 +110,11 @@ def _read_equations(
 
 
 def _require_matching_symbols(
-    name: str, equations: Equations, states: set[str], inputs: set[str], parameters: set[str]
+    name: str,
+    equations: Equations,
+    states: set[str],
+    inputs: set[str],
+    parameters: set[str],
 ) -> None:
     """Refuse symbols without a number and numbers without a symbol, all in one message.
 

@@ -324,7 +324,9 @@ class AnalyticPlant(Plant):
         return self
 
     def changed(
-        self, edits: Sequence[Any] = (), scales: Mapping[str, float] | None = None
+        self,
+        edits: Sequence[Any] = (),
+        scales: Mapping[str, float] | None = None,
     ) -> AnalyticPlant:
         """Copy with some parameters times a factor.
 

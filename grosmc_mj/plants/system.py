@@ -151,7 +151,10 @@ def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
 
 
 def require_unmodelled_absent(
-    owner: str, model: MjModel, joints: tuple[str, ...], actuator: str | None = None
+    owner: str,
+    model: MjModel,
+    joints: tuple[str, ...],
+    actuator: str | None = None,
 ) -> None:
     """Refuse a model with effects that the chapter's equations have no term for.
 

@@ -50,7 +50,9 @@ _FAR = 10.0
 
 
 def cell_charts(
-    titles: Mapping[str, str], cells: Iterable[tuple[str, str, str, float, str, str]], most: float
+    titles: Mapping[str, str],
+    cells: Iterable[tuple[str, str, str, float, str, str]],
+    most: float,
 ) -> dict[str, CellChart]:
     """Return a chart for each title that has cells, by its key.
 
@@ -70,7 +72,12 @@ def cell_charts(
     return charts
 
 
-def write_cells(path: Path, title: str, charts: Sequence[CellChart], note: str) -> Path:
+def write_cells(
+    path: Path,
+    title: str,
+    charts: Sequence[CellChart],
+    note: str,
+) -> Path:
     """Draw charts of cells below each other.
 
     Args:
@@ -190,7 +197,12 @@ def _draw_curves(panel: Axes, chart: LineChart) -> None:
     _scale_axes(panel, chart)
 
 
-def _draw_series(panel: Axes, series: Series, colour: str, marker: str | None) -> None:
+def _draw_series(
+    panel: Axes,
+    series: Series,
+    colour: str,
+    marker: str | None,
+) -> None:
     """Draw one curve, with hollow markers where a requirement fails; dashed without a marker."""
     y = [math.nan if value is None else value for value in series.y]
     style: dict[str, Any] = {"ls": (0, (2, 2))}

@@ -48,7 +48,9 @@ STYLE: dict[Any, Any] = {
 
 @contextlib.contextmanager
 def figure_written(
-    path: Path, size: tuple[float, float], suffixes: Sequence[str] = _ENDINGS
+    path: Path,
+    size: tuple[float, float],
+    suffixes: Sequence[str] = _ENDINGS,
 ) -> Iterator[Figure]:
     """Yield a figure to draw in; it is written when the block ends.
 
@@ -122,7 +124,12 @@ def _columns_in(labels: Sequence[str], letters: int, most: int) -> int:
     return 1
 
 
-def shade(axes: Axes, start: float, stop: float, label: str = "") -> None:
+def shade(
+    axes: Axes,
+    start: float,
+    stop: float,
+    label: str = "",
+) -> None:
     """Shade the time in which a disturbance acts.
 
     Args:

@@ -164,7 +164,10 @@ class CellChart(Part):
 
     @classmethod
     def of(
-        cls, name: str, cells: Mapping[tuple[str, str], tuple[float, str, str]], most: float
+        cls,
+        name: str,
+        cells: Mapping[tuple[str, str], tuple[float, str, str]],
+        most: float,
     ) -> CellChart:
         """Return the chart of cells that are given by row and column.
 

@@ -182,7 +182,10 @@ def _markdown_row(cells: Iterable[str]) -> str:
 
 
 def table(
-    title: str, columns: Sequence[Column], rows: Iterable[Sequence[str]], **options: Any
+    title: str,
+    columns: Sequence[Column],
+    rows: Iterable[Sequence[str]],
+    **options: Any,
 ) -> Table:
     """Return a :class:`Table`; the options are ``styles``, ``grouped`` and ``legend``."""
     return Table(title=title, columns=columns, rows=[list(row) for row in rows], **options)

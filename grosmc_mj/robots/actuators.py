@@ -143,7 +143,11 @@ class _TorqueLimits(NamedTuple):
 
 
 def _torque_limits(
-    model: mujoco.MjModel, compiled: Any, gear: float, gain: float, is_servo: bool
+    model: mujoco.MjModel,
+    compiled: Any,
+    gear: float,
+    gain: float,
+    is_servo: bool,
 ) -> _TorqueLimits:
     """Limits of the torque at an actuator's joint."""
     command = _ANY

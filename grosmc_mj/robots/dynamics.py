@@ -149,7 +149,12 @@ def set_state(w: Any, x: Any, n: int) -> None:
 
 
 @numba.njit
-def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
+def inverse_dynamics(
+    workspace: float,
+    x: Any,
+    a: Any,
+    tau: Any,
+) -> None:
     """Write tau = M(q) a + h(q, q') - passive of a robot, in Python and in compiled code.
 
     Args:
@@ -175,7 +180,12 @@ def inverse_dynamics(workspace: float, x: Any, a: Any, tau: Any) -> None:
 
 
 @numba.njit
-def forward_dynamics(workspace: float, x: Any, tau: Any, a: Any) -> None:
+def forward_dynamics(
+    workspace: float,
+    x: Any,
+    tau: Any,
+    a: Any,
+) -> None:
     """Write a = M(q)^-1 (tau - h(q, q') + passive), the inverse of ``inverse_dynamics``."""
     n = len(a)
     w = array_at(np.int64(workspace), (1,), WORKSPACE)[0]

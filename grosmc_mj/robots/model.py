@@ -130,7 +130,12 @@ def _name_all_parts(spec: mujoco.MjSpec) -> None:
             part.name = name
 
 
-def _select(spec: mujoco.MjSpec, joints: Names, actuators: Names, notes: list[str]) -> None:
+def _select(
+    spec: mujoco.MjSpec,
+    joints: Names,
+    actuators: Names,
+    notes: list[str],
+) -> None:
     """Remove the joints and actuators that are not named, and all that refers to them."""
     moved = _names("joint", joints, [joint.name for joint in spec.joints])
     used = _names("actuator", actuators, [actuator.name for actuator in spec.actuators])
@@ -205,7 +210,9 @@ def _couplings(spec: mujoco.MjSpec, notes: list[str]) -> list[list[str]]:
 
 
 def _refuse_joints(
-    model: mujoco.MjModel, drives: Mapping[str, list[TorqueInput]], couplings: list[list[str]]
+    model: mujoco.MjModel,
+    drives: Mapping[str, list[TorqueInput]],
+    couplings: list[list[str]],
 ) -> None:
     """Refuse joints that no law can move by torques.
 

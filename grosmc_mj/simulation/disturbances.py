@@ -26,7 +26,13 @@ _INSTANT = 1e-9
 
 
 @jitable
-def course(kind: float, t: float, a: float, b: float, c: float) -> float:
+def course(
+    kind: float,
+    t: float,
+    a: float,
+    b: float,
+    c: float,
+) -> float:
     """Value at t [s] of the formula of this kind with its numbers."""
     if kind == PULSE:
         if a - _INSTANT <= t < b - _INSTANT:
@@ -40,7 +46,13 @@ def course(kind: float, t: float, a: float, b: float, c: float) -> float:
 
 
 @jitable
-def push(pushes: Array, values: Array, step: int, t: float, wrenches: Array) -> None:
+def push(
+    pushes: Array,
+    values: Array,
+    step: int,
+    t: float,
+    wrenches: Array,
+) -> None:
     """Write the wrenches of disturbances at t [s].
 
     Args:
@@ -155,7 +167,10 @@ class Disturbance:
 
 
 def packed(
-    disturbances: Sequence[Disturbance], bodies: Sequence[str], steps: range, timestep: float
+    disturbances: Sequence[Disturbance],
+    bodies: Sequence[str],
+    steps: range,
+    timestep: float,
 ) -> tuple[Array, Array]:
     """Numbers of disturbances for ``push``, and the values of courses without a formula.
 

@@ -230,7 +230,12 @@ def kernel(*, looped: bool) -> Any:
     """Compiled ``run_of``: an mjfBatchFunc that takes the address of a ``KernelRun``."""
     run = run_of(looped=looped)
 
-    def entry(_model: Any, _data: Any, _sim: Any, address: Any) -> None:
+    def entry(
+        _model: Any,
+        _data: Any,
+        _sim: Any,
+        address: Any,
+    ) -> None:
         run(_run_at(address))
 
     return compile_c(entry, types.voidptr, types.voidptr, types.int32, types.voidptr)

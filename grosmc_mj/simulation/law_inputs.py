@@ -164,7 +164,13 @@ def all_finite(u: Any) -> bool:
 
 
 def write_inputs(
-    controller: Controller, t: float, x: Array, memory: Any, u: Array, *, strict: bool = False
+    controller: Controller,
+    t: float,
+    x: Array,
+    memory: Any,
+    u: Array,
+    *,
+    strict: bool = False,
 ) -> bool:
     """Let a law write its inputs in Python as compiled code would.
 

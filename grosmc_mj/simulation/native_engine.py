@@ -306,7 +306,12 @@ class _Worker:
 
 # One compiled function serves all batches with the same law.
 @cache
-def _compiled_law(system: System, law: Law, memory_dtype: Any, numbers_dtype: Any) -> Any:
+def _compiled_law(
+    system: System,
+    law: Law,
+    memory_dtype: Any,
+    numbers_dtype: Any,
+) -> Any:
     """Compile a sample of a law to a C function that the kernel calls."""
     law = jitable(law)
     singular = system.singular

@@ -219,7 +219,12 @@ def _require_alike(
             raise ArgumentError(f"all {rule}")
 
 
-def _require_designed_for(system: System, law: Controller, h: float, period: float) -> None:
+def _require_designed_for(
+    system: System,
+    law: Controller,
+    h: float,
+    period: float,
+) -> None:
     """Refuse a controller of another system, timestep or control period."""
     if law.design is not None:
         designed = law.design.error.system

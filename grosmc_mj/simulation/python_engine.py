@@ -142,7 +142,13 @@ class ClosedLoop:
             self._meters.numbers,
         )
 
-    def _read(self, _model: Any, _data: Any, row: int, _kind: int) -> None:
+    def _read(
+        self,
+        _model: Any,
+        _data: Any,
+        row: int,
+        _kind: int,
+    ) -> None:
         """Write mjSTATE_FULLPHYSICS into a row of the record."""
         self._stepper.read(self.run.rows[row, self._problem.width :])
 
@@ -191,7 +197,12 @@ def kernel_run(
 
 
 def start(
-    run: KernelRun, problem: Problem, number: int, stepper: Stepper, memory: Array, record: Record
+    run: KernelRun,
+    problem: Problem,
+    number: int,
+    stepper: Stepper,
+    memory: Array,
+    record: Record,
 ) -> None:
     """Bring a run to its start.
 

@@ -150,7 +150,12 @@ class PhysicsStepper:
         data: State that is moved; it may belong to the caller.
     """
 
-    def __init__(self, system: System, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(
+        self,
+        system: System,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+    ) -> None:
         n = system.degrees_of_freedom
         self._system = system
         self.model = model

@@ -393,7 +393,13 @@ def _system(about: Any) -> System:
     )
 
 
-def why_ended(status: Status, system: System, controller: Controller, time: float, x: Array) -> str:
+def why_ended(
+    status: Status,
+    system: System,
+    controller: Controller,
+    time: float,
+    x: Array,
+) -> str:
     """Reason in one line why a run could not go on; empty for one that could.
 
     Args:

@@ -399,7 +399,11 @@ class Ladder:
 
 
 def ladder(
-    target: str, chosen: Sequence[str] = (), *, loaded: bool = False, rivals: bool = False
+    target: str,
+    chosen: Sequence[str] = (),
+    *,
+    loaded: bool = False,
+    rivals: bool = False,
 ) -> Ladder:
     """Return the ladder of a target.
 
@@ -490,7 +494,12 @@ class Cells:
 
 
 def run_rung(
-    studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition, *, together: bool
+    studied: Ladder,
+    law: StudiedLaw,
+    rung: Rung,
+    condition: Condition,
+    *,
+    together: bool,
 ) -> RungResult:
     """Run a law on a rung and judge the run.
 
@@ -544,7 +553,12 @@ def _optimum_settles(run: RunResult, limit: Limit) -> float | None:
     return settling_time(optimum.time, optimum.error, limit.band).value
 
 
-def run_of(studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition) -> RunResult:
+def run_of(
+    studied: Ladder,
+    law: StudiedLaw,
+    rung: Rung,
+    condition: Condition,
+) -> RunResult:
     """Run a law on a rung.
 
     Raises:
@@ -988,7 +1002,10 @@ def _titled(part: Table) -> str:
 
 
 def ladder_film(
-    studied: Ladder, law: StudiedLaw, rows: Sequence[RungResult], form: Format | None = None
+    studied: Ladder,
+    law: StudiedLaw,
+    rows: Sequence[RungResult],
+    form: Format | None = None,
 ) -> Film:
     """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
 

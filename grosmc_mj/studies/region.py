@@ -364,7 +364,12 @@ def _axis(loop: RegionLoop, state: int, limit: float | None) -> Axis:
     return Axis(state, signal, limit, direction, origin, is_error)
 
 
-def starts_on(loop: RegionLoop, axes: tuple[Axis, Axis], first: Array, second: Array) -> Array:
+def starts_on(
+    loop: RegionLoop,
+    axes: tuple[Axis, Axis],
+    first: Array,
+    second: Array,
+) -> Array:
     """Return states (nsim, n) at pairs of values on the axes, else at the equilibrium.
 
     Args:
@@ -571,7 +576,10 @@ class RegionStudy:
         return self._outcomes(loop, self.starts[chosen.reshape(-1)])
 
     def _outcomes(
-        self, loop: RegionLoop, starts: Array, advance: Callable[[], object] = lambda: None
+        self,
+        loop: RegionLoop,
+        starts: Array,
+        advance: Callable[[], object] = lambda: None,
     ) -> Letters:
         """The outcome of each start, a batch at a time."""
         parts = []

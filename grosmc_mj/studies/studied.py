@@ -266,7 +266,10 @@ def _switched(experiment: Experiment, base: str, names: set[str]) -> list[Studie
 
 
 def chosen_laws(
-    experiment: Experiment, names: Sequence[str] = (), *, rivals: bool = False
+    experiment: Experiment,
+    names: Sequence[str] = (),
+    *,
+    rivals: bool = False,
 ) -> list[StudiedLaw]:
     """Return the laws of these names, any law of the file among them; by default ``laws_of``.
 

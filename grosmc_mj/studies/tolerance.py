@@ -309,7 +309,12 @@ def _amounts(
                 yield Amount(kind, of, quantity, value, unit, bound / abs(value))
 
 
-def _bound(quantity: str, unit: str, timestep: float, control_period: float) -> float:
+def _bound(
+    quantity: str,
+    unit: str,
+    timestep: float,
+    control_period: float,
+) -> float:
     """The largest value that a number of a loop can have."""
     if quantity == "missed":
         return _MISSED
@@ -364,7 +369,11 @@ class ToleranceStudy:
 
 
 def tolerance_study(
-    target: str, chosen: Sequence[str] = (), *, rivals: bool = False, longer_period: bool = False
+    target: str,
+    chosen: Sequence[str] = (),
+    *,
+    rivals: bool = False,
+    longer_period: bool = False,
 ) -> ToleranceStudy:
     """Return a target with its bench, conditions and laws.
 
@@ -623,7 +632,12 @@ class Trials:
             self.known[trial, i] = _judged(outcomes, index, judged, i)
 
 
-def _judged(outcomes: Outcomes, row: int, limits: Sequence[Limit], number: int) -> TrialResult:
+def _judged(
+    outcomes: Outcomes,
+    row: int,
+    limits: Sequence[Limit],
+    number: int,
+) -> TrialResult:
     """The result of a row of outcomes, judged by these limits."""
     impossible = outcomes.impossible.get(row)
     if impossible:

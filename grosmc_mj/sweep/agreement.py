@@ -50,7 +50,11 @@ class Agreement(NamedTuple):
 
 
 def agreements(
-    nominal: MujocoPlant, *, seed: int = 0, states: int = 1000, edits: int = 3
+    nominal: MujocoPlant,
+    *,
+    seed: int = 0,
+    states: int = 1000,
+    edits: int = 3,
 ) -> list[Agreement]:
     """Compare every variant of a plant's equations with MuJoCo, nominal and under random edits.
 

@@ -346,7 +346,13 @@ class Campaign:
             if _onset(disturbance, self.family)[0] >= self.duration
         ]
 
-    def points(self, sampler: str, first: int, count: int, more: int = 0) -> Array:
+    def points(
+        self,
+        sampler: str,
+        first: int,
+        count: int,
+        more: int = 0,
+    ) -> Array:
         """Return points of the unit cube, (count, d).
 
         Args:

@@ -156,7 +156,12 @@ def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, floa
 _EDGE = 2.0**-53
 
 
-def random_points(dimensions: int, seed: int, first: int, count: int) -> Array:
+def random_points(
+    dimensions: int,
+    seed: int,
+    first: int,
+    count: int,
+) -> Array:
     """Draw independent points of the unit cube, each by the seed and its own number alone.
 
     Args:

@@ -313,7 +313,11 @@ def _worst_runs(rows: Mapping[str, Array]) -> list[int]:
 
 
 def run_campaign(
-    campaign: Campaign, folder: str | Path, *, resume: bool = False, confidence: float = 0.95
+    campaign: Campaign,
+    folder: str | Path,
+    *,
+    resume: bool = False,
+    confidence: float = 0.95,
 ) -> Findings:
     """Run a campaign in this process, on all cores.
 
@@ -499,7 +503,12 @@ def _p_value(p: float | None) -> str:
     return f"{p:.2g}"
 
 
-def _between(unit: str, value: float, low: float | None, high: float | None) -> str:
+def _between(
+    unit: str,
+    value: float,
+    low: float | None,
+    high: float | None,
+) -> str:
     """A signed number over its interval, if it has one; an end may be open."""
     words = f"{_signed(value)} {unit}".rstrip()
     if low is None:

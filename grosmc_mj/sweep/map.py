@@ -143,7 +143,12 @@ def _title(axis: Quantity) -> str:
     return f"{axis.name} [{unit or '1'}]"
 
 
-def write_pass_map(path: Path, shown: PassMap, title: str, footnote: str) -> Path:
+def write_pass_map(
+    path: Path,
+    shown: PassMap,
+    title: str,
+    footnote: str,
+) -> Path:
     """Draw a panel for each law, with a mark for each plant."""
     styles = law_styles(shown.runs)
     across, up = shown.titles
@@ -175,7 +180,12 @@ def _outcomes(margins: Array) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def _draw_plants(panel: Axes, x: Array, y: Array, margins: Array) -> None:
+def _draw_plants(
+    panel: Axes,
+    x: Array,
+    y: Array,
+    margins: Array,
+) -> None:
     """A mark for each plant, smaller the more there are."""
     size = float(np.clip(16000 / len(margins), 3, 40))
     for above, (outcome, plants) in enumerate(_outcomes(margins).items()):

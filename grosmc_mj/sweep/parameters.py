@@ -281,7 +281,9 @@ class CaseSample(NamedTuple):
 
 
 def with_values(
-    experiment: Experiment, values: Iterable[tuple[Parameter, float]], case: Case | None = None
+    experiment: Experiment,
+    values: Iterable[tuple[Parameter, float]],
+    case: Case | None = None,
 ) -> CaseSample:
     """Return a case with other values of some parameters; times become whole timesteps.
 

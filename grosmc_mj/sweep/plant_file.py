@@ -106,7 +106,12 @@ def find_plant(
     return ChosenPlant(f"{number}", law, values, number, kind)
 
 
-def searched_values(campaign: Campaign, folder: Path, which: str, law: str) -> Array:
+def searched_values(
+    campaign: Campaign,
+    folder: Path,
+    which: str,
+    law: str,
+) -> Array:
     """Read the uncertain numbers of a plant that a search has found, (d,).
 
     Args:
@@ -140,7 +145,12 @@ def _kind_of(campaign: Campaign) -> PlantName:
     return "physics" if campaign.plant.kind == "physics" else "corrected"
 
 
-def _judged_by_equations(campaign: Campaign, folder: Folder, number: int, law: str) -> bool:
+def _judged_by_equations(
+    campaign: Campaign,
+    folder: Folder,
+    number: int,
+    law: str,
+) -> bool:
     """Whether the equations judged a run; False if its part is not there."""
     if campaign.specification.screen == "none":
         return False

@@ -162,7 +162,9 @@ class _ScaleTrials:
 
 
 def radius(
-    campaign: Campaign, controller: str, advance: Callable[[int], object] = lambda _: None
+    campaign: Campaign,
+    controller: str,
+    advance: Callable[[int], object] = lambda _: None,
 ) -> Radius:
     """Bisect the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
 
@@ -191,7 +193,12 @@ def radius(
     return Radius(controller, len(values), in_order, promised, largest)
 
 
-def _trial(scale: float, plants: Array, runs: Outcomes, band: float | None) -> ScaleTrial:
+def _trial(
+    scale: float,
+    plants: Array,
+    runs: Outcomes,
+    band: float | None,
+) -> ScaleTrial:
     """The trial of plants (n, d) at one scale."""
     relative = runs["relative"]
     worst = int(runs["order"].argmin())

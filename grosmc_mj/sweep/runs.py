@@ -232,7 +232,12 @@ def _plant_of(
     return plant
 
 
-def _law_in_loop(experiment: Experiment, row: Row, name: PlantName, case: Case) -> Controller:
+def _law_in_loop(
+    experiment: Experiment,
+    row: Row,
+    name: PlantName,
+    case: Case,
+) -> Controller:
     """The law of a row in the loop of its case."""
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
     if case.loop is None:
@@ -279,7 +284,10 @@ def shared_meters(
 
 
 def _run_group(
-    experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit], threads: int
+    experiment: Experiment,
+    runs: Sequence[Run],
+    limits: Sequence[Limit],
+    threads: int,
 ) -> dict[str, NDArray[Any]]:
     """The columns of ``Outcomes`` of runs of one law and duration."""
     law = runs[0].law
@@ -318,7 +326,11 @@ def _run_group(
 
 
 def _simulated(
-    experiment: Experiment, runs: Sequence[Run], x0: Array, limits: Sequence[Limit], threads: int
+    experiment: Experiment,
+    runs: Sequence[Run],
+    x0: Array,
+    limits: Sequence[Limit],
+    threads: int,
 ) -> Trajectory:
     """Runs of one law and duration as one batch, of which only the last state is kept."""
     settings = experiment.settings

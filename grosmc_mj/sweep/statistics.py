@@ -42,7 +42,11 @@ class PassRate(NamedTuple):
 
 
 def pass_rate(
-    kept: int, runs: int, confidence: float = 0.95, *, independent: bool = True
+    kept: int,
+    runs: int,
+    confidence: float = 0.95,
+    *,
+    independent: bool = True,
 ) -> PassRate:
     """Pass rate with the exact two-sided interval of Clopper and Pearson.
 
@@ -207,7 +211,11 @@ def mcnemar(only_first: int, only_second: int) -> float:
 
 
 def paired(
-    first: Array, second: Array, confidence: float = 0.95, *, independent: bool = True
+    first: Array,
+    second: Array,
+    confidence: float = 0.95,
+    *,
+    independent: bool = True,
 ) -> PairedDifference:
     """Compare the margins of two laws on the same plants.
 
@@ -342,7 +350,12 @@ def _importance(driver: Sensitivity) -> tuple[float, float]:
     return share, abs(driver.correlation or 0.0)
 
 
-def _driver(name: str, values: Array, margin_ranks: Array, confidence: float) -> Sensitivity:
+def _driver(
+    name: str,
+    values: Array,
+    margin_ranks: Array,
+    confidence: float,
+) -> Sensitivity:
     """Influence of one parameter on the margins' ranks."""
     runs = len(margin_ranks)
     if runs < _FEWEST:

@@ -342,7 +342,12 @@ def _rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
     return table.slice(position * runs, runs)
 
 
-def part_table(campaign: Campaign, bound_to: str, index: int, runs: Sequence[Outcomes]) -> pa.Table:
+def part_table(
+    campaign: Campaign,
+    bound_to: str,
+    index: int,
+    runs: Sequence[Outcomes],
+) -> pa.Table:
     """Return the rows of a part: the runs of one controller after those of another.
 
     The schema's metadata binds them to their campaign and has nothing of when or where they were
@@ -443,7 +448,12 @@ def _units(campaign: Campaign) -> dict[str, str]:
     return units
 
 
-def _verified(file: Path, campaign: Campaign, bound_to: str, index: int) -> pa.Table:
+def _verified(
+    file: Path,
+    campaign: Campaign,
+    bound_to: str,
+    index: int,
+) -> pa.Table:
     """The rows of a part, verified to be those of this part of this campaign."""
     notes = _notes(campaign, bound_to, index)
     unreadable = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)

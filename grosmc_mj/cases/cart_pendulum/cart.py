@@ -239,7 +239,12 @@ def shaped_regulator(reach: SwitchingTerm) -> Law:
 
 
 @jitable
-def force_needed(w: float, x: Any, E: float, p: Any) -> float:
+def force_needed(
+    w: float,
+    x: Any,
+    E: float,
+    p: Any,
+) -> float:
     """Largest difference of the input [N] between a member of the family and the nominal plant."""
     c = math.cos(x[1])
     s = abs(math.sin(x[1]))

@@ -35,7 +35,12 @@ class Measurement:
     take: Literal["", "largest", "least"] = ""
     extrapolated: bool = False
 
-    def __call__(self, lab: RunCache, plant: PlantName, **changed: Any) -> Measured:
+    def __call__(
+        self,
+        lab: RunCache,
+        plant: PlantName,
+        **changed: Any,
+    ) -> Measured:
         """The value on a plant; broken if a run that it rests on is."""
         arguments = {**self.arguments, **changed}
         if "epsilon" in arguments:
@@ -47,7 +52,12 @@ class Measurement:
         except NoValueError as error:
             return Measured(None, str(error), broken=True)
 
-    def _extreme(self, lab: RunCache, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+    def _extreme(
+        self,
+        lab: RunCache,
+        plant: PlantName,
+        arguments: Mapping[str, Any],
+    ) -> Measured:
         """The extreme over all combinations of the lists, with all values in its note."""
         lists = [name for name in arguments if isinstance(arguments[name], list)]
         points = []
@@ -67,7 +77,12 @@ class Measurement:
         extreme = pick(points, key=lambda point: point.value or 0.0)
         return extreme._replace(note="; ".join(point.note for point in points))
 
-    def _at(self, lab: RunCache, plant: PlantName, arguments: Mapping[str, Any]) -> Measured:
+    def _at(
+        self,
+        lab: RunCache,
+        plant: PlantName,
+        arguments: Mapping[str, Any],
+    ) -> Measured:
         """The value v at T, or 2 v(T/2) - v(T), which removes an error that is linear in T."""
         first = self.function(lab, plant, **arguments)
         if not self.extrapolated or first.value is None or first.broken:

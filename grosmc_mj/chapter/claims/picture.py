@@ -73,7 +73,13 @@ def _draw_values(axes: Axes, finding: Finding) -> None:
     )
 
 
-def _draw_point(axes: Axes, row: int, measured: Measured, edge: str, face: str) -> None:
+def _draw_point(
+    axes: Axes,
+    row: int,
+    measured: Measured,
+    edge: str,
+    face: str,
+) -> None:
     """Draw a measurement, if it has a value."""
     if measured.value is not None:
         axes.plot(measured.value, row, "o", ms=7, mec=edge, mfc=face, mew=1.6, clip_on=False)

@@ -20,7 +20,9 @@ _HALVINGS = 5
 
 
 def sweep(
-    lab: RunCache, claims: Sequence[Claim], advance: Callable[[str], object] = lambda _: None
+    lab: RunCache,
+    claims: Sequence[Claim],
+    advance: Callable[[str], object] = lambda _: None,
 ) -> Iterator[dict[str, Any]]:
     """Vary every choice of every claim; claims that share a choice share its runs.
 

@@ -195,7 +195,9 @@ def judge_with_progress(lab: RunCache, claims: Sequence[Claim]) -> list[Finding]
 
 
 def judge_in_processes(
-    lab: RunCache, claims: Sequence[Claim], advance: Callable[[str], object]
+    lab: RunCache,
+    claims: Sequence[Claim],
+    advance: Callable[[str], object],
 ) -> list[Finding]:
     """Judge claims on all cores."""
     from grosmc_mj.chapter.claims.judging import judge_claims

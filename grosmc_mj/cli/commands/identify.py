@@ -115,7 +115,12 @@ class IdentifyCommand(_OfLog):
         screen.say_files(screen.console(), figure, case_file)
         return DONE
 
-    def _parts(self, log: Log, plant: Plant, steps: Mapping[str, float]) -> tuple[Log, Log]:
+    def _parts(
+        self,
+        log: Log,
+        plant: Plant,
+        steps: Mapping[str, float],
+    ) -> tuple[Log, Log]:
         """Return the part of a log that is fitted, and the one that is held out.
 
         Raises:

@@ -152,7 +152,13 @@ class _Numbers:
     def __init__(self) -> None:
         self._texts: dict[str, list[str]] = {}
 
-    def note(self, owner: str, name: str, values: Sequence[float], unit: str) -> None:
+    def note(
+        self,
+        owner: str,
+        name: str,
+        values: Sequence[float],
+        unit: str,
+    ) -> None:
         """Add the values of one quantity, unless all are zero."""
         if any(values):
             written = ", ".join(f"{value:.5g}" for value in values)

@@ -56,7 +56,13 @@ class ReportCommand(Command):
         return DONE
 
 
-def report_on(console: Console, paths: Sequence[Path], path: Path, *, full: bool = False) -> None:
+def report_on(
+    console: Console,
+    paths: Sequence[Path],
+    path: Path,
+    *,
+    full: bool = False,
+) -> None:
     """Write the page of results, and print its size and path.
 
     Args:

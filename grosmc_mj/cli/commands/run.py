@@ -117,7 +117,13 @@ class RunCommand(Command):
             film_runs(console, results, experiment.settings, self.out / FOLDER / f"{name}.mp4")
         return kept
 
-    def _write(self, answer: RunAnswer, path: Path, *, alone: bool) -> None:
+    def _write(
+        self,
+        answer: RunAnswer,
+        path: Path,
+        *,
+        alone: bool,
+    ) -> None:
         """Write the results of an experiment, and print them, also if they cannot be written."""
         from grosmc_mj.cli.commands import run_answer
         from grosmc_mj.experiments.curves import write_curves

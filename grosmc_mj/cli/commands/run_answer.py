@@ -95,7 +95,13 @@ def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
         console.print(_requirements_table(failed))
 
 
-def _print_verdict(console: Console, answer: RunAnswer, words: str, *, verbose: bool) -> None:
+def _print_verdict(
+    console: Console,
+    answer: RunAnswer,
+    words: str,
+    *,
+    verbose: bool,
+) -> None:
     """Print the verdict, what is wrong, and how many premises of each law hold."""
     screen.say_verdict(console, words, good=answer.kept)
     screen.say_lines(console, list(_mistakes(answer)), full=verbose)

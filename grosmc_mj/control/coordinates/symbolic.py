@@ -197,7 +197,13 @@ class ErrorCoordinates(OutputCoordinates):
             drift = drift + self.disturbances(x, p, plant, w)
         return drift, self.sign * (slopes @ g)
 
-    def disturbances(self, x: Array, p: Any, plant: Plant, w: Array) -> Array:
+    def disturbances(
+        self,
+        x: Array,
+        p: Any,
+        plant: Plant,
+        w: Array,
+    ) -> Array:
         """Part of z' by wrenches on a true plant.
 
         Args:

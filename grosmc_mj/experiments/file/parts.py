@@ -76,7 +76,12 @@ def _table(kind: str, part: Any) -> type[Table]:
     return pydantic.create_model(f"{part.__name__}Table", __base__=Table, **keys)
 
 
-def _key(kind: str, part: Any, item: Field[Any], hint: Any) -> tuple[Any, Any]:
+def _key(
+    kind: str,
+    part: Any,
+    item: Field[Any],
+    hint: Any,
+) -> tuple[Any, Any]:
     """Return type and default of a key; ``...`` as default of a required one."""
     default = item.default
     if default is MISSING:
@@ -102,7 +107,12 @@ def _key(kind: str, part: Any, item: Field[Any], hint: Any) -> tuple[Any, Any]:
 TABLES: Mapping[str, type[Table]] = {kind: _table(kind, part) for kind, part in _PARTS.items()}
 
 
-def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
+def unit_of(
+    kind: str,
+    of: str,
+    quantity: str,
+    system: System,
+) -> str:
     """Return the unit of a number of a part.
 
     Args:
@@ -253,7 +263,12 @@ def in_model(name: str, owner: str, system: System) -> str:
     return system.actuators[inputs.index(name)]
 
 
-def _numbers(kind: str, of: str, table: Table, system: System) -> dict[str, float]:
+def _numbers(
+    kind: str,
+    of: str,
+    table: Table,
+    system: System,
+) -> dict[str, float]:
     """Return the numbers that a table gives, in the units of the system."""
     for name in table.assumed:  # pyright: ignore[reportAttributeAccessIssue]
         if name not in table.model_fields_set:

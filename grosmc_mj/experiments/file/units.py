@@ -155,7 +155,9 @@ class Table(BaseModel):
 
 
 def numbers_of(
-    table: Table, names: Iterable[str], unit_of: Callable[[str], str]
+    table: Table,
+    names: Iterable[str],
+    unit_of: Callable[[str], str],
 ) -> dict[str, float]:
     """Return the numbers that a table gives.
 

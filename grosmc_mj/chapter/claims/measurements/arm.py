@@ -39,7 +39,12 @@ _AMPLITUDES = (1.0, math.pi)
 
 
 def tracking(
-    lab: RunCache, plant: PlantName, *, state: int, statistic: str, arrived: float
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    state: int,
+    statistic: str,
+    arrived: float,
 ) -> Measured:
     """Measure peak or RMS of an entry of e in case 1, in percent of its reference's amplitude.
 
@@ -68,7 +73,13 @@ def tracking(
     return from_run(result, value, f"from {time[begin]:.3g} s on")
 
 
-def settling_ratio(lab: RunCache, plant: PlantName, *, band: float, percent_of: Size) -> Measured:
+def settling_ratio(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    band: float,
+    percent_of: Size,
+) -> Measured:
     """Measure when |e1| enters a band [%] for good, over when the optimum does."""
     result = lab.case(_SYSTEM, "case1", plant, "grosmc")
     comparison = result.comparison
@@ -116,7 +127,12 @@ def unbalanced_torque(lab: RunCache, plant: PlantName) -> Measured:
     return equation_error(lab, plant, _SYSTEM, (1.4, 5.0, 2.0), partial(_balance, p))
 
 
-def _balance(p: Any, q: float, rate: float, torque: float) -> tuple[float, tuple[float, ...]]:
+def _balance(
+    p: Any,
+    q: float,
+    rate: float,
+    torque: float,
+) -> tuple[float, tuple[float, ...]]:
     """M(q) of eq. (57), and the torques by the energy-true C."""
     gravity = p.m * p.l * p.g * math.cos(q)
     coriolis = 0.03 * math.cos(q) * rate * rate

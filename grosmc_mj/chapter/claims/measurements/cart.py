@@ -124,7 +124,13 @@ def _slowest_pole(optimum: LqrDesign, G: Array | None, model: Model) -> float:
     return float(np.linalg.eigvals(loop).real.max())
 
 
-def distance_from_hold(lab: RunCache, plant: PlantName, *, case: str, controller: str) -> Measured:
+def distance_from_hold(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    case: str,
+    controller: str,
+) -> Measured:
     """Measure the worse of cart and angle at the end of a case, in units of their bands."""
     result = lab.run(holding_case(case), plant, controller)
     rail = rail_half_length(MujocoPlant.load(SYSTEM))

@@ -31,7 +31,13 @@ _LARGER = (BodyEdit("pole", mass_scale=4.0, length_scale=4.0),)
 _SYMBOLS = {"eta": "η", "gamma0": "γ0", "gamma1": "γ1"}
 
 
-def from_two_seconds(lab: RunCache, plant: PlantName, *, controller: str, band: float) -> Measured:
+def from_two_seconds(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    controller: str,
+    band: float,
+) -> Measured:
     """Measure the difference of settling to a band [%] from 2 s, in percent."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
     theta = result.comparison.z[:, 0]

@@ -208,7 +208,13 @@ def difference_of(results: Sequence[RunResult], until: float = np.inf) -> float:
     return 100 * float(distance.max()) / abs(float(second.error[0]))
 
 
-def beside_lqr(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+def beside_lqr(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+) -> Measured:
     """Measure max |y - y*| under GROSMC over that under the LQR."""
     robust = deviation(lab, plant, system=system, case=case, controller="grosmc")
     linear = deviation(lab, plant, system=system, case=case, controller="lqr")
@@ -238,7 +244,13 @@ def excess_cost(
     return from_run(result, 100 * (J / least - 1), f"over {result.trajectory.time[-1]:g} s")
 
 
-def leaving_the_surface(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+def leaving_the_surface(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+) -> Measured:
     """Measure the largest |s_i| over the change that one sample of the switching term makes.
 
     While the gain covers the disturbance, |s_i'| is at most twice the effect of the switching term

@@ -38,7 +38,12 @@ class _Margins(NamedTuple):
 
 
 def overshoot_growth(
-    lab: RunCache, plant: PlantName, *, system: str, case: str, controller: str
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+    controller: str,
 ) -> Measured:
     """Measure the overshoot in a case less the nominal one, in percent of the step."""
     result = lab.case(system, case, plant, controller)
@@ -48,7 +53,13 @@ def overshoot_growth(
     return from_run(result, changed - nominal, f"{changed:.2g} % against {nominal:.2g} %")
 
 
-def largest_overshoot(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+def largest_overshoot(
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+) -> Measured:
     """Measure the robust law's overshoot over the whole run, in percent of the step."""
     result = lab.case(system, case, plant, "grosmc")
     return from_run(result, overshoot(result.comparison.z[:, 0]).value)

@@ -70,7 +70,13 @@ class _Family(NamedTuple):
     wrench: Array
 
 
-def perturbed(system: str, name: str, duration: float, mass: float, length: float) -> Experiment:
+def perturbed(
+    system: str,
+    name: str,
+    duration: float,
+    mass: float,
+    length: float,
+) -> Experiment:
     """Return the nominal start with another mass and length of the uncertain body.
 
     Args:
@@ -129,7 +135,11 @@ def slowest_approach(
 
 
 def _slowest_approach(
-    lab: RunCache, plant: PlantName, system: str, rate: float | None, torque: float
+    lab: RunCache,
+    plant: PlantName,
+    system: str,
+    rate: float | None,
+    torque: float,
 ) -> Measured:
     family = _declared(lab, system)
     wrench = family.wrench + torque * np.eye(len(family.wrench))[-2]
@@ -166,7 +176,10 @@ def _slowest_approach(
 
 
 def approach(
-    law: Controller, derivative: Derivative, places: Iterable[tuple[Array, float]], wrench: Array
+    law: Controller,
+    derivative: Derivative,
+    places: Iterable[tuple[Array, float]],
+    wrench: Array,
 ) -> float:
     """Return the largest s_i' sgn(s_i) next to the surfaces, on every side.
 
@@ -354,7 +367,12 @@ def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
 
 
 def worst_start(
-    lab: RunCache, plant: PlantName, *, system: str, case: str, bound: float
+    lab: RunCache,
+    plant: PlantName,
+    *,
+    system: str,
+    case: str,
+    bound: float,
 ) -> Measured:
     """Measure the worst deviation over random starts in a case, in percent of each start.
 
@@ -438,7 +456,13 @@ def optimal_gain(A: Array, B: Array, Q: Array) -> tuple[Array, Array]:
     return B.T @ P, P
 
 
-def _riccati_rate(_: float, flat: Array, A: Array, B: Array, Q: Array) -> Array:
+def _riccati_rate(
+    _: float,
+    flat: Array,
+    A: Array,
+    B: Array,
+    Q: Array,
+) -> Array:
     """-P' of the Riccati differential equation backwards in time for R = 1, (n * n,)."""
     P = flat.reshape(A.shape)
     return (P @ A + A.T @ P - P @ B @ B.T @ P + Q).ravel()

@@ -86,7 +86,12 @@ def _rate_words(law: str, rate: PassRate, findings: Findings) -> str:
 
 
 def say_findings(
-    console: Console, campaign: Campaign, findings: Findings, progress: Sequence[str], *, full: bool
+    console: Console,
+    campaign: Campaign,
+    findings: Findings,
+    progress: Sequence[str],
+    *,
+    full: bool,
 ) -> None:
     """Print pass rates, paired differences and what drives the margins.
 

@@ -15,7 +15,11 @@ from grosmc_mj.sweep.store import Folder, read_campaign
 
 
 def write_plant(
-    folder: Path, which: str, law: str | None, case_file: Path | None, out: Path | None
+    folder: Path,
+    which: str,
+    law: str | None,
+    case_file: Path | None,
+    out: Path | None,
 ) -> int:
     """Write the case file of one plant of a campaign, and say where it is and what takes it.
 

@@ -94,7 +94,12 @@ class _FinishedRuns:
         self._advance(f"{speed:.3g} runs/s; kept so far: {shares}", runs)
 
 
-def _speed_line(campaign: Campaign, runs: int, seconds: float, repeated: int) -> str:
+def _speed_line(
+    campaign: Campaign,
+    runs: int,
+    seconds: float,
+    repeated: int,
+) -> str:
     """Return a line on how many runs and timesteps a second were made."""
     steps = runs * campaign.duration / campaign.experiment.settings.timestep
     line = (

@@ -93,7 +93,12 @@ class LadderCommand(Command):
         statements = {name: claim.statement for name, claim in claims.items()}
         return replace(studied, statements=statements)
 
-    def _climb(self, studied: Ladder, cells: Cells, rows: list[RungResult]) -> None:
+    def _climb(
+        self,
+        studied: Ladder,
+        cells: Cells,
+        rows: list[RungResult],
+    ) -> None:
         """Run every rung, or read it if it is finished and --resume is given.
 
         Args:
@@ -137,7 +142,12 @@ class LadderCommand(Command):
         figure = write_cells(path.with_suffix(".png"), title, charts, ladder.NOTE)
         return path, figure
 
-    def _film(self, studied: Ladder, law: StudiedLaw, rows: list[RungResult]) -> Path:
+    def _film(
+        self,
+        studied: Ladder,
+        law: StudiedLaw,
+        rows: list[RungResult],
+    ) -> Path:
         """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
         from grosmc_mj.studies.ladder import ladder_film
