@@ -150,7 +150,8 @@ def _refuse(words: Sequence[str], report: reports.ParseErrorEvent) -> None:
         case reports.MissingSubcommand(subcommand_spec=spec):
             wrong = f"missing: one of {', '.join(spec.parser_from_name)}"
         case reports.InvalidChoice(argument=argument, value=value, choices=choices):
-            valid = [choice for choice in choices if choice != "None"]
+            # The parser hands over a set.
+            valid = sorted(choice for choice in choices if choice != "None")
             wrong = unknown_name(_argument_name(argument), value, valid)
         case reports.BadValue(argument=argument):
             wrong = f"{_argument_name(argument)}: a value is missing"
