@@ -407,6 +407,7 @@ def _place(location: Sequence[str | int], names: Sequence[str]) -> str:
     return ".".join(parts)
 
 
+# Asked for each field of each object that is made; it reads type hints.
 @cache
 def range_of(kind: type, field: str) -> Range | None:
     """Return bounds and unit of a field of a checked dataclass; None if it is not a number.

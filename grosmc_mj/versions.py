@@ -35,6 +35,7 @@ def versions(of: Iterable[str] = _REPORTED) -> dict[str, str]:
     return {name: _version(name) for name in of}
 
 
+# It reads every file of the package.
 @functools.cache
 def source_digest() -> str:
     """Return the SHA-256 of this package's source, which a checkout changes between versions.

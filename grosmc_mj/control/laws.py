@@ -18,6 +18,7 @@ from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.jitable import jitable
 
 
+# A law of the same coordinates is one function, which is compiled once.
 @cache
 def optimal_feedback(error: Coordinates, *, linearizing: bool) -> Law:
     """v = -K z: eq. (5) with v as the input, eqs. (23)+(28) and (44)+(49) through linearization."""

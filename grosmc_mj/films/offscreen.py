@@ -116,6 +116,7 @@ def find_backend(wish: str | None = None) -> Probe:
     raise SetupError(message)
 
 
+# A trial takes a second.
 @cache
 def probe(name: str) -> Probe:
     """Render one small picture with a backend, in a child process; each is tried once."""

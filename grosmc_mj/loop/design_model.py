@@ -115,6 +115,7 @@ def _linear_slope(x: Any, u: Any, numbers: Any, p: Any, slope: Any) -> None:
 _LINEAR = _midpoint(_linear_slope)
 
 
+# One compiled function serves all loops with the same coordinates.
 @cache
 def _of_robot(error: Any) -> Advance:
     """Motion of a robot with ``RobotCoordinates``."""

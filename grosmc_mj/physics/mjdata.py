@@ -13,6 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 
 
+# It searches a folder.
 @cache
 def mujoco_library() -> Path:
     """Path of MuJoCo's C library, which its Python package has loaded.

@@ -152,6 +152,7 @@ class MujocoPlant(Plant):
         """Parts of the machine as built, which the rigid system does not have."""
         return tuple(edit for edit in self.edits if not edit.rigid)
 
+    # Campaigns ask for it for each plant several times, and what it has compiled is kept with it.
     @cached_property
     def rigid(self) -> MujocoPlant:
         """Copy without the parts of a machine: the plant that equations describe."""
@@ -257,6 +258,7 @@ class MujocoPlant(Plant):
             return float(self.spec.option.timestep)
         return float(self.timestep)
 
+    # A model takes some milliseconds to compile.
     @cached_property
     def model(self) -> mujoco.MjModel:
         """Compiled model with all that is drawn; ``simulate`` refuses one that was changed.

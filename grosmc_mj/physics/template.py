@@ -85,6 +85,7 @@ class Template:
         self.write(changes, model, data)
         return model
 
+    # Asked for each plant of a campaign.
     @cached_property
     def undrawn_bodies(self) -> frozenset[str]:
         """Bodies on which only sites and other bodies have a place."""

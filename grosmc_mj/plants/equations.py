@@ -104,6 +104,7 @@ class Equations:
             **{symbol: f"x[{i}]" for i, symbol in enumerate(self.x)},
         }
 
+    # Functions are generated on first use, and once: a law is compiled again for each new one.
     @cached_property
     def drift(self) -> Callable[[Any, Any], Column]:
         """Jitable (x, p) -> f(x), an n-tuple."""

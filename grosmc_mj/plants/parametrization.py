@@ -36,6 +36,7 @@ class LinearParametrization:
     Y: Sequence[Sequence[Any]]
     theta: Sequence[Any]
 
+    # Functions are generated on first use, and once: a law is compiled again for each new one.
     @cached_property
     def regressor(self) -> Callable[[Any, Any, Any, Any], tuple[float, ...]]:
         """Jitable (x, r, a, p) -> Y row by row, m k numbers."""

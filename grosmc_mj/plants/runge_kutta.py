@@ -10,6 +10,7 @@ from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import System
 
 
+# One function serves all plants of a system, and is compiled once.
 @cache
 def runge_kutta_step(system: System) -> Callable[..., None]:
     """Compile the classical fourth-order step of x' = f(x) + g(x) u + d(x, w).

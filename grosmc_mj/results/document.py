@@ -50,6 +50,7 @@ def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, 
     }
 
 
+# It starts a process.
 @functools.cache
 def git_revision() -> str | None:
     """Return the checkout's revision, with ``-dirty`` if it has changes; None outside a checkout.

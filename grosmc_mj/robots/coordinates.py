@@ -64,6 +64,7 @@ class RobotCoordinates(OutputCoordinates):
             order += [joint, joint + n]
         return tuple(order)
 
+    # Each function is made once for the coordinates: a law is compiled again for each new one.
     @cached_property
     def state(self) -> StateMap:
         """Jitable (t, x, p, z): write z."""

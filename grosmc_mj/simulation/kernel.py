@@ -130,6 +130,7 @@ class KernelRun(NamedTuple):
     loop: LoopRun
 
 
+# One function serves all runs, and is compiled once.
 @cache
 def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     """Function that makes the next timesteps of a run.

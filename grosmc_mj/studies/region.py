@@ -517,6 +517,7 @@ class RegionStudy:
         )
         return [nominal, perturbed]
 
+    # Designed once for all maps.
     @cached_property
     def loops(self) -> list[RegionLoop]:
         """The loops of the maps, every law on the nominal plant first."""

@@ -67,6 +67,7 @@ class Batch:
         """The case with each of the values, n of them."""
         return [self.campaign.plant_sample(values) for values in self.values]
 
+    # Compiled models are shared by all laws of a part.
     @cached_property
     def physics(self) -> list[Plant]:
         """The plants; those with the same edits are one."""

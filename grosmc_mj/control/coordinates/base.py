@@ -103,6 +103,7 @@ class Coordinates(ABC):
     def output_rows(self) -> tuple[int, ...]:
         """Entries of z that a run is judged by."""
 
+    # Each function is made once for the coordinates: a law is compiled again for each new one.
     @cached_property
     @abstractmethod
     def state(self) -> StateMap:

@@ -100,6 +100,7 @@ class FeedbackLinearization(Chains):
 
     # The functions are cached, as a law is compiled for each of them anew.
 
+    # Functions are generated on first use, and once: a law is compiled again for each new one.
     @cached_property
     def transformation(self) -> StateFunction:
         """Jitable (x, p) -> T(x)."""

@@ -55,6 +55,7 @@ class ErrorCoordinates(OutputCoordinates):
             if guess.shape != (n,) or not np.all(np.isfinite(guess)):
                 raise ArgumentError(f"guess = {value_text(self.guess)} must be {n} finite numbers")
 
+    # sympy takes up to 0.3 s; a law is compiled again for each new function.
     @cached_property
     def linearization(self) -> FeedbackLinearization:
         """T, K and E of the outputs.

@@ -101,6 +101,7 @@ def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:
     return system.parametrization
 
 
+# A law of the same coordinates is one function, which is compiled once.
 @cache
 def slotine_li(error: OutputCoordinates, parametrization: LinearParametrization) -> Law:
     """Law on error coordinates of one reference with two derivatives for each joint."""
