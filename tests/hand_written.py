@@ -50,20 +50,27 @@ def pendulum_coefficient(p: Any) -> float:
 
 def pendulum_drift(x: Any, p: Any, maths: Any = math) -> Column:
     """Eq. (40) without u and d, and the cart by the horizontal balance of forces."""
-    s, c, w2, a = maths.sin(x[1]), maths.cos(x[1]), x[3] * x[3], pendulum_coefficient(p)
+    s = maths.sin(x[1])
+    c = maths.cos(x[1])
+    w2 = x[3] * x[3]
+    a = pendulum_coefficient(p)
     alpha = (p.g * s - a * p.m * p.L * w2 * s * c) / (p.L * (4 / 3 - a * p.m * c * c))
     return (x[2], x[3], p.m * p.L * (alpha * c - w2 * s) / (p.M + p.m), alpha)
 
 
 def pendulum_size(x: Any, p: Any) -> float:
-    s, c, w2, a = math.sin(x[1]), math.cos(x[1]), x[3] * x[3], pendulum_coefficient(p)
+    s = math.sin(x[1])
+    c = math.cos(x[1])
+    w2 = x[3] * x[3]
+    a = pendulum_coefficient(p)
     terms = abs(p.g * s) + abs(a * p.m * p.L * w2 * s * c)
     alpha = terms / (p.L * (4 / 3 - a * p.m * c * c))
     return max(alpha, p.m * p.L * (alpha * abs(c) + abs(w2 * s)) / (p.M + p.m))
 
 
 def pendulum_input_matrix(x: Any, p: Any, maths: Any = math) -> Column:
-    c, a = maths.cos(x[1]), pendulum_coefficient(p)
+    c = maths.cos(x[1])
+    a = pendulum_coefficient(p)
     beta = a * c / (p.L * (4 / 3 - a * p.m * c * c))
     return (0.0, 0.0, (1 + p.m * p.L * beta * c) / (p.M + p.m), beta)
 
@@ -73,8 +80,11 @@ def pendulum_disturbance(x: Any, w: Any, p: Any) -> Column:
 
     They meet the true inertia in both variants.
     """
-    s, c, total = math.sin(x[1]), math.cos(x[1]), p.M + p.m
-    Q_p, Q_theta = w[0] + w[6], -p.L * (c * w[6] + s * w[8]) - w[10]
+    s = math.sin(x[1])
+    c = math.cos(x[1])
+    total = p.M + p.m
+    Q_p = w[0] + w[6]
+    Q_theta = -p.L * (c * w[6] + s * w[8]) - w[10]
     inertia = p.m * p.L * p.L * (4 / 3 - p.m * c * c / total)
     alpha = (Q_theta + p.m * p.L * c * Q_p / total) / inertia
     return (0.0, 0.0, (Q_p + p.m * p.L * c * alpha) / total, alpha)
@@ -93,12 +103,14 @@ def arm_coriolis(q: Any, dq: Any, p: Any, maths: Any = math) -> Any:
 
 
 def arm_drift(x: Any, p: Any, maths: Any = math) -> Column:
-    gravity, coriolis = p.m * p.g * p.l * maths.cos(x[0]), arm_coriolis(x[0], x[1], p, maths)
+    gravity = p.m * p.g * p.l * maths.cos(x[0])
+    coriolis = arm_coriolis(x[0], x[1], p, maths)
     return (x[1], -(coriolis * x[1] + gravity) / arm_inertia(x[0], p, maths))
 
 
 def arm_size(x: Any, p: Any) -> float:
-    gravity, coriolis = p.m * p.g * p.l * math.cos(x[0]), arm_coriolis(x[0], x[1], p)
+    gravity = p.m * p.g * p.l * math.cos(x[0])
+    coriolis = arm_coriolis(x[0], x[1], p)
     return (abs(coriolis * x[1]) + abs(gravity)) / arm_inertia(x[0], p)
 
 
@@ -148,10 +160,13 @@ def two_link_input_matrix(x: Any, p: Any) -> Column:
 
 def two_link_disturbance(x: Any, w: Any, p: Any) -> Column:
     """Wrenches on upper, lower and payload; the joints are along -y."""
-    (fx1, _, fz1, _, ty1, _), (fx2, _, fz2, _, ty2, _), (fx3, _, fz3, _, ty3, _) = (
-        w[:6], w[6:12], w[12:],
-    )  # fmt: skip
-    s1, k1, s12, k12 = (f(a) for a in (x[0], x[0] + x[1]) for f in (math.sin, math.cos))
+    fx1, _, fz1, _, ty1, _ = w[:6]
+    fx2, _, fz2, _, ty2, _ = w[6:12]
+    fx3, _, fz3, _, ty3, _ = w[12:]
+    s1 = math.sin(x[0])
+    k1 = math.cos(x[0])
+    s12 = math.sin(x[0] + x[1])
+    k12 = math.cos(x[0] + x[1])
     elbow = p.c2 * (k12 * fz2 - s12 * fx2) + p.l2 * (k12 * fz3 - s12 * fx3) - ty2 - ty3
     beyond = p.l1 * (k1 * (fz2 + fz3) - s1 * (fx2 + fx3))
     Q = np.array([p.c1 * (k1 * fz1 - s1 * fx1) - ty1 + beyond + elbow, elbow])
@@ -160,7 +175,8 @@ def two_link_disturbance(x: Any, w: Any, p: Any) -> Column:
 
 def tip(q: Any, p: Any) -> Array:
     """(x, z) of the two-link arm's tip from the shoulder, (2,)."""
-    a, b = q[0], q[0] + q[1]
+    a = q[0]
+    b = q[0] + q[1]
     return np.array(
         [p.l1 * math.cos(a) + p.l2 * math.cos(b), p.l1 * math.sin(a) + p.l2 * math.sin(b)]
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -102,22 +103,41 @@ def surface_rate(law: Controller, t: float, z: Array, dx: Array) -> float:
     return float((p.G @ np.array([z[1], dz2]) - p.S @ z).item())
 
 
-# The equations of the perturbed plant, and MuJoCo, which does not know them.
-@pytest.mark.parametrize("equations", [True, False], ids=["equations", "mujoco"])
+def derivative_of(plant: MujocoPlant, equations: bool) -> Callable[..., Array]:
+    """x' of the perturbed plant by its equations, or by MuJoCo, which does not know them."""
+    if equations:
+        return plant.analytic().derivative
+    return plant.derivative
+
+
+each_engine = pytest.mark.parametrize("equations", [True, False], ids=["equations", "mujoco"])
+
+
+@each_engine
 @each_system
 def test_balance_is_the_rate_of_s_on_the_true_plant(system: str, equations: bool) -> None:
     law = robust(system)
-    plant = perturbed(system)
-    derivative = plant.analytic().derivative if equations else plant.derivative
+    derivative = derivative_of(perturbed(system), equations)
     for t, z, w, x, at in instants(system):
         # A and B of the servo's law are a Jacobian by differences, good to 1e-10.
         pushed = surface_rate(law, t, z, derivative(x, at.u_c, w))
         assert abs(pushed) == pytest.approx(at.push, rel=1e-8, abs=1e-8)
-        for side in (-1e-9, 1e-9):
-            u = input_beside_surface(law, t, z, side)
-            beside = surface_rate(law, t, z, derivative(x, u, w))
-            back = math.copysign(at.gain_ratio * at.configured, side)
-            assert beside == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize("side", [-1e-9, 1e-9])
+@each_engine
+@each_system
+def test_switching_drives_s_back_by_the_gain_ratio_times_its_gain(
+    system: str, equations: bool, side: float
+) -> None:
+    law = robust(system)
+    derivative = derivative_of(perturbed(system), equations)
+    for t, z, w, x, at in instants(system):
+        pushed = surface_rate(law, t, z, derivative(x, at.u_c, w))
+        u = input_beside_surface(law, t, z, side)
+        beside = surface_rate(law, t, z, derivative(x, u, w))
+        back = math.copysign(at.gain_ratio * at.configured, side)
+        assert beside == pytest.approx(pushed - back, rel=1e-7, abs=1e-7)
 
 
 @each_system

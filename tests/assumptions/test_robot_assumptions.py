@@ -152,7 +152,7 @@ def test_every_premise_holds_on_the_nominal_robot() -> None:
     assert audited(result).failed() == []
 
 
-def test_a_law_that_does_not_switch_has_premises_of_torques_and_joints_alone() -> None:
+def test_a_law_that_does_not_switch_has_premises_of_limits_alone() -> None:
     assert names(run(law("lqr"))) == list(KEPT[3:])
 
 
@@ -206,27 +206,46 @@ def test_a_payload_that_takes_the_dominance_away_is_named_by_its_row() -> None:
     assert premise(heavy, "epsilon").restores == no_rate
 
 
-def test_a_cut_torque_is_noticed_by_joint_and_by_how_often() -> None:
-    strong = run(law(epsilon=40.0))
-    limits = premise(strong, "torque limits")
-    reading = along(strong, "torque limits")
-    trajectory = strong.trajectory
-    cut = trajectory.command != trajectory.input
-    assert cut.any()
-    assert not limits.holds
-    assert reading.violated == cut.any(axis=1).mean()
+def strong() -> RunResult:
+    """A run whose torques are cut."""
+    return run(law(epsilon=40.0))
 
-    shoulder, elbow = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
-    assert reading.margin == pytest.approx(1 - max(shoulder, elbow), rel=1e-12)
-    assert f"shoulder {100 * shoulder:.0f} %" in limits.note
-    assert f"elbow {100 * elbow:.0f} %" in limits.note
+
+def largest_shares() -> Array:
+    """Largest torque of each joint that the strong law commands, over its limit, (2,)."""
+    return np.abs(strong().trajectory.command / [25.0, 9.0]).max(axis=0)
+
+
+def test_a_cut_torque_fails_the_premise_of_its_limits() -> None:
+    trajectory = strong().trajectory
+    assert np.any(trajectory.command != trajectory.input)
+    assert not premise(strong(), "torque limits").holds
+
+
+def test_the_premise_of_torque_limits_is_violated_for_the_share_of_cut_samples() -> None:
+    trajectory = strong().trajectory
+    cut = trajectory.command != trajectory.input
+    assert along(strong(), "torque limits").violated == cut.any(axis=1).mean()
+
+
+def test_the_margin_of_torque_limits_is_that_of_the_largest_share() -> None:
+    margin = along(strong(), "torque limits").margin
+    assert margin == pytest.approx(1 - largest_shares().max(), rel=1e-12)
+
+
+def test_the_note_on_torque_limits_has_the_largest_share_of_each_joint() -> None:
+    note = premise(strong(), "torque limits").note
+    shoulder, elbow = largest_shares()
+    assert f"shoulder {100 * shoulder:.0f} %" in note
+    assert f"elbow {100 * elbow:.0f} %" in note
 
 
 def test_a_torque_within_its_limits_is_not_cut() -> None:
     assert premise(run(law("lqr")), "torque limits").holds
 
 
-def test_inverse_dynamics_and_switching_leave_headroom_of_the_limits() -> None:
+def test_headroom_is_what_the_torques_along_the_reference_leave_of_the_limits() -> None:
+    """Those of inverse dynamics, with the largest ones of switching on top."""
     controller = law(epsilon=2.0)
     headroom = along(run(controller), "torque headroom")
     reference = controller.coordinates.reference

@@ -112,11 +112,23 @@ def test_without_dm_control_it_says_what_to_install(monkeypatch) -> None:
         arms.jaco()
 
 
-def test_its_machine_divides_each_armature_between_motor_and_joint() -> None:
+@cache
+def machine() -> MujocoPlant:
     plant = Experiment.load("jaco/machine").plant("physics")
     assert isinstance(plant, MujocoPlant)
-    kept, motors = np.split(plant.model.dof_armature, 2)
-    np.testing.assert_allclose(kept, 0.1)
-    np.testing.assert_allclose(kept + motors, arm().plant.model.dof_armature)
-    twists = [state.name for state in plant.hidden_states]
+    return plant
+
+
+def test_its_machine_leaves_a_tenth_of_armature_to_each_joint() -> None:
+    joints, _ = np.split(machine().model.dof_armature, 2)
+    np.testing.assert_allclose(joints, 0.1)
+
+
+def test_its_machine_gives_each_motor_the_armature_that_its_joint_lost() -> None:
+    joints, motors = np.split(machine().model.dof_armature, 2)
+    np.testing.assert_allclose(joints + motors, arm().plant.model.dof_armature)
+
+
+def test_its_machine_has_a_twist_in_each_joint() -> None:
+    twists = [state.name for state in machine().hidden_states]
     assert twists == [f"{joint} twist" for joint in arms.JOINTS]

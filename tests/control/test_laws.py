@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -29,6 +29,7 @@ from grosmc_mj.control.task import NoNumbers, Realization
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
 
 PERIOD = 1e-3
 # The optimal law that each GROSMC makes robust, and what else is designed for it.
@@ -236,10 +237,15 @@ RUN_IN_BOTH_ENGINES = [
 ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("design", "law"), RUN_IN_BOTH_ENGINES)
-def test_both_engines_run_every_law_alike(design: str, law: str) -> None:
-    """Exactly, in a batch too: one libm, one order of operations; memory is a run's own."""
+class RunsInBothEngines(NamedTuple):
+    """Runs from two starts: in a batch of the native engine, and one by one in Python."""
+
+    native: list[Trajectory]
+    python: list[Trajectory]
+
+
+@cache
+def runs_in_both_engines(design: str, law: str) -> RunsInBothEngines:
     period = 5 * PERIOD if law in ("pid", "implicit") else PERIOD
     plant: Any = nominal(design) if design == "servo" else MujocoPlant.load(design.split()[0])
     if law in SWITCHINGS:
@@ -250,11 +256,19 @@ def test_both_engines_run_every_law_alike(design: str, law: str) -> None:
 
     starts = np.outer([1.0, 0.9], of_design(design).case.x0) + 0.01
     options: dict[str, Any] = {"duration": 0.1, "control_period": period}
-    many = simulate([plant] * 2, ctl, starts, engine="native", **options)
-    for index, x0 in enumerate(starts):
-        alone = simulate(plant, ctl, x0, engine="python", **options)
-        for field in ("state", "command", "weighed", "memory", "sliding"):
-            np.testing.assert_array_equal(getattr(many[index], field), getattr(alone, field))
+    native: Any = simulate([plant] * 2, ctl, starts, engine="native", **options)
+    python = [simulate(plant, ctl, x0, engine="python", **options) for x0 in starts]
+    return RunsInBothEngines(native, python)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("field", ["state", "command", "weighed", "memory", "sliding"])
+@pytest.mark.parametrize(("design", "law"), RUN_IN_BOTH_ENGINES)
+def test_both_engines_run_every_law_alike(design: str, law: str, field: str) -> None:
+    """Exactly, in a batch too: one libm, one order of operations; memory is a run's own."""
+    runs = runs_in_both_engines(design, law)
+    for native, python in zip(runs.native, runs.python, strict=True):
+        np.testing.assert_array_equal(getattr(native, field), getattr(python, field))
 
 
 # References

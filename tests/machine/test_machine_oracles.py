@@ -42,7 +42,7 @@ def twist_after(plant: MujocoPlant, steps: int) -> float:
     return twist(data)
 
 
-def test_a_twist_swings_by_stiffness_and_damping() -> None:
+def test_a_twist_is_a_damped_oscillation() -> None:
     """twist'' = -(k twist + d twist')(1/J + 1/J_m)."""
     t = 0.05
     stiff = STIFFNESS * (1 / J + 1 / J_M)

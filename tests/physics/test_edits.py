@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -68,11 +69,17 @@ class Scaled:
         np.testing.assert_array_equal(actual[elsewhere], expected[elsewhere])
 
 
+@cache
+def scaled_body(name: str, body: str, a: float, b: float) -> Scaled:
+    """A model with one scaled body; many tests read it."""
+    before = load_model(name)
+    after = edited(name, BodyEdit(body, a, b))
+    return Scaled(before, after, before.body(body).id, a, b)
+
+
 @pytest.fixture(params=[(4.0, 4.0), (0.3, 1.0), (2.5, 0.4)])
 def scaled(request: pytest.FixtureRequest, name: str, body: str) -> Scaled:
-    a, b = request.param
-    before = load_model(name)
-    return Scaled(before, edited(name, BodyEdit(body, a, b)), before.body(body).id, a, b)
+    return scaled_body(name, body, *request.param)
 
 
 BODIES = [
@@ -101,21 +108,35 @@ def test_places_on_a_scaled_body_scale(scaled: Scaled) -> None:
 
 
 @each_body
-def test_geoms_scale(scaled: Scaled) -> None:
+@pytest.mark.parametrize("field", ["geom_size", "geom_pos"])
+def test_geoms_scale(scaled: Scaled, field: str) -> None:
     """A geom between two points has its middle rounded at the size of its ends, 1 m."""
-    for field in ("geom_size", "geom_pos"):
-        expected = scaled.expected(field, scaled.before.geom_bodyid, scaled.b)
-        actual = getattr(scaled.after, field)
-        np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-15)
+    expected = scaled.expected(field, scaled.before.geom_bodyid, scaled.b)
+    actual = getattr(scaled.after, field)
+    np.testing.assert_allclose(actual, expected, rtol=1e-12, atol=1e-15)
+
+
+@each_body
+def test_geoms_of_a_scaled_body_keep_their_axes(scaled: Scaled) -> None:
     quaternions = scaled.before.geom_quat
     np.testing.assert_allclose(scaled.after.geom_quat, quaternions, rtol=0, atol=1e-12)
 
 
 @each_body
-def test_a_scaled_body_leaves_axes_joints_and_inputs(scaled: Scaled) -> None:
-    for field in ("body_iquat", "dof_damping", "dof_armature", "actuator_gear"):
-        actual = getattr(scaled.after, field)
-        np.testing.assert_array_equal(actual, getattr(scaled.before, field))
+def test_a_scaled_body_keeps_its_principal_axes(scaled: Scaled) -> None:
+    np.testing.assert_array_equal(scaled.after.body_iquat, scaled.before.body_iquat)
+
+
+@each_body
+@pytest.mark.parametrize("field", ["dof_damping", "dof_armature"])
+def test_a_scaled_body_leaves_the_joints(scaled: Scaled, field: str) -> None:
+    actual = getattr(scaled.after, field)
+    np.testing.assert_array_equal(actual, getattr(scaled.before, field))
+
+
+@each_body
+def test_a_scaled_body_leaves_the_gears(scaled: Scaled) -> None:
+    np.testing.assert_array_equal(scaled.after.actuator_gear, scaled.before.actuator_gear)
 
 
 @each_body
@@ -210,8 +231,11 @@ each_compiler = pytest.mark.parametrize(
 
 @pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (2.0, 1.5)])
 @each_compiler
-def test_loads_add_mass_moment_and_inertia(compiler: dict[str, Any], a: float, b: float) -> None:
-    """At their positions in the scaled body, whatever sets the masses of the model."""
+def test_loads_add_their_moments(compiler: dict[str, Any], a: float, b: float) -> None:
+    """Mass, first moment and inertia, at their positions in the scaled body.
+
+    They do so whatever sets the masses of the model.
+    """
     before, after = changed(*LOADS, BodyEdit("link", a, b), HORN, compiler=compiler)
     expected = [a * b**i * moment for i, moment in enumerate(moments(before, "link"))]
     for load in LOADS:
@@ -458,22 +482,35 @@ def test_parts_that_act_or_are_sensed_stay(falling: MujocoPlant) -> None:
     assert cameras == ["seen"]
 
 
-def test_lights_and_materials_go(falling: MujocoPlant) -> None:
+def test_lights_go(falling: MujocoPlant) -> None:
     assert falling.undrawn_model.nlight == 0
+
+
+def test_materials_go(falling: MujocoPlant) -> None:
     assert falling.undrawn_model.nmat == 0
 
 
-def test_the_inertia_of_dropped_geoms_stays(falling: MujocoPlant) -> None:
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
-        actual = getattr(falling.undrawn_model, field)
-        np.testing.assert_array_equal(actual, getattr(falling.model, field))
+@pytest.mark.parametrize("field", ["body_mass", "body_inertia", "body_ipos", "body_iquat"])
+def test_the_inertia_of_dropped_geoms_stays(falling: MujocoPlant, field: str) -> None:
+    actual = getattr(falling.undrawn_model, field)
+    np.testing.assert_array_equal(actual, getattr(falling.model, field))
 
 
-def test_a_model_without_its_looks_moves_as_the_drawn_one(falling: MujocoPlant) -> None:
-    drawn = mujoco.MjData(falling.model)
-    undrawn = mujoco.MjData(falling.undrawn_model)
-    mujoco.mj_step(falling.model, drawn, nstep=400)
-    mujoco.mj_step(falling.undrawn_model, undrawn, nstep=400)
+def landed(model: mujoco.MjModel) -> mujoco.MjData:
+    """Data of a model after a fall onto the floor."""
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=400)
+    return data
+
+
+def test_a_model_without_its_looks_touches_what_the_drawn_one_touches(falling: MujocoPlant) -> None:
+    drawn = landed(falling.model)
+    undrawn = landed(falling.undrawn_model)
     assert drawn.ncon == undrawn.ncon > 0
-    for field in ("qpos", "qvel", "sensordata"):
-        np.testing.assert_array_equal(getattr(undrawn, field), getattr(drawn, field))
+
+
+@pytest.mark.parametrize("field", ["qpos", "qvel", "sensordata"])
+def test_a_model_without_its_looks_moves_as_the_drawn_one(falling: MujocoPlant, field: str) -> None:
+    drawn = landed(falling.model)
+    undrawn = landed(falling.undrawn_model)
+    np.testing.assert_array_equal(getattr(undrawn, field), getattr(drawn, field))

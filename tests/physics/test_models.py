@@ -57,10 +57,19 @@ def test_the_file_says_how_it_is_stepped(shipped: mujoco.MjModel) -> None:
     assert shipped.opt.disableflags & CONTACT
 
 
-def test_one_camera_is_fixed_and_one_follows(shipped: mujoco.MjModel) -> None:
-    is_fixed = {shipped.camera(i).name: shipped.cam_mode[i] == 0 for i in range(shipped.ncam)}
-    assert is_fixed["fixed"]
-    assert not is_fixed["follow"]
+def camera_mode(model: mujoco.MjModel, name: str) -> int:
+    return int(model.cam_mode[model.camera(name).id])
+
+
+def test_one_camera_is_fixed(shipped: mujoco.MjModel) -> None:
+    assert camera_mode(shipped, "fixed") == mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+
+
+def test_one_camera_follows(shipped: mujoco.MjModel) -> None:
+    assert camera_mode(shipped, "follow") != mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+
+
+def test_the_file_has_a_light(shipped: mujoco.MjModel) -> None:
     assert shipped.nlight > 0
 
 

@@ -152,19 +152,28 @@ def test_bias_is_that_of_lagranges_equations(x: Array) -> None:
     np.testing.assert_allclose(bias(tree().nominal, q, dq), expected, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("make", [tree, tree_in_fluid, tree_with_gravity_compensation])
+each_tree = pytest.mark.parametrize("make", [tree, tree_in_fluid, tree_with_gravity_compensation])
+
+
+@each_tree
 @pytest.mark.parametrize("x", states(N, 2))
-def test_inertia_and_bias_are_mujocos(make: Any, x: Array) -> None:
-    """In a fluid bodies are not fused: a body's own force would be lost."""
+def test_inertia_is_mujocos(make: Any, x: Array) -> None:
     robot = make()
-    q = x[:N]
-    dq = x[N:]
     data = forward(robot.plant.model, x)
     M = np.zeros((N, N))
     mujoco.mj_fullM(robot.plant.model, data, M)
+    np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
+
+
+@each_tree
+@pytest.mark.parametrize("x", states(N, 2))
+def test_bias_is_mujocos(make: Any, x: Array) -> None:
+    """In a fluid bodies are not fused: a body's own force would be lost."""
+    robot = make()
+    data = forward(robot.plant.model, x)
     expected = data.qfrc_bias - data.qfrc_passive
-    np.testing.assert_allclose(bias(robot.nominal, q, dq), expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(inertia(robot.nominal, q), M, rtol=0, atol=1e-13)
+    actual = bias(robot.nominal, x[:N], x[N:])
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-12)
 
 
 ON_A_FLOOR = """
@@ -182,8 +191,11 @@ ON_A_FLOOR_IN_A_FLUID = """
 
 
 @pytest.mark.parametrize("text", [ON_A_FLOOR, ON_A_FLOOR_IN_A_FLUID])
-def test_limits_and_contacts_are_no_part_of_the_nominal_dynamics(text: str) -> None:
-    """Beyond its limit and within the floor, which a fluid's model keeps as it keeps all geoms."""
+def test_constraints_are_no_part_of_the_nominal_dynamics(text: str) -> None:
+    """Neither a limit nor a contact acts, beyond the limit and within the floor.
+
+    The model in a fluid keeps the floor as it keeps all geoms.
+    """
     robot = Robot.from_mjcf(text)
     x = np.array([1.5, 0.0])
     assert forward(robot.plant.model, x).nefc > 0
@@ -231,9 +243,15 @@ def require_close(actual: Any, expected: Any) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-12)
 
 
-def test_coordinates_have_the_size_and_units_of_the_symbolic_ones(pair: Pair) -> None:
+def test_coordinates_are_two_for_each_joint(pair: Pair) -> None:
     assert pair.robot.size == 4
+
+
+def test_coordinates_have_the_units_of_the_symbolic_ones(pair: Pair) -> None:
     assert pair.robot.units == pair.symbolic.units
+
+
+def test_outputs_are_the_rows_of_the_symbolic_ones(pair: Pair) -> None:
     assert pair.robot.output_rows == pair.symbolic.output_rows
 
 
@@ -303,18 +321,25 @@ def test_inputs_are_in_the_order_of_the_joints() -> None:
     assert system.actuators == ("turn_servo", "lift_servo", "push_force")
 
 
-def test_units_are_those_of_hinges_and_slides() -> None:
-    system = tree().plant.system
-    assert [signal.unit for signal in system.inputs] == ["N m", "N m", "N"]
-    units = [signal.unit for signal in system.states]
+def test_inputs_have_the_units_of_their_joints() -> None:
+    """Two hinges before a slide."""
+    units = [signal.unit for signal in tree().plant.system.inputs]
+    assert units == ["N m", "N m", "N"]
+
+
+def test_states_have_the_units_of_their_joints() -> None:
+    units = [signal.unit for signal in tree().plant.system.states]
     assert units == ["rad", "rad", "m", "rad/s", "rad/s", "m/s"]
 
 
-def test_gears_and_gains_become_limits_of_torques() -> None:
-    plant = tree().plant
+def test_limits_of_actuators_become_limits_of_torques() -> None:
+    """The limits of a control are times the gear of its actuator."""
     limits = [[-30, 30], [-math.inf, math.inf], [-10, 20]]
-    np.testing.assert_array_equal(plant.input_limits.T, limits)
-    assert np.all(plant.model.actuator_gear[:, 0] == 1)
+    np.testing.assert_array_equal(tree().plant.input_limits.T, limits)
+
+
+def test_every_gear_becomes_one() -> None:
+    assert np.all(tree().plant.model.actuator_gear[:, 0] == 1)
 
 
 @pytest.mark.parametrize(
@@ -351,19 +376,20 @@ def test_joints_that_are_not_named_are_locked(partly_locked: Robot) -> None:
     assert "left out: actuators push_force" in partly_locked.notes
 
 
-def test_a_locked_joint_has_its_row_and_column_of_the_inertia_taken_off(
-    partly_locked: Robot,
-) -> None:
+def test_a_locked_joint_leaves_the_inertia_of_the_others(partly_locked: Robot) -> None:
     M = inertia(partly_locked.nominal, [0.3, -0.2])
     expected = inertia(tree().nominal, [0.3, -0.2, 0.0])[:2, :2]
     np.testing.assert_allclose(M, expected, rtol=0, atol=1e-14)
 
 
-def test_sensors_of_locked_joints_and_keyframes_go(partly_locked: Robot) -> None:
+def test_sensors_of_locked_joints_go(partly_locked: Robot) -> None:
     model = partly_locked.plant.model
     assert model.nsensor == 1
     assert model.sensor_objid[0] == model.joint("turn").id
-    assert model.nkey == 0
+
+
+def test_keyframes_of_a_model_with_locked_joints_go(partly_locked: Robot) -> None:
+    assert partly_locked.plant.model.nkey == 0
 
 
 THREE_JOINTS = """

@@ -164,7 +164,8 @@ def pd() -> LqrDesign:
     return computed_torque_pd(task_of(REGULATION, nominal()), 4.0, 0.6).designed.lqr
 
 
-def test_pd_has_two_poles_of_that_frequency_and_damping_for_each_output(pd: LqrDesign) -> None:
+def test_pd_has_the_given_pair_of_poles_for_each_output(pd: LqrDesign) -> None:
+    """The roots of s^2 + 2 (0.6) (4) s + 4^2, once for each output."""
     expected = -2.4 + 3.2j * np.array([-1, -1, 1, 1])
     np.testing.assert_allclose(np.sort_complex(pd.poles), np.sort_complex(expected), rtol=1e-6)
 
