@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 from collections.abc import Iterable
+from functools import cache
 from itertools import repeat
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from commands import Patch
 import grosmc_mj as gm
 from benchmarks import switching, timing
 from benchmarks.batches import batch_at
-from benchmarks.growth import benchmark_growth
+from benchmarks.growth import Growth, benchmark_growth
 from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
@@ -112,16 +113,29 @@ def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: Patch) -> N
         assert closed.simulations == 3
 
 
+@cache
+def growth() -> list[Growth]:
+    """Costs of the servo and of the arm with two links."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.growth._RUNS", 3)
+        patch.setattr("benchmarks.growth._STEPS", 5)
+        patch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
+        return benchmark_growth(rounds=1)
+
+
 @pytest.mark.slow
-def test_costs_grow_with_states_and_inputs(monkeypatch: Patch) -> None:
-    monkeypatch.setattr("benchmarks.growth._RUNS", 3)
-    monkeypatch.setattr("benchmarks.growth._STEPS", 5)
-    monkeypatch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
-    servo, arm = benchmark_growth(rounds=1)
-    assert servo.states == 2
-    assert servo.inputs == 1
-    assert arm.states == 4
-    assert arm.inputs == 2
+def test_growth_has_the_number_of_states_of_each_case() -> None:
+    assert [row.states for row in growth()] == [2, 4]
+
+
+@pytest.mark.slow
+def test_growth_has_the_number_of_inputs_of_each_case() -> None:
+    assert [row.inputs for row in growth()] == [1, 2]
+
+
+@pytest.mark.slow
+def test_growth_measures_the_time_of_a_step() -> None:
+    servo, _ = growth()
     assert servo.shipped_step > 0
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from conftest import held
 from shipped import case_plant, find_case, nominal_controller, of_case
 
 import grosmc_mj
@@ -157,19 +158,34 @@ def test_a_law_in_an_environment_gets_simulate_s_numbers(
     assert_simulated(target, law_name, periods, samples=20, engine="python")
 
 
-def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length() -> None:
-    """Of 5 ms in intervals of 2 ms the last is cut to 1 ms; J is 1/2 of z'Qz + v'Rv."""
+@cache
+def episode_of_5_ms() -> list[Any]:
+    """The servo's reset and its steps of 2 ms under 3 A."""
     environment = load("servo", of_case(cut("servo", "nominal", 0.005)), control_period=2e-3)
+    start = environment.reset()
+    steps = [environment.step(np.array([3.0])) for _ in range(3)]
+    return [start, *steps]
+
+
+@pytest.mark.parametrize(("interval", "length"), [(0, 2e-3), (1, 2e-3), (2, 1e-3)])
+def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_length(
+    interval: int, length: float
+) -> None:
+    """J is 1/2 of z'Qz + v'Rv."""
     design = law("servo").designed.lqr
     u = np.array([3.0])
-    step = environment.reset()
-    for length, end in ((2e-3, 2e-3), (2e-3, 4e-3), (1e-3, 5e-3)):
-        z = step.observation["error"]
-        step = environment.step(u)
-        expected = -length * 0.5 * float(z @ design.Q @ z + u @ design.R @ u)
-        assert step.reward == pytest.approx(expected, rel=1e-12)
-        assert step.observation["time"][0] == pytest.approx(end, rel=1e-12)
-    assert step.last()
+    z = episode_of_5_ms()[interval].observation["error"]
+    expected = -length * 0.5 * float(z @ design.Q @ z + u @ design.R @ u)
+    reward = episode_of_5_ms()[interval + 1].reward
+    assert reward == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_last_interval_ends_at_the_duration() -> None:
+    """Of 5 ms in intervals of 2 ms the last is cut to 1 ms."""
+    steps = episode_of_5_ms()
+    times = [step.observation["time"][0] for step in steps[1:]]
+    assert times == pytest.approx([2e-3, 4e-3, 5e-3], rel=1e-12)
+    assert steps[-1].last()
 
 
 def test_an_episode_is_truncated_at_the_duration_of_its_case() -> None:
@@ -202,18 +218,27 @@ def test_the_reward_of_equations_is_that_of_their_index() -> None:
 ENTRIES = ["cart position", "pole angle", "cart speed", "pole rate", "time", "error", "reference"]
 
 
-def test_observations_have_names_and_units() -> None:
-    environment = load("cart_pendulum", control_period=1.1e-2)
+@cache
+def cart() -> Any:
+    return load("cart_pendulum", control_period=1.1e-2)
+
+
+def test_observations_have_the_names_of_their_specification() -> None:
+    environment = cart()
     spec = environment.observation_spec()
     assert list(environment.reset().observation) == list(spec) == ENTRIES
+
+
+def test_specifications_have_units() -> None:
+    spec = cart().observation_spec()
     assert spec["pole angle"].name == "pole angle [rad]"
     assert spec["error"].name == "error [rad, rad/s]"
-    assert environment.action_spec().name.endswith("force [N]")
+    assert cart().action_spec().name.endswith("force [N]")
 
 
 def test_observations_have_exact_times() -> None:
     """The number of timesteps times their length would not always give k T."""
-    environment = load("cart_pendulum", control_period=1.1e-2)
+    environment = cart()
     environment.reset()
     for k in range(1, 41):
         step = environment.step(np.zeros(1))
@@ -318,40 +343,90 @@ def test_starts_are_drawn_between_the_stops() -> None:
     assert 0.1 < angles.max() <= 0.2
 
 
-@pytest.mark.parametrize(
-    ("system", "action", "error", "words"),
-    [
-        ("two_link_arm", (1e14, -1e14), DivergenceError, "the state grew without bound"),
-        ("arm", 20.0, UndefinedLawError, "the plant is singular at q >= pi/2, where the cable"),
-    ],
-)
-def test_an_episode_ends_when_and_where_simulate_says_so(
-    system: str, action: Any, error: Any, words: str, open_loop: Callable[[Any], Controller]
-) -> None:
-    environment = load(system, control_period=5e-3)
-    states, _, last = stepped(environment, lambda _: np.atleast_1d(action))
+# A constant action that ends the nominal case early.
+FATAL: dict[str, Any] = {"two_link_arm": (1e14, -1e14), "arm": 20.0}
+each_early_end = pytest.mark.parametrize("system", FATAL)
 
+
+class EndedEpisode(NamedTuple):
+    """An episode that ended early, the reason for its end, and the step after it."""
+
+    episode: Stepped
+    reason: str
+    next_step: Any
+    next_reason: str
+
+
+@cache
+def ended_episode(system: str) -> EndedEpisode:
+    environment = load(system, control_period=5e-3)
+    action = np.atleast_1d(FATAL[system])
+    episode = stepped(environment, lambda _: action)
+    reason = environment.task.ended
+    next_step = environment.step(np.zeros(len(action)))
+    return EndedEpisode(episode, reason, next_step, environment.task.ended)
+
+
+@cache
+def ended_simulation(system: str) -> Any:
+    """Error that ends a run of ``simulate`` under the same action."""
     case = find_case(system, "nominal")
     plant = case_plant(case, "physics", Settings())
-    with pytest.raises(error) as ended:
+    with pytest.raises((DivergenceError, UndefinedLawError)) as ended:
         simulate(
             plant,
-            open_loop(action),
+            held(FATAL[system]),
             case.x0,
             duration=case.duration,
             control_period=5e-3,
             disturbances=case.disturbances,
             engine="python",
         )
-    assert last.discount == 0.0
-    # k T and i h.
-    assert last.observation["time"][0] == pytest.approx(ended.value.time, rel=1e-15)
-    assert np.array_equal(states[-1], ended.value.trajectory.state[-1])
-    assert environment.task.ended.startswith(f"t = {ended.value.time:g} s: {words}")
-    assert math.isfinite(last.reward)
+    return ended.value
 
-    assert environment.step(np.zeros(np.size(action))).first()
-    assert environment.task.ended == ""
+
+@each_early_end
+def test_an_episode_ends_when_simulate_says_so(system: str) -> None:
+    """Up to the rounding of k T against i h."""
+    time = ended_episode(system).episode.last.observation["time"][0]
+    assert time == pytest.approx(ended_simulation(system).time, rel=1e-15)
+
+
+@each_early_end
+def test_an_episode_ends_where_simulate_says_so(system: str) -> None:
+    state = ended_episode(system).episode.states[-1]
+    assert np.array_equal(state, ended_simulation(system).trajectory.state[-1])
+
+
+@pytest.mark.parametrize(
+    ("system", "error", "words"),
+    [
+        ("two_link_arm", DivergenceError, "the state grew without bound"),
+        ("arm", UndefinedLawError, "the plant is singular at q >= pi/2, where the cable"),
+    ],
+)
+def test_an_episode_ends_for_the_reason_that_simulate_says(
+    system: str, error: type[Exception], words: str
+) -> None:
+    time = ended_simulation(system).time
+    assert isinstance(ended_simulation(system), error)
+    assert ended_episode(system).reason.startswith(f"t = {time:g} s: {words}")
+
+
+@each_early_end
+def test_an_early_end_has_no_discount_left(system: str) -> None:
+    assert ended_episode(system).episode.last.discount == 0.0
+
+
+@each_early_end
+def test_the_reward_of_an_early_end_is_finite(system: str) -> None:
+    assert math.isfinite(ended_episode(system).episode.last.reward)
+
+
+@each_early_end
+def test_the_step_after_an_early_end_begins_an_episode(system: str) -> None:
+    assert ended_episode(system).next_step.first()
+    assert ended_episode(system).next_reason == ""
 
 
 def test_an_episode_terminates_where_no_next_step_is_defined() -> None:

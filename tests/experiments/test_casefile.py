@@ -147,7 +147,7 @@ def test_a_changed_gain_is_seen_by_validate() -> None:
 
 
 @pytest.mark.usefixtures("changed_gains")
-def test_a_law_is_designed_once_for_experiments_and_claims() -> None:
+def test_experiments_share_their_laws_with_claims() -> None:
     experiment = Experiment.load("arm/case1")
     without_edits = experiment.varied(edits=())
     law = RunCache(Settings()).controller(without_edits, "physics", "grosmc")
@@ -164,9 +164,12 @@ def test_tables_are_merged_key_by_key(tmp_path: Path) -> None:
     assert file.law("grosmc").numbers == {"k": 7, "epsilon": 6, "G": [[0, 1]]}
 
 
-def test_arrays_of_tables_and_the_name_are_the_files_own(tmp_path: Path) -> None:
+def test_the_name_is_the_files_own(tmp_path: Path) -> None:
+    assert read_case_file(extended(tmp_path)).name == "mine"
+
+
+def test_arrays_of_tables_are_the_files_own(tmp_path: Path) -> None:
     file = read_case_file(extended(tmp_path))
-    assert file.name == "mine"
     assert [table.called for table in file.controller] == ["grosmc"]
 
 

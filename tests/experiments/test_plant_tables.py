@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from case_texts import OWN, STEP, load, written
 from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.physics.edits import AddedMass
 
 LEVITATED = """
@@ -141,10 +145,12 @@ profile = "pulse"
 start = "0.1 s"
 stop = "0.2 s"
 """
-    disturbed, free = load(tmp_path, CASE + zero), load(tmp_path, CASE)
-    assert (disturbed.case.onset, free.case.onset) == (0.1, np.inf)
-    with_zero, without = (one.run().trajectory.state for one in (disturbed, free))
-    np.testing.assert_array_equal(with_zero, without)
+    disturbed = load(tmp_path, CASE + zero)
+    free = load(tmp_path, CASE)
+    assert disturbed.case.onset == 0.1
+    assert free.case.onset == np.inf
+    state = disturbed.run().trajectory.state
+    np.testing.assert_array_equal(state, free.run().trajectory.state)
 
 
 CASE = STEP + 'stays_within = "1e9 rad"\n'
@@ -184,9 +190,31 @@ def test_the_command_prints_a_line_for_an_implausible_number(tmp_path, capsys, m
     assert f"grosmc-mj: {path}: {line}\n" in capsys.readouterr().err
 
 
+class LoadedCase(NamedTuple):
+    """Limits of a shipped case, and the warnings until they are there."""
+
+    limits: Sequence[Limit]
+    warned: list[str]
+
+
+@cache
+def shipped_case(name: str) -> LoadedCase:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        limits = Experiment.load(name).limits
+    return LoadedCase(limits, [str(item.message) for item in caught])
+
+
+each_shipped_case = pytest.mark.parametrize("name", shipped_files())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", shipped_files())
-def test_a_shipped_case_is_plausible_and_requires_something(name: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert Experiment.load(name).limits
+@each_shipped_case
+def test_a_shipped_case_is_plausible(name: str) -> None:
+    assert shipped_case(name).warned == []
+
+
+@pytest.mark.slow
+@each_shipped_case
+def test_a_shipped_case_requires_something(name: str) -> None:
+    assert shipped_case(name).limits

@@ -178,7 +178,7 @@ def test_without_opengl_a_run_has_all_but_its_film(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.usefixtures("_without_opengl")
-def test_without_opengl_and_ffmpeg_one_line_has_both_remedies(
+def test_without_opengl_or_ffmpeg_one_line_has_both_remedies(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)

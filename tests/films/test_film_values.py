@@ -661,11 +661,19 @@ def test_pictures_hide_nothing_of_the_chart() -> None:
         assert white[box].all()
 
 
-def test_nothing_is_cut_off_at_the_edges_of_a_frame() -> None:
+@pytest.mark.parametrize(
+    "edge",
+    [
+        pytest.param(np.s_[0], id="top"),
+        pytest.param(np.s_[-1], id="bottom"),
+        pytest.param(np.s_[:, 0], id="left"),
+        pytest.param(np.s_[:, -1], id="right"),
+    ],
+)
+def test_nothing_is_cut_off_at_an_edge_of_a_frame(edge: Any) -> None:
     chart = board_of_two().chart
     white = np.all(chart.empty == 255, axis=2)
-    for edge in (white[0], white[-1], white[:, 0], white[:, -1]):
-        assert edge.all()
+    assert white[edge].all()
 
 
 each_index = pytest.mark.parametrize("index", [0, 5, 9])
@@ -716,7 +724,7 @@ def test_a_frame_has_the_rendered_pictures(maker: frames.FrameMaker, index: int)
 
 
 @each_index
-def test_beside_pictures_and_curves_only_the_clock_changes(
+def test_outside_its_boxes_a_frame_changes_only_at_the_clock(
     maker: frames.FrameMaker, index: int
 ) -> None:
     """It is right of the title."""

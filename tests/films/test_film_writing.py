@@ -125,7 +125,7 @@ def test_the_film_can_begin_before_all_of_it_is_there(written: Written) -> None:
     assert 0 < content.find(b"moov") < content.find(b"mdat")
 
 
-def test_a_film_has_a_poster_and_a_gif_beside_it(written: Written) -> None:
+def test_a_film_is_written_as_three_files(written: Written) -> None:
     names = {path.name for path in written.film.parent.iterdir()}
     assert names == {"pair.mp4", "pair.png", "pair.gif"}
 
@@ -353,7 +353,7 @@ def test_the_command_says_how_long_the_film_is(by_command: tuple[Path, str]) -> 
     assert output.startswith("2 frames, 0.5 s, ")
 
 
-def test_the_command_writes_film_poster_gif_and_a_document(by_command: tuple[Path, str]) -> None:
+def test_the_command_writes_a_document_beside_the_three_files(by_command: tuple[Path, str]) -> None:
     folder, _ = by_command
     names = {path.name for path in folder.iterdir()}
     assert names == {"small.mp4", "small.png", "small.gif", "small.json"}

@@ -111,16 +111,23 @@ def test_parts_of_a_log_meet_at_their_share_of_its_time(tmp_path: Path, log: Log
     assert whole.time[border] == pytest.approx(0.7 * whole.time[-1], abs=0.002)
 
 
-def test_a_case_names_columns_with_sign_scale_and_offset(tmp_path: Path, log: Log) -> None:
+def read_counts(folder: Path, log: Log) -> Log:
+    """Read a log without times, its angle as counts, by the table of a case."""
     rows = columns(log)[:, 1:]
     rows[:, 1] = 100 - rows[:, 1] / 0.01
-    path = csv(tmp_path / "log.csv", rows, "command,counts")
+    path = csv(folder / "log.csv", rows, "command,counts")
     counts = {"column": "counts", "sign": -1, "scale": 0.01, "offset": 100.0}
     named = {"current": {"column": "command"}, "rotor angle": counts}
     table = LogTable.model_validate({"sampling": "2 ms", "columns": named})
+    return read_log(path, SERVO, table)
 
-    read = read_log(path, SERVO, table)
-    assert np.allclose(read.time, log.time)
+
+def test_a_case_says_the_sampling_of_a_log(tmp_path: Path, log: Log) -> None:
+    assert np.allclose(read_counts(tmp_path, log).time, log.time)
+
+
+def test_a_case_converts_the_columns_of_a_log(tmp_path: Path, log: Log) -> None:
+    read = read_counts(tmp_path, log)
     assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-6)
 
 

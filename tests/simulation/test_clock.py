@@ -127,8 +127,8 @@ def test_states_do_not_depend_on_the_clock() -> None:
     model = MujocoPlant.load("two_link_arm").model
     timed = mujoco.MjData(model)
     untimed = mujoco.MjData(model)
-    for data in (timed, untimed):
-        data.qvel[:] = 1.0
+    timed.qvel[:] = 1.0
+    untimed.qvel[:] = 1.0
     for _ in range(50):
         mujoco.mj_step(model, timed)
         with clock_suspended():
@@ -180,7 +180,7 @@ def test_a_clock_that_is_installed_meanwhile_stays() -> None:
 
 
 @pytest.mark.slow
-def test_another_thread_may_step_a_model_while_the_clock_goes_and_comes() -> None:
+def test_another_thread_may_step_a_model_while_the_clock_changes() -> None:
     """A pointer that MuJoCo loaded twice for one call would end the process within a second."""
     program = """
 import threading, mujoco

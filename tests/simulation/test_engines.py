@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,6 +19,7 @@ from looped import Noticed, seen
 from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, TREE, TWO
 from shipped import find_case
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series
@@ -288,10 +289,15 @@ each_batch = pytest.mark.parametrize(
 )
 
 
+@cache
+def batch_in_python(system: str, kind: str) -> Trajectory:
+    return simulate(**arguments_of_batch(system, kind), engine="python", **EACH_4)
+
+
 @each_batch
 def test_a_batch_is_its_single_runs(system: str, kind: str) -> None:
     batch = arguments_of_batch(system, kind)
-    together = simulate(**batch, engine="python", **EACH_4)
+    together = batch_in_python(system, kind)
     for i in range(3):
         alone = simulate(**arguments_of_run(batch, i), **EACH_4)
         assert_equal(together[i], alone)
@@ -313,18 +319,18 @@ def test_an_argument_that_stands_once_serves_every_run(
     assert_equal(together[2], alone, ("state", "command", "sliding"))
 
 
+@pytest.mark.parametrize("threads", [1, 3])
 @each_batch
-def test_a_batch_is_the_same_on_any_threads(system: str, kind: str) -> None:
+def test_a_batch_is_the_same_on_any_threads(system: str, kind: str, threads: int) -> None:
     batch = arguments_of_batch(system, kind)
-    expected = simulate(**batch, engine="python", **EACH_4)
     repeated: dict[str, Any] = {name: list(items) * 8 for name, items in batch.items()}
-    for threads in (1, 3):
-        run = simulate(**repeated, threads=threads, **EACH_4)
-        for name in FIELDS:
-            rows = getattr(expected, name)
-            if rows is not None:
-                values = getattr(run, name)
-                np.testing.assert_array_equal(values, np.concatenate([rows] * 8), err_msg=name)
+    run = simulate(**repeated, threads=threads, **EACH_4)
+    expected = batch_in_python(system, kind)
+    for name in FIELDS:
+        rows = getattr(expected, name)
+        if rows is not None:
+            values = getattr(run, name)
+            np.testing.assert_array_equal(values, np.concatenate([rows] * 8), err_msg=name)
 
 
 def run_pendulums(kind: str, engine: Engine, *, record: bool) -> Trajectory:
@@ -332,32 +338,52 @@ def run_pendulums(kind: str, engine: Engine, *, record: bool) -> Trajectory:
     return simulate(**batch, duration=0.1, control_period=3e-3, engine=engine, record=record)
 
 
-@each_engine
-@pytest.mark.parametrize("kind", ["corrected", "RK4"])
-def test_ends_are_those_of_the_record(kind: str, engine: Engine) -> None:
-    full = run_pendulums(kind, engine, record=True)
-    short = run_pendulums(kind, engine, record=False)
-    np.testing.assert_array_equal(short.time, [0.0, 0.1])
-    for name in ("state", "physics"):
-        rows = getattr(full, name)
-        if rows is not None:
-            ends = getattr(short, name)
-            np.testing.assert_array_equal(ends, rows[:, [0, -1]], err_msg=name)
-    for name in ("command", "sliding", "weighed", "memory", "wrench"):
-        rows = getattr(full, name)
-        if rows is not None:
-            ends = getattr(short, name)
-            np.testing.assert_array_equal(ends, rows[:, [-1]], err_msg=name)
+@cache
+def pendulums(kind: str, engine: Engine, record: bool) -> Trajectory:
+    return run_pendulums(kind, engine, record=record)
+
+
+each_kind = pytest.mark.parametrize("kind", ["corrected", "RK4"])
 
 
 @each_engine
-@pytest.mark.parametrize("kind", ["corrected", "RK4"])
+@each_kind
+def test_a_run_without_record_has_the_times_of_its_ends(kind: str, engine: Engine) -> None:
+    np.testing.assert_array_equal(pendulums(kind, engine, False).time, [0.0, 0.1])
+
+
+def assert_kept(kind: str, engine: Engine, name: str, samples: list[int]) -> None:
+    """Assert that a run without record has these samples of a field of the record."""
+    rows = getattr(pendulums(kind, engine, True), name)
+    ends = getattr(pendulums(kind, engine, False), name)
+    if rows is None:
+        assert ends is None
+    else:
+        np.testing.assert_array_equal(ends, rows[:, samples])
+
+
+@pytest.mark.parametrize("name", ["state", "physics"])
+@each_engine
+@each_kind
+def test_the_ends_of_states_are_those_of_the_record(kind: str, engine: Engine, name: str) -> None:
+    assert_kept(kind, engine, name, [0, -1])
+
+
+@pytest.mark.parametrize("name", ["command", "sliding", "weighed", "memory", "wrench"])
+@each_engine
+@each_kind
+def test_the_end_of_a_signal_is_that_of_the_record(kind: str, engine: Engine, name: str) -> None:
+    assert_kept(kind, engine, name, [-1])
+
+
+@each_engine
+@each_kind
 @pytest.mark.parametrize("record", [True, False])
 def test_pieces_of_a_run_have_no_seam(
     kind: str, engine: Engine, record: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where Python looks for Ctrl-C, the held input and the wrench stay."""
-    unbroken = run_pendulums(kind, engine, record=record)
+    unbroken = pendulums(kind, engine, record)
     monkeypatch.setattr(native_engine, "_FIRST_STEPS", 2)
     monkeypatch.setattr(native_engine, "_PAUSE", 1e-5)
     assert_equal(unbroken, run_pendulums(kind, engine, record=record))
@@ -424,11 +450,17 @@ def test_a_law_is_sampled_once_a_control_period_at_exactly_k_T(kind: str, engine
     np.testing.assert_array_equal(run.time, np.arange(201) * 1e-3)
 
 
-@pytest.mark.parametrize(
-    ("system", "integrator"), [("cart_pendulum", "RK4"), ("arm", "implicitfast")]
-)
-def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
-    """With the plant's own model, as drawn, from the start on and from each recorded state."""
+class EditedRun(NamedTuple):
+    """A run of 100 timesteps of an edited plant."""
+
+    plant: Any
+    run: Trajectory
+    physics: Array
+    wrench: Array
+
+
+@cache
+def edited_run(system: str, integrator: str) -> EditedRun:
     arguments = arguments_of_run(arguments_of_batch(system, integrator), 0)
     body, _ = EDITED[system]
     edits = [BodyEdit(body, 1.5, 1.2), AddedMass(body, 0.1)]
@@ -437,24 +469,48 @@ def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
     run = simulate(**arguments, duration=0.1, control_period=3e-3)
     assert run.physics is not None
     assert run.wrench is not None
+    return EditedRun(plant, run, run.physics, run.wrench)
 
-    model = plant.model
-    n = plant.system.degrees_of_freedom
-    bodies = [model.body(name).id for name in plant.system.bodies]
-    plain = mujoco.MjData(model)
-    plain.qpos[:] = run.state[0, :n]
-    plain.qvel[:] = run.state[0, n:]
-    replayed = mujoco.MjData(model)
+
+def assert_next_state(edited: EditedRun, data: mujoco.MjData, i: int) -> None:
+    """Step with the input and the wrench of an instant, and assert the state after it."""
+    model = edited.plant.model
+    bodies = [model.body(name).id for name in edited.plant.system.bodies]
+    data.ctrl[:] = edited.run.command[i]
+    data.xfrc_applied[bodies] = edited.wrench[i].reshape(-1, 6)
+    mujoco.mj_step(model, data)
+    np.testing.assert_array_equal(np.r_[data.qpos, data.qvel], edited.run.state[i + 1])
+
+
+each_edited_run = pytest.mark.parametrize(
+    ("system", "integrator"), [("cart_pendulum", "RK4"), ("arm", "implicitfast")]
+)
+
+
+@each_edited_run
+def test_a_run_is_a_plain_loop_of_mj_step(system: str, integrator: str) -> None:
+    """With the plant's own model, as drawn."""
+    edited = edited_run(system, integrator)
+    n = edited.plant.system.degrees_of_freedom
+    data = mujoco.MjData(edited.plant.model)
+    data.qpos[:] = edited.run.state[0, :n]
+    data.qvel[:] = edited.run.state[0, n:]
     for i in range(100):
-        mujoco.mj_setState(model, replayed, run.physics[i], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        assert_next_state(edited, data, i)
+        assert edited.physics[i + 1, 0] == data.time
+
+
+@each_edited_run
+def test_a_run_goes_on_from_each_recorded_state(system: str, integrator: str) -> None:
+    """With the plant's own model, as drawn."""
+    edited = edited_run(system, integrator)
+    model = edited.plant.model
+    data = mujoco.MjData(model)
+    for i in range(100):
+        mujoco.mj_setState(model, data, edited.physics[i], mujoco.mjtState.mjSTATE_FULLPHYSICS)
         # MuJoCo adds up the steps.
-        assert replayed.time == pytest.approx(run.time[i], rel=1e-12)
-        for data in (plain, replayed):
-            data.ctrl[:] = run.command[i]
-            data.xfrc_applied[bodies] = run.wrench[i].reshape(-1, 6)
-            mujoco.mj_step(model, data)
-            np.testing.assert_array_equal(np.r_[data.qpos, data.qvel], run.state[i + 1])
-        assert run.physics[i + 1, 0] == plain.time
+        assert data.time == pytest.approx(edited.run.time[i], rel=1e-12)
+        assert_next_state(edited, data, i)
 
 
 # Errors of MuJoCo's, which end a process that calls it by its address, and Ctrl-C

@@ -102,7 +102,7 @@ def assert_refused(law: Controller, kind: str, engine: Engine, system: str, word
 
 @each_engine
 @pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
-def test_a_wrong_law_is_refused_with_its_line_and_instant(
+def test_a_wrong_law_is_refused_in_one_line(
     system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
 ) -> None:
     mine = controller(law, system)
@@ -113,7 +113,7 @@ def test_a_wrong_law_is_refused_with_its_line_and_instant(
 
 @each_engine
 @pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
-def test_a_wrong_law_in_a_loop_is_refused_with_its_line_and_instant(
+def test_a_wrong_law_in_a_loop_is_refused_in_one_line(
     system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
 ) -> None:
     looped = in_loop(controller(law, system), Loop(), physics(system).system)

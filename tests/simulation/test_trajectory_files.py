@@ -62,13 +62,20 @@ def test_a_file_keeps_the_memory_without_addresses(case: str, tmp_path: Path) ->
         np.testing.assert_array_equal(written[name], loaded[name])
 
 
+@pytest.mark.parametrize("name", ["states", "inputs", "controlled", "bodies"])
 @each_case
-def test_a_file_keeps_the_system(case: str, tmp_path: Path) -> None:
+def test_a_file_keeps_the_system(case: str, name: str, tmp_path: Path) -> None:
     written = result(case).trajectory.system
     loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).system
-    for name in ("states", "inputs", "controlled", "bodies"):
-        assert getattr(written, name) == getattr(loaded, name)
-    # A shipped system is the very object.
+    assert getattr(written, name) == getattr(loaded, name)
+
+
+@each_case
+def test_only_a_shipped_system_is_the_very_object_that_was_written(
+    case: str, tmp_path: Path
+) -> None:
+    written = result(case).trajectory.system
+    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).system
     shipped = case.startswith(("servo", "two_link"))
     assert (loaded is written) == shipped
 

@@ -158,7 +158,7 @@ def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
     assert np.abs(difference).max() > 1e-3
 
 
-def test_a_window_that_changes_its_model_and_data_changes_no_physics(
+def test_a_window_that_changes_its_copies_changes_no_physics(
     watch: Callable[..., FakeWindow],
 ) -> None:
     def meddle(window: FakeWindow) -> None:
@@ -212,8 +212,8 @@ def test_ctrl_c_closes_the_window(watch: Callable[..., FakeWindow]) -> None:
 
 def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert run("view", "arm/case2", "--laws", "lqr") == cli.WRONG
     line = capsys.readouterr().err
     assert_one_line(line)

@@ -188,7 +188,7 @@ def test_the_rate_that_is_seen_worst_has_a_panel(tmp_path, text, names) -> None:
     ("text", "name"),
     [(SERVO + ESTIMATED_SPEED, "rotor speed"), (BENT_ARM + NOISY_RATES, "elbow rate")],
 )
-def test_a_rate_is_drawn_as_it_is_and_as_it_is_seen(tmp_path, text, name) -> None:
+def test_a_seen_rate_is_distinct_from_the_true_one(tmp_path, text, name) -> None:
     runs = list(load(tmp_path, text).runs())
     axes = rates(figure_of(runs))[name]
     true, seen = axes.lines
