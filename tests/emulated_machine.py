@@ -45,8 +45,11 @@ def main(name: str, *command: str) -> None:
         "NumPy": LEVELS[core],
         "numba": machine.get("NUMBA_CPU_NAME", here["numba"]),
     }
-    wrong = [f"{library} is {there[library]}" for library in expected
-             if there[library] != expected[library]]  # fmt: skip
+    wrong = [
+        f"{library} is {there[library]}"
+        for library in expected
+        if there[library] != expected[library]
+    ]
     if "GLIBC_TUNABLES" in machine and here["fused"] and there["libm"] == here["libm"]:
         wrong.append("libm rounds as it does here")
     if wrong:

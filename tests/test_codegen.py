@@ -49,7 +49,7 @@ def test_another_expression_has_a_source_of_its_own(folder: Path) -> None:
     assert len(list(folder.iterdir())) == 2
 
 
-def test_dummy_symbols_of_one_name_and_place_share_a_source(folder: Path) -> None:
+def test_namesake_dummy_symbols_in_one_place_share_a_source(folder: Path) -> None:
     for _ in range(2):
         u = sp.Dummy("u")
         assert generate("twice", [2 * u], "u", {u: "u[0]"})((3.0,)) == (6.0,)

@@ -11,7 +11,7 @@ import sys
 import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cloudpickle
 import numba
@@ -100,8 +100,12 @@ print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "gr
 def start(folder: Path, program: str, *arguments: str) -> subprocess.Popen[str]:
     """A process that calls what it compiles or takes from the cache of a folder."""
     paths = os.pathsep.join(map(str, (folder, ROOT)))
-    env = {**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache"),
-           "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+    env = {
+        **os.environ,
+        "PYTHONPATH": paths,
+        "NUMBA_CACHE_DIR": str(folder / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
     command = [sys.executable, "-c", program, *arguments]
     return subprocess.Popen(command, cwd=folder, env=env, stdout=subprocess.PIPE, text=True)
 
@@ -118,33 +122,78 @@ def entries(folder: Path) -> dict[str, tuple[int, bytes]]:
     return {file.name: (file.stat().st_mtime_ns, file.read_bytes()) for file in files}
 
 
-@pytest.mark.slow
-def test_processes_share_entries_and_notice_an_edited_helper(tmp_path: Path) -> None:
-    """numba's own cache looks at the law's file alone, and would go on with the old gain."""
-    helper = tmp_path / "helper.py"
+class Edited(NamedTuple):
+    """Outputs and cache of processes: two at once, one with another gain, one with the first."""
+
+    together: list[list[str]]
+    entries_together: dict[str, tuple[int, bytes]]
+    edited: list[str]
+    entries_edited: dict[str, tuple[int, bytes]]
+    restored: list[str]
+    entries_restored: dict[str, tuple[int, bytes]]
+
+
+@pytest.fixture(scope="module")
+def edited(tmp_path_factory: pytest.TempPathFactory) -> Edited:
+    """Run a law in processes of one cache, while its helper is edited."""
+    folder = tmp_path_factory.mktemp("edited")
+    helper = folder / "helper.py"
     helper.write_text(HELPER.format(k=3.0), encoding="utf-8")
-    together = [start(tmp_path, LAW) for _ in range(2)]
-    assert [printed(process) for process in together] == [["6.0"], ["6.0"]]
-    written = entries(tmp_path)
-    assert {Path(name).suffix for name in written} == {".nbi", ".nbc"}
+    processes = [start(folder, LAW) for _ in range(2)]
+    together = [printed(process) for process in processes]
+    entries_together = entries(folder)
+
     helper.write_text(HELPER.format(k=5.0), encoding="utf-8")
-    assert printed(start(tmp_path, LAW)) == ["10.0"]
-    both = entries(tmp_path)
-    assert both.items() > written.items()
+    edited = printed(start(folder, LAW))
+    entries_edited = entries(folder)
+
     helper.write_text(HELPER.format(k=3.0), encoding="utf-8")
-    assert printed(start(tmp_path, LAW)) == ["6.0"]
-    assert entries(tmp_path) == both
+    restored = printed(start(folder, LAW))
+    entries_restored = entries(folder)
+    return Edited(together, entries_together, edited, entries_edited, restored, entries_restored)
 
 
 @pytest.mark.slow
-def test_laws_of_one_name_that_two_processes_compiled_stay_apart(tmp_path: Path) -> None:
+def test_two_processes_fill_one_cache(edited: Edited) -> None:
+    assert edited.together == [["6.0"], ["6.0"]]
+    assert {Path(name).suffix for name in edited.entries_together} == {".nbi", ".nbc"}
+
+
+@pytest.mark.slow
+def test_an_edited_helper_is_noticed(edited: Edited) -> None:
+    """numba's own cache looks at the law's file alone, and would go on with the old gain."""
+    assert edited.edited == ["10.0"]
+    assert edited.entries_edited.items() > edited.entries_together.items()
+
+
+@pytest.mark.slow
+def test_a_helper_edited_back_is_taken_from_the_cache(edited: Edited) -> None:
+    assert edited.restored == ["6.0"]
+    assert edited.entries_restored == edited.entries_edited
+
+
+# Gains of the laws of a process; the third one finds the laws of the first two in the cache.
+GAINS = [("1",), ("2",), ("1", "2")]
+
+
+@pytest.fixture(scope="module")
+def namesakes(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, ...], list[str]]:
+    """Return what processes of one cache print, one after the other."""
+    folder = tmp_path_factory.mktemp("namesakes")
+    program = RETURNED + NAMESAKES
+    return {gains: printed(start(folder, program, *gains)) for gains in GAINS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gains", GAINS, ids=" ".join)
+def test_laws_of_one_name_that_two_processes_compiled_stay_apart(
+    gains: tuple[str, ...], namesakes: dict[tuple[str, ...], list[str]]
+) -> None:
     """numba numbers the functions of every process from 1 and links them by these names.
 
     What calls itself does so by an address of its process, and cannot be loaded by another.
     """
-    for numbers in ("1",), ("2",), ("1", "2"):
-        expected = [f"{k}.0" for k in numbers for _ in range(2)]
-        assert printed(start(tmp_path, RETURNED + NAMESAKES, *numbers)) == expected
+    assert namesakes[gains] == [f"{gain}.0" for gain in gains for _ in range(2)]
 
 
 def laws_of(k: float) -> list[Callable[..., float]]:
@@ -172,50 +221,88 @@ class Level(enum.Enum):
     HIGH = 7.0
 
 
-def test_fingerprint_follows_operations_constants_and_every_number_that_numba_freezes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def fingerprints(k: float) -> list[str]:
+    """Return the fingerprints of all laws that return k."""
+    return [fingerprint(law) for law in laws_of(k)]
+
+
+def test_a_fingerprint_follows_every_number_that_numba_freezes() -> None:
     """Otherwise a changed law runs the old machine code from the disk, without a word."""
-    same, again, others = ([fingerprint(law) for law in laws_of(k)] for k in (3.0, 3.0, 7.0))
-    assert same == again
-    assert all(one != other for one, other in zip(same, others, strict=True))
+    pairs = zip(fingerprints(3.0), fingerprints(7.0), strict=True)
+    assert all(low != high for low, high in pairs)
+
+
+def test_equal_laws_have_one_fingerprint() -> None:
+    assert fingerprints(3.0) == fingerprints(3.0)
+
+
+def test_a_fingerprint_follows_the_formula_of_a_law() -> None:
+    """It has other operations, or other constants."""
     laws = [lambda x: x + 2.0, lambda x: x * 2.0, lambda x: x + 3.0]
     assert len({fingerprint(law) for law in laws}) == 3
-    # Another process has the same ones.
-    there = printed(start(tmp_path, PRINTS))
+
+
+def test_another_process_has_the_same_fingerprints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed_elsewhere = printed(start(tmp_path, PRINTS))
     exec(PRINTS, {})
-    assert capsys.readouterr().out.split() == there
+    assert capsys.readouterr().out.split() == printed_elsewhere
 
 
-def test_a_new_law_is_compiled_alone_and_once_for_equations_and_mujoco(
+def commands(k: float) -> list[float]:
+    """Return the first inputs, in MuJoCo and by equations, of a law that has travelled by value.
+
+    It is compiled where it arrives.
+    """
+    law = cloudpickle.loads(cloudpickle.dumps(laws_of(k)[2]))
+    plant = MujocoPlant.load("servo")
+    return [command(law, plant), command(law, plant.analytic())]
+
+
+def test_a_new_law_is_one_entry_of_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plants = [MujocoPlant.load("servo"), MujocoPlant.load("servo").analytic()]
-    for k in (3.0, 7.0):
-        # One that has travelled by value is compiled where it arrives.
-        law = cloudpickle.loads(cloudpickle.dumps(laws_of(k)[2]))
-        assert [command(law, plant) for plant in plants] == [k, k]
-        # The second time, after all that they share.
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    """It is compiled alone, and once for equations and MuJoCo."""
+    # All that laws share is compiled with the first one.
+    assert commands(3.0) == [3.0, 3.0]
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert commands(7.0) == [7.0, 7.0]
     (entry,) = tmp_path.rglob("*.nbi")
     assert entry.name.startswith("sample-")
 
 
+def first_half(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def unreadable(content: bytes) -> bytes:
+    return b"cut"
+
+
+def harmful(content: bytes) -> bytes:
+    """Return a pickle that names a function of the operating system."""
+    return b"\x80\x05cos\nsystem\n"
+
+
+@pytest.mark.parametrize("damaged", [first_half, unreadable, harmful])
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 def test_a_damaged_entry_of_the_cache_is_compiled_again(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str,
+    damaged: Callable[[bytes], bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert returned(store_seven) == 7.0
     (entry,) = tmp_path.rglob(f"*.{kind}")
-    intact = entry.read_bytes()
-    for content in (intact[: len(intact) // 2], b"cut", b"\x80\x05cos\nsystem\n"):
-        entry.write_bytes(content)
-        assert returned(store_seven) == 7.0
-        # It is mended: the next one reads it, and writes none.
-        written = entries(tmp_path)
-        assert returned(store_seven) == 7.0
-        assert entries(tmp_path) == written
+    entry.write_bytes(damaged(entry.read_bytes()))
+    assert returned(store_seven) == 7.0
+
+    # It is mended: the next one reads it, and writes none.
+    written = entries(tmp_path)
+    assert returned(store_seven) == 7.0
+    assert entries(tmp_path) == written
 
 
 def store_seven(address: Any) -> None:

@@ -47,7 +47,7 @@ class Spring:
         ({"stifness": 1.0}, "there is no argument stifness; valid: joint, stiffness"),
     ],
 )
-def test_a_mistake_has_name_value_and_bound(arguments: dict[str, Any], message: str) -> None:
+def test_the_message_states_the_mistake(arguments: dict[str, Any], message: str) -> None:
     valid = {"joint": "hinge", "stiffness": 1.0}
     with pytest.raises(ModelError, match=message):
         Spring(**{**valid, **arguments})
@@ -66,8 +66,11 @@ def test_a_checked_class_is_a_dataclass() -> None:
     assert replace(spring, turns=1) == spring
 
 
-def test_bounds_and_unit_of_a_field_are_read_back() -> None:
+def test_the_range_of_a_field_is_read_back() -> None:
     assert range_of(Spring, "play") == Range(0, 1, unit="rad", below=True)
+
+
+def test_a_name_has_no_range() -> None:
     assert range_of(Spring, "joint") is None
 
 

@@ -15,21 +15,37 @@ from grosmc_mj.files import atomic_write, private_cache
 NOBODY = 4_000_000_000
 
 
-def test_a_link_at_the_path_is_replaced_and_not_followed(tmp_path: Path) -> None:
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.write_text("somebody's")
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Path:
+    """A file of somebody else."""
+    path = tmp_path / "elsewhere"
+    path.write_text("somebody's")
+    return path
+
+
+@pytest.fixture
+def over_a_link(elsewhere: Path, tmp_path: Path) -> Path:
+    """A file that was written where a link led to the other one."""
     target = tmp_path / "results.json"
     target.symlink_to(elsewhere)
     with atomic_write(target) as part:
         part.write_text("ours")
-    assert not target.is_symlink()
-    assert target.read_text() == "ours"
+    return target
+
+
+def test_a_link_at_the_path_is_replaced(over_a_link: Path) -> None:
+    assert not over_a_link.is_symlink()
+    assert over_a_link.read_text() == "ours"
+
+
+@pytest.mark.usefixtures("over_a_link")
+def test_a_link_at_the_path_is_not_followed(elsewhere: Path) -> None:
     assert elsewhere.read_text() == "somebody's"
 
 
-def test_a_link_at_the_temporary_path_is_an_error(tmp_path: Path, monkeypatch: Patch) -> None:
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.write_text("somebody's")
+def test_a_link_at_the_temporary_path_is_an_error(
+    elsewhere: Path, tmp_path: Path, monkeypatch: Patch
+) -> None:
     target = tmp_path / "results.json"
     target.write_text("ours")
     monkeypatch.setattr("grosmc_mj.files.secrets.token_hex", lambda size: "foretold")

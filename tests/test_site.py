@@ -67,7 +67,7 @@ def is_broken(target: str, page: Path, site: dict[Path, Links]) -> bool:
 
 
 @pytest.mark.slow
-def test_every_link_leads_to_a_file_and_a_place_in_it(site: dict[Path, Links]) -> None:
+def test_no_link_is_broken(site: dict[Path, Links]) -> None:
     broken = []
     for page, links in site.items():
         targets = [target for target in links.targets if is_broken(target, page, site)]

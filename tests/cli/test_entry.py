@@ -123,7 +123,7 @@ def test_an_interrupt_of_an_import_is_answered(module: str, case: Path) -> None:
 
 
 @pytest.mark.slow
-def test_files_and_variables_of_matplotlib_and_mujoco_change_nothing(never_kept: Path) -> None:
+def test_settings_of_other_libraries_change_nothing(never_kept: Path) -> None:
     """A matplotlibrc in the working folder, and no graphics backend."""
     folder = never_kept.parent
     (folder / "matplotlibrc").write_text("text.usetex: True\nlines.linewidth: 9\n")
@@ -136,7 +136,7 @@ def test_files_and_variables_of_matplotlib_and_mujoco_change_nothing(never_kept:
 
 
 @pytest.mark.slow
-def test_closed_and_full_streams_leave_the_verdict(never_kept: Path) -> None:
+def test_streams_that_fail_leave_the_verdict(never_kept: Path) -> None:
     """1 is also the exit code of an interpreter that cannot write: nothing is left to fail."""
     program = f"{sys.executable} -P -m grosmc_mj.cli"
     command = f"{program} run {never_kept} --no-figures --out {never_kept.parent}"

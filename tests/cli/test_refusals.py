@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import tempfile
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
-from commands import Patch, Screen, assert_one_line, run
+from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import resolved_text
@@ -71,28 +76,52 @@ REFUSALS = [
 ]
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
-    """The working folder, with one case file and no display."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MUJOCO_GL", "glfw")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    text = resolved_text(shipped_files()["servo/case2"])
-    (tmp_path / "small.toml").write_text(text, encoding="utf-8")
-    return tmp_path
+class Ended(NamedTuple):
+    """Exit code of a command, its two outputs, and the files of its working folder."""
+
+    code: int
+    output: str
+    error: str
+    files: list[str]
+
+
+# Two tests read what each command leaves.
+@cache
+def ended(command: str) -> Ended:
+    """Run a command in a folder with one case file and no display."""
+    output = io.StringIO()
+    error = io.StringIO()
+    with (
+        tempfile.TemporaryDirectory() as name,
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(error),
+    ):
+        folder = Path(name)
+        text = resolved_text(shipped_files()["servo/case2"])
+        (folder / "small.toml").write_text(text, encoding="utf-8")
+
+        patch.chdir(folder)
+        patch.setenv("MUJOCO_GL", "glfw")
+        patch.delenv("DISPLAY", raising=False)
+        patch.delenv("WAYLAND_DISPLAY", raising=False)
+        code = run(*command.split())
+        files = [path.name for path in folder.iterdir()]
+    return Ended(code, output.getvalue(), error.getvalue(), files)
 
 
 @pytest.mark.parametrize(("command", "words"), REFUSALS)
-def test_wrong_use_is_one_line_and_leaves_no_file(
-    command: str, words: str, folder: Path, capsys: Screen
-) -> None:
-    assert run(*command.split()) == cli.WRONG
-    output = capsys.readouterr()
-    assert words in output.err
-    assert_one_line(output.err)
-    assert output.out == ""
-    assert [path.name for path in folder.iterdir()] == ["small.toml"]
+def test_wrong_use_is_one_line(command: str, words: str) -> None:
+    code, output, error, _ = ended(command)
+    assert code == cli.WRONG
+    assert words in error
+    assert_one_line(error)
+    assert output == ""
+
+
+@pytest.mark.parametrize("command", [command for command, _ in REFUSALS])
+def test_wrong_use_leaves_no_file(command: str) -> None:
+    assert ended(command).files == ["small.toml"]
 
 
 @pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "campaign --plant 0"])
@@ -102,12 +131,13 @@ def test_odd_names_are_one_line(command: str, name: str, capsys: Screen) -> None
     assert_one_line(capsys.readouterr().err)
 
 
-def test_no_command_executes_a_formula(folder: Path, capsys: Screen) -> None:
-    canary = folder / "canary"
+def test_no_command_executes_a_formula(tmp_path: Path, capsys: Screen) -> None:
+    canary = tmp_path / "canary"
     program = f"__import__('pathlib').Path({str(canary)!r}).touch()"
     # Octal escapes: the string holds no quote of its own.
     escaped = "".join(f"\\{ord(letter):o}" for letter in program)
-    (folder / "formula.toml").write_text(
+    case = tmp_path / "formula.toml"
+    case.write_text(
         f"""
 [plant]
 system = "arm"
@@ -119,6 +149,6 @@ law = "lqr"
 reference = ['''sin("{escaped}")''']
 """
     )
-    assert run("run", "formula.toml") == cli.WRONG
+    assert run("run", case) == cli.WRONG
     assert "is no formula in t" in capsys.readouterr().err
     assert not canary.exists()

@@ -71,7 +71,7 @@ def test_a_scheduler_is_found_by_its_file(scheduler_file: Path) -> None:
 
 
 @pytest.mark.parametrize(("work", "index", "error", "words"), executor_work.REFUSALS)
-def test_an_error_keeps_its_type_and_message(
+def test_an_error_is_the_same_in_every_executor(
     cluster: LocalCluster, work: Any, index: int, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):

@@ -33,7 +33,7 @@ ORPHANED = 5.0
 
 
 class Run(NamedTuple):
-    """Twelve shards that an executor has run, and its notices."""
+    """Shards that an executor has run, and its notices."""
 
     executor: Executor
     finished: list[Finished]
@@ -42,6 +42,7 @@ class Run(NamedTuple):
 
 @pytest.fixture(scope="module", params=["batch", "processes"])
 def run(request: pytest.FixtureRequest) -> Run:
+    """Return twelve shards of an executor."""
     workers = 2 if request.param == "processes" else None
     executor = make_executor(request.param, workers=workers)
     notices: list[str] = []
@@ -60,7 +61,7 @@ def test_an_executor_that_has_no_shards_ends_at_once(run: Run) -> None:
 
 
 @pytest.mark.parametrize(("work", "index", "error", "words"), executor_work.REFUSALS)
-def test_an_error_keeps_its_type_and_message(
+def test_an_error_is_the_same_in_every_executor(
     run: Run, work: Any, index: int, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words) as caught:
@@ -91,16 +92,30 @@ def test_workers_share_the_cores(run: Run) -> None:
     assert make_executor("processes").threads_per_worker == 1
 
 
-def test_a_broken_pool_is_rebuilt_and_its_unfinished_parts_are_run_again(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Return eight shards of two workers, one of which was killed at shard 3."""
+    executor = make_executor("processes", workers=2)
+    work = partial(executor_work.die_once, tmp_path_factory.mktemp("broken"))
     notices: list[str] = []
-    work = partial(executor_work.die_once, tmp_path)
-    finished = list(make_executor("processes", workers=2).run(work, range(8), notices.append))
-    assert {part.index: part.report for part in finished} == {i: i * i for i in range(8)}
-    attempts = [part.attempts for part in finished]
-    assert {part.index: part.attempts for part in finished}[3] == 2
+    finished = list(executor.run(work, range(8), notices.append))
+    return Run(executor, finished, notices)
+
+
+def test_a_broken_pool_is_rebuilt(broken: Run) -> None:
+    reports = {part.index: part.report for part in broken.finished}
+    assert reports == {index: index**2 for index in range(8)}
+
+
+def test_unfinished_parts_of_a_broken_pool_are_run_again(broken: Run) -> None:
+    attempts = {part.index: part.attempts for part in broken.finished}
+    assert attempts[3] == 2
     # The part that the other worker had is run again, too, and no third one.
-    assert sum(attempts) - len(attempts) in (1, 2)
-    (line,) = notices
+    assert sum(attempts.values()) - len(broken.finished) in (1, 2)
+
+
+def test_a_broken_pool_is_one_notice(broken: Run) -> None:
+    (line,) = broken.notices
     assert line.startswith("a worker ended by SIGKILL(-9) while shard")
     assert re.search(r"\b3\b.* is run again$", line)
 

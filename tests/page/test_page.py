@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import copy
 import gzip
+import io
 import json
 import os
 import re
@@ -190,14 +192,22 @@ def written(folder: Path) -> Written:
     return page_of(folder)
 
 
-def test_the_policy_names_two_scripts_and_lets_nothing_out(written: Written) -> None:
+@pytest.fixture(scope="module")
+def policy(written: Written) -> dict[str, str]:
+    """Return the directives of the page's security policy, by name."""
     policy = re.search(r'Security-Policy" content="([^"]*)"', written.text)
     assert policy is not None
     directives = policy[1].replace("&#39;", "'").split(";")
-    rules = dict(directive.strip().split(" ", 1) for directive in directives)
-    assert rules["default-src"] == "'none'"
-    assert re.fullmatch(r"('sha256-[\w+/=]+' ?){2}", rules["script-src"])
-    assert {"connect-src", "frame-src", "font-src"}.isdisjoint(rules)
+    return dict(directive.strip().split(" ", 1) for directive in directives)
+
+
+def test_the_policy_names_two_scripts(policy: dict[str, str]) -> None:
+    assert re.fullmatch(r"('sha256-[\w+/=]+' ?){2}", policy["script-src"])
+
+
+def test_the_policy_lets_nothing_out(policy: dict[str, str]) -> None:
+    assert policy["default-src"] == "'none'"
+    assert {"connect-src", "frame-src", "font-src"}.isdisjoint(policy)
 
 
 def test_a_film_that_is_missing_is_named(written: Written, folder: Path) -> None:
@@ -226,17 +236,34 @@ def test_laws_of_studies_are_listed_with_the_rung_that_they_break_at(written: Wr
     assert "✓ nowhere" not in text
 
 
-def test_curves_have_their_numbers_and_the_windows_of_disturbances(written: Written) -> None:
+@pytest.fixture(scope="module")
+def curve(written: Written) -> dict[str, Any]:
+    """Return the curve with the angles of the run under LQR."""
     curves, *_ = written.figures
     traces = [trace for trace in curves["data"] if trace.get("y") == [0.5, 1.0, 0.0]]
-    assert traces[0]["x"] == [0.0, 1.5, 3.0]
-    assert traces[0]["line"]["color"] == "#D55E00"
+    return traces[0]
+
+
+def test_a_curve_has_its_numbers(curve: dict[str, Any]) -> None:
+    assert curve["x"] == [0.0, 1.5, 3.0]
+
+
+def test_a_curve_has_the_colour_of_its_law(curve: dict[str, Any]) -> None:
+    assert curve["line"]["color"] == "#D55E00"
+
+
+def test_curves_have_the_windows_of_disturbances(written: Written) -> None:
+    curves, *_ = written.figures
     assert [shape["x0"] for shape in curves["layout"]["shapes"]] == [1.0, 0, 0]
 
 
-def test_cells_have_their_values_and_texts(written: Written) -> None:
+def test_cells_have_their_values(written: Written) -> None:
     _, cells, _, _ = written.figures
     assert cells["data"][0]["z"] == [[0.5]]
+
+
+def test_cells_have_their_texts(written: Written) -> None:
+    _, cells, _, _ = written.figures
     assert cells["data"][0]["text"] == [["3"]]
 
 
@@ -273,11 +300,16 @@ def test_a_law_of_which_nothing_is_required_stands_by_the_record(tmp_path: Path)
     assert "All requirements are kept by GROSMC in 1 of 1." in text
 
 
+def write_claim(path: Path, verdict: str, modified: float) -> None:
+    """Write a claim with a verdict, in a file that was modified then [s]."""
+    claim = {**CLAIM, "verdict": verdict}
+    write_document(path, {**CLAIMS, "claims": [claim]})
+    os.utime(path, (modified, modified))
+
+
 def test_the_newer_of_two_results_counts(tmp_path: Path) -> None:
-    for name, verdict, modified in (("a", "supported", 2000), ("b", "refuted", 1000)):
-        claim = {**CLAIM, "verdict": verdict}
-        path = write_document(tmp_path / f"{name}.json", {**CLAIMS, "claims": [claim]})
-        os.utime(path, (modified, modified))
+    write_claim(tmp_path / "a.json", "supported", 2000)
+    write_claim(tmp_path / "b.json", "refuted", 1000)
     assert re.findall(r'data-verdict="(\w+)"', page_of(tmp_path).text) == ["supported"]
 
 
@@ -321,23 +353,41 @@ def test_the_command_refuses_a_folder_without_a_readable_file(
     assert f"unreadable: {old}: schema_version: Input should be 2" in error
 
 
-def test_the_command_writes_a_page_and_names_files_that_it_leaves_out(
-    tmp_path: Path, capsys: Screen
-) -> None:
-    torn = write_text(tmp_path / "torn.json", TORN)
-    write_documents(tmp_path)
-    assert run("report", tmp_path) == cli.DONE
-    output = " ".join(capsys.readouterr().out.split())
-    assert f"{tmp_path / 'report.html'}" in output
-    assert f"left out: {torn}: is no whole JSON" in output
+class Reported(NamedTuple):
+    """A folder with a torn file, the command's output on it, and the text of its page."""
+
+    folder: Path
+    output: str
+    text: str
 
 
-def test_the_page_has_the_commands_of_its_documents_and_its_own(tmp_path: Path) -> None:
-    write_documents(tmp_path)
-    assert run("report", tmp_path) == cli.DONE
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "grosmc-mj run servo/case1" in text
-    assert f"grosmc-mj report {tmp_path}" in text
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> Reported:
+    folder = write_documents(tmp_path_factory.mktemp("reported"))
+    write_text(folder / "torn.json", TORN)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert run("report", folder) == cli.DONE
+    output = " ".join(printed.getvalue().split())
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    return Reported(folder, output, text)
+
+
+def test_the_command_names_its_page(reported: Reported) -> None:
+    assert f"{reported.folder / 'report.html'}" in reported.output
+
+
+def test_the_command_names_a_file_that_it_leaves_out(reported: Reported) -> None:
+    torn = reported.folder / "torn.json"
+    assert f"left out: {torn}: is no whole JSON" in reported.output
+
+
+def test_the_page_has_the_commands_of_its_documents(reported: Reported) -> None:
+    assert "grosmc-mj run servo/case1" in reported.text
+
+
+def test_the_page_has_its_own_command(reported: Reported) -> None:
+    assert f"grosmc-mj report {reported.folder}" in reported.text
 
 
 def write_text(path: Path, text: str) -> Path:

@@ -98,7 +98,7 @@ def test_charts_are_drawn(browser: Browser) -> None:
         assert page.evaluate(DRAWN) == [True] * 4
 
 
-def test_film_and_curves_have_one_time(browser: Browser) -> None:
+def test_the_film_has_the_time_of_the_curves(browser: Browser) -> None:
     with browser.page() as page:
         video = page.locator("video")
         until(page, lambda: video.evaluate("video => video.readyState > 1"))

@@ -73,18 +73,26 @@ def printed(shown: tables.Table) -> list[str]:
     return [line.rstrip() for line in capture.get().splitlines()]
 
 
-@pytest.mark.parametrize(
-    ("grouped", "expected"),
-    [
-        (True, [["a", "1"], ["2"], [], ["b", "3"]]),
-        (False, [["a", "1"], ["a", "2"], ["b", "3"]]),
-    ],
-)
-def test_a_group_is_named_once_and_set_apart(grouped: bool, expected: list[list[str]]) -> None:
+def rows_of_two_cases(*, grouped: bool) -> list[list[str]]:
+    """Return the texts of each row of a table with two rows of a case and one of another."""
     columns = [*words("case"), *numbers("value")]
     rows = [("a", "1"), ("a", "2"), ("b", "3")]
     lines = printed(table("", columns, rows, grouped=grouped))
-    assert [line.split() for line in lines[2:]] == expected
+    return [line.split() for line in lines[2:]]
+
+
+def test_a_group_is_named_once() -> None:
+    rows = [row for row in rows_of_two_cases(grouped=True) if row]
+    assert rows == [["a", "1"], ["2"], ["b", "3"]]
+
+
+def test_a_group_is_set_apart() -> None:
+    has_texts = [bool(row) for row in rows_of_two_cases(grouped=True)]
+    assert has_texts == [True, True, False, True]
+
+
+def test_every_row_without_groups_is_named() -> None:
+    assert rows_of_two_cases(grouped=False) == [["a", "1"], ["a", "2"], ["b", "3"]]
 
 
 def test_brackets_are_shown() -> None:
@@ -94,24 +102,38 @@ def test_brackets_are_shown() -> None:
     assert texts == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
 
 
-def test_only_text_is_wrapped_and_fills_the_width() -> None:
+def lines_of_a_long_text() -> list[str]:
+    """Return the lines of a table with a name, a text of many words and a number."""
     columns = [*names("law"), *text("statement"), *numbers("value")]
     row = ("a_law_of_my_own_with_a_long_name", "of several words " * 12, "1.25e-3")
-    lines = printed(table("", columns, [row]))
-    assert max(map(len, lines)) == tables.WIDTH
+    return printed(table("", columns, [row]))
+
+
+def test_a_long_text_fills_the_width() -> None:
+    assert max(map(len, lines_of_a_long_text())) == tables.WIDTH
+
+
+def test_only_text_is_wrapped() -> None:
+    lines = lines_of_a_long_text()
     assert "".join(lines).count("1.25e-3") == 1
     assert "a_law_of_my_own_with" in lines[2]
 
 
-def test_markdown_aligns_numbers_right_and_escapes_bars() -> None:
+def markdown_lines() -> list[str]:
+    """Return a table with bars in its texts, in Markdown."""
     columns = [*words("law"), *numbers("max |u|"), *words("")]
     rows = [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]
-    assert tables.markdown_table(columns, rows) == [
-        r"| law | max \|u\| |  |",
-        "|---|---:|---|",
-        r"| lqr | 1 N | \|s\| > 0 |",
-        "| pid |  |  |",
-    ]
+    return tables.markdown_table(columns, rows)
+
+
+def test_markdown_aligns_numbers_right() -> None:
+    assert markdown_lines()[1] == "|---|---:|---|"
+
+
+def test_markdown_escapes_bars() -> None:
+    heading, _, *rows = markdown_lines()
+    assert heading == r"| law | max \|u\| |  |"
+    assert rows == [r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |"]
 
 
 @pytest.mark.parametrize(
