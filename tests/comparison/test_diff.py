@@ -338,38 +338,57 @@ def test_a_margin_that_only_the_new_campaign_has_is_new() -> None:
 
 
 MARGINS = np.linspace(0.1, 1, RUNS)
+PASS_RATES = ("runs completed", "least margin, pass rate", "settles_within, pass rate")
+MEAN_MARGINS = ("least margin, mean margin", "settles_within, mean margin")
 
 
-def test_runs_that_end_early_are_counted_and_get_no_margin() -> None:
+def changes_by_early_ends(runs: int) -> dict[str, Change]:
+    """Return the changes where so many of the runs end early."""
+    after = np.where(np.arange(RUNS) < runs, -np.inf, MARGINS)
+    return changes_of(rows(MARGINS), rows(after))
+
+
+def test_runs_that_end_early_change_no_mean_margin() -> None:
     """The mean margin of the other runs is as it was."""
-    after = np.where(np.arange(RUNS) < 60, -np.inf, MARGINS)
-    changes = changes_of(rows(MARGINS), rows(after))
-    names = {"runs completed", "least margin, pass rate", "settles_within, pass rate"}
-    assert set(changes) == names
-    for change in changes.values():
-        assert (change.before, change.after, change.effect) == (1.0, 0.85, WORSE)
-        assert change.note.startswith("60 of 400 plants lost, 0 won; change ")
+    assert set(changes_by_early_ends(60)) == set(PASS_RATES)
 
 
-def test_a_mean_margin_is_gone_if_no_run_completes() -> None:
-    changes = changes_of(rows(MARGINS), rows(np.full(RUNS, -np.inf)))
-    for name in ("least margin, mean margin", "settles_within, mean margin"):
-        change = changes[name]
-        assert (change.after, change.effect, change.note) == (None, WORSE, "gone")
+@pytest.mark.parametrize("name", PASS_RATES)
+def test_runs_that_end_early_are_counted_as_lost(name: str) -> None:
+    change = changes_by_early_ends(60)[name]
+    assert (change.before, change.after, change.effect) == (1.0, 0.85, WORSE)
+    assert change.note.startswith("60 of 400 plants lost, 0 won; change ")
 
 
-def test_effect_and_interval_are_of_the_mean() -> None:
-    """Most plants gain a little and some lose much: the median rises, the mean falls."""
-    before = np.random.default_rng(5).uniform(1, 2, RUNS)
-    after = before + np.where(np.arange(RUNS) < 80, -0.5, 0.01)
-    assert np.median(after - before) > 0
-    changes = changes_of(rows(before), rows(after))
-    assert set(changes) == {"least margin, mean margin", "settles_within, mean margin"}
-    for change in changes.values():
-        assert change.effect is WORSE
-        assert (change.before, change.after) == (before.mean(), after.mean())
-        assert change.note.startswith("change -0.1")
-        assert change.note.endswith(" (99 % interval)")
+@pytest.mark.parametrize("name", MEAN_MARGINS)
+def test_a_mean_margin_is_gone_if_no_run_completes(name: str) -> None:
+    change = changes_by_early_ends(RUNS)[name]
+    assert (change.after, change.effect, change.note) == (None, WORSE, "gone")
+
+
+# Most plants gain a little and some lose much: the median rises, the mean falls.
+BEFORE = np.random.default_rng(5).uniform(1, 2, RUNS)
+AFTER = BEFORE + np.where(np.arange(RUNS) < 80, -0.5, 0.01)
+
+
+def test_the_effect_is_that_of_the_mean() -> None:
+    assert np.median(AFTER - BEFORE) > 0
+    changes = changes_of(rows(BEFORE), rows(AFTER))
+    effects_by_name = {name: change.effect for name, change in changes.items()}
+    assert effects_by_name == dict.fromkeys(MEAN_MARGINS, WORSE)
+
+
+@pytest.mark.parametrize("name", MEAN_MARGINS)
+def test_a_change_has_the_means_of_both_campaigns(name: str) -> None:
+    change = changes_of(rows(BEFORE), rows(AFTER))[name]
+    assert (change.before, change.after) == (BEFORE.mean(), AFTER.mean())
+
+
+@pytest.mark.parametrize("name", MEAN_MARGINS)
+def test_the_interval_of_a_change_is_that_of_the_mean(name: str) -> None:
+    change = changes_of(rows(BEFORE), rows(AFTER))[name]
+    assert change.note.startswith("change -0.1")
+    assert change.note.endswith(" (99 % interval)")
 
 
 def test_the_first_runs_of_a_longer_campaign_are_on_the_same_plants() -> None:

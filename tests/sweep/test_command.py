@@ -1,9 +1,11 @@
 """grosmc-mj campaign: the files, the exit codes, wrong use in one line."""
 
+import io
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow.parquet as pq
 import pytest
@@ -40,6 +42,28 @@ def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+class Answer(NamedTuple):
+    """A command's folder and what it printed."""
+
+    folder: Path
+    output: str
+    errors: str
+
+    @property
+    def words(self) -> str:
+        """The answer without its line breaks."""
+        return " ".join(self.output.split())
+
+
+def answered(out: Path, *arguments: object) -> Answer:
+    """The answer of a command that succeeds, with this folder for its files."""
+    output = io.StringIO()
+    errors = io.StringIO()
+    with redirect_stdout(output), redirect_stderr(errors):
+        assert run(*arguments, "--out", out) == cli.DONE
+    return Answer(out, output.getvalue(), errors.getvalue())
+
+
 def document(folder: Path, name: str) -> dict[str, Any]:
     """A document of a campaign."""
     return json.loads((folder / f"{name}.json").read_text())
@@ -74,13 +98,17 @@ def test_documents_have_the_numbers_of_the_runs(folder: Path) -> None:
     assert document(folder, "worst")["controllers"]["lqr"]["relative"] <= relative.min()
 
 
-def test_a_complete_campaign_is_answered_again(file: Path, folder: Path, capsys: Screen) -> None:
-    resumed = ("campaign", file, "--runs", "16", "--out", folder, "--resume", "--no-figures")
-    capsys.readouterr()
-    assert run(*resumed) == cli.DONE
-    answer_words = words(capsys)
-    for phrase in ("1 of 1 parts are there already.", "deviation below 3 mrad", "no proof"):
-        assert phrase in answer_words
+@pytest.fixture(scope="module")
+def resumed(file: Path, folder: Path) -> Answer:
+    """The answer of a campaign that was complete already."""
+    return answered(folder, "campaign", file, "--runs", "16", "--resume", "--no-figures")
+
+
+@pytest.mark.parametrize(
+    "phrase", ["1 of 1 parts are there already.", "deviation below 3 mrad", "no proof"]
+)
+def test_a_complete_campaign_is_answered_again(phrase: str, resumed: Answer) -> None:
+    assert phrase in resumed.words
 
 
 @pytest.mark.parametrize(("runs", "code"), [(4, cli.DIFFERS), (5, cli.DONE)])
@@ -97,35 +125,55 @@ def test_five_runs_without_failure_show_50_percent(
     assert "50 % are asked for" in answer_words
 
 
-def test_without_a_requirement_runs_are_counted_and_nothing_is_drawn(
-    tmp_path: Path, capsys: Screen
-) -> None:
-    path = tmp_path / "free.toml"
+@pytest.fixture(scope="module")
+def free(tmp_path_factory: pytest.TempPathFactory) -> Answer:
+    """The answer of sixteen runs without a requirement."""
+    folder = tmp_path_factory.mktemp("free")
+    path = folder / "free.toml"
     path.write_text(servo(laws=LQR, limits=""))
-    out = tmp_path / "out"
-    assert run("campaign", path, "--runs", "16", "--out", out, "--verbose") == cli.DONE
-    answer_words = words(capsys)
-    assert "lqr: nothing is required of it." in answer_words
-    assert "16 of 16" in answer_words
-    assert not list(out.glob("map.*"))
+    return answered(folder / "out", "campaign", path, "--runs", "16", "--verbose")
+
+
+def test_a_law_of_which_nothing_is_required_is_named(free: Answer) -> None:
+    assert "lqr: nothing is required of it." in free.words
+
+
+def test_without_a_requirement_runs_are_counted(free: Answer) -> None:
+    assert "16 of 16" in free.words
+
+
+def test_without_a_requirement_nothing_is_drawn(free: Answer) -> None:
+    assert not list(free.folder.glob("map.*"))
 
 
 SCREENED = ("--no-figures", "--runs", "64", "--screen", "equations")
 OTHER_INTEGRATOR = "instead of the model's own"
 
 
-def test_the_answer_and_a_plant_s_file_say_who_judged(
-    file: Path, tmp_path: Path, capsys: Screen
-) -> None:
-    assert run("campaign", file, *SCREENED, "--out", tmp_path) == cli.DONE
-    screen = capsys.readouterr()
-    judges = pq.read_table(tmp_path / PART)["judged_by"].to_pylist()
-    assert f"{judges.count('equations')} of 64 runs judged by the equations, " in screen.out
-    assert OTHER_INTEGRATOR not in screen.err
+@pytest.fixture(scope="module")
+def screened(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Answer:
+    """The answer of runs that are screened by equations."""
+    return answered(tmp_path_factory.mktemp("screened"), "campaign", file, *SCREENED)
 
-    number = judges.index("equations")
-    assert run("campaign", tmp_path, "--plant", number) == cli.DONE
-    text = (tmp_path / f"small_{number}_lqr.toml").read_text()
+
+def judges_of(folder: Path) -> list[str]:
+    """The judge of each run."""
+    return pq.read_table(folder / PART)["judged_by"].to_pylist()
+
+
+def test_the_answer_says_who_judged(screened: Answer) -> None:
+    count = judges_of(screened.folder).count("equations")
+    assert f"{count} of 64 runs judged by the equations, " in screened.output
+
+
+def test_the_model_s_own_integrator_needs_no_notice(screened: Answer) -> None:
+    assert OTHER_INTEGRATOR not in screened.errors
+
+
+def test_a_plant_s_file_says_who_judged(screened: Answer) -> None:
+    number = judges_of(screened.folder).index("equations")
+    assert run("campaign", screened.folder, "--plant", number) == cli.DONE
+    text = (screened.folder / f"small_{number}_lqr.toml").read_text()
     assert f"run {number} under lqr, judged by the equations." in text
 
 

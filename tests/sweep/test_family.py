@@ -90,7 +90,8 @@ def test_random_points_lie_inside_the_cube(seed: int, first: int) -> None:
     assert np.all((points > 0) & (points < 1))
 
 
-def test_random_numbers_of_all_seeds_and_points_differ() -> None:
+def test_no_random_number_occurs_twice() -> None:
+    """In points of all seeds."""
     starts = itertools.product(SEEDS, FIRST)
     points = [random_points(D, seed, first, 64).ravel() for seed, first in starts]
     # Philox makes four numbers at a time: a point of nine needs three such blocks.
@@ -163,9 +164,19 @@ value = ["-1 rad/s", "3 rad/s"]
 """
 
 
-def test_nominal_values_are_those_of_the_file_and_no_disturbance() -> None:
-    family = campaign(plain(SIX_NUMBERS) + EDITED).family
-    assert family.nominal.tolist() == [2.0, 0.0, 0.3, 0.02, 2 * math.pi, 0.0]
+def six_nominal_values() -> list[float]:
+    """The nominal values of six numbers, the second of which is an amplitude."""
+    return campaign(plain(SIX_NUMBERS) + EDITED).family.nominal.tolist()
+
+
+def test_nominal_values_are_those_of_the_file() -> None:
+    first_value, _, *later_values = six_nominal_values()
+    assert first_value == 2.0
+    assert later_values == [0.3, 0.02, 2 * math.pi, 0.0]
+
+
+def test_the_nominal_amplitude_of_a_disturbance_is_zero() -> None:
+    assert six_nominal_values()[1] == 0.0
 
 
 def test_a_nominal_value_may_be_given() -> None:

@@ -58,8 +58,8 @@ def columns(servos: Folder) -> Columns:
     return servos.columns(declared(), COLUMNS, range(2))
 
 
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
-@pytest.mark.parametrize(
+EACH_LAW = pytest.mark.parametrize("law", ["lqr", "grosmc"])
+EACH_REQUIREMENT = pytest.mark.parametrize(
     ("words", "name"),
     [
         (WORDS, "margin deviation_below"),
@@ -67,22 +67,33 @@ def columns(servos: Folder) -> Columns:
         (ALL, "relative"),
     ],
 )
-def test_rates_and_summaries_are_those_of_the_columns(
+
+
+@EACH_LAW
+@EACH_REQUIREMENT
+def test_rates_are_those_of_the_columns(
+    words: str, name: str, law: str, columns: Columns, servo_findings: Findings
+) -> None:
+    kept_runs = int((columns[law][name] >= 0).sum())
+    assert servo_findings.rates[words, law] == pass_rate(kept_runs, 8, 0.9)
+
+
+@EACH_LAW
+@EACH_REQUIREMENT
+def test_summaries_are_those_of_the_columns(
     words: str, name: str, law: str, columns: Columns, servo_findings: Findings
 ) -> None:
     margins = columns[law][name]
-    kept_runs = int((margins >= 0).sum())
-    assert servo_findings.rates[words, law] == pass_rate(kept_runs, 8, 0.9)
     assert servo_findings.summaries[words, law] == margin_summary(margins, 0.9)
 
 
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+@EACH_LAW
 def test_runs_that_complete_are_counted(law: str, servo_findings: Findings) -> None:
     assert servo_findings.rates[COMPLETES, law].kept == 8
     assert servo_findings.cut_short[law] == 0
 
 
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
+@EACH_LAW
 def test_the_worst_runs_come_first(law: str, columns: Columns, servo_findings: Findings) -> None:
     worst = servo_findings.worst[law]
     assert sorted(worst) == list(range(8))
@@ -110,9 +121,13 @@ def test_a_requirement_of_one_law_is_not_another_s(servo_findings: Findings) -> 
     assert laws == ["grosmc"]
 
 
-def test_tables_have_a_row_for_each_margin_and_difference(servo_findings: Findings) -> None:
-    _, of_margins, of_pairs, *_ = module.findings_tables(declared(), servo_findings)
+def test_the_second_table_has_a_row_for_each_margin(servo_findings: Findings) -> None:
+    of_margins = module.findings_tables(declared(), servo_findings)[1]
     assert len(of_margins.rows) == len(servo_findings.summaries)
+
+
+def test_the_third_table_has_a_row_for_each_difference(servo_findings: Findings) -> None:
+    of_pairs = module.findings_tables(declared(), servo_findings)[2]
     assert len(of_pairs.rows) == len(servo_findings.differences)
 
 
@@ -146,11 +161,21 @@ of = ["stiff"]
 """
 
 
-def test_the_same_requirement_may_stand_in_a_table_of_each_law(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def separate(tmp_path_factory: pytest.TempPathFactory) -> Findings:
+    """Findings where the same requirement stands in a table of each law."""
     split = campaign(servo(laws=PAIR, limits=OF_EACH))
-    separate = findings(split, kept(split, tmp_path / "split"))
-    for law in ("lqr", "stiff"):
-        assert separate.rates[WORDS, law].kept == (separate.margins[WORDS, law] >= 0).sum()
+    return findings(split, kept(split, tmp_path_factory.mktemp("split") / "campaign"))
+
+
+@pytest.mark.parametrize("law", ["lqr", "stiff"])
+def test_the_same_requirement_may_stand_in_a_table_of_each_law(
+    law: str, separate: Findings
+) -> None:
+    assert separate.rates[WORDS, law].kept == (separate.margins[WORDS, law] >= 0).sum()
+
+
+def test_a_requirement_in_a_table_of_each_law_is_compared(separate: Findings) -> None:
     assert (WORDS, "lqr", "stiff") in separate.differences
 
 
@@ -204,20 +229,42 @@ def corners(tmp_path_factory: pytest.TempPathFactory) -> Findings:
     return findings(declared, kept(declared, tmp_path_factory.mktemp("corners")), 0.9)
 
 
-def test_corners_are_no_independent_runs_and_give_no_interval(corners: Findings) -> None:
+# Corners are no independent runs.
+
+
+def test_a_rate_of_corners_has_no_interval(corners: Findings) -> None:
     rate = corners.rates[ALL, "lqr"]
     assert (rate.runs, rate.low, rate.high) == (4, None, None)
+
+
+def test_a_difference_of_corners_has_no_interval(corners: Findings) -> None:
     difference = corners.differences[ALL, "lqr", "stiff"]
-    assert (difference.low, difference.p_value, difference.median_low) == (None, None, None)
+    assert (difference.low, difference.median_low) == (None, None)
+
+
+def test_a_difference_of_corners_has_no_p_value(corners: Findings) -> None:
+    assert corners.differences[ALL, "lqr", "stiff"].p_value is None
+
+
+def test_a_mean_of_corners_has_no_interval(corners: Findings) -> None:
     assert {summary.mean_low for summary in corners.summaries.values()} == {None}
 
 
+def corner_tables(corners: Findings) -> list[Any]:
+    """The tables of the four corners."""
+    return list(module.findings_tables(campaign(pair(), sampler="corners", runs=4), corners))
+
+
 def test_tables_of_corners_show_no_interval(corners: Findings) -> None:
-    regular = campaign(pair(), sampler="corners", runs=4)
-    for table in module.findings_tables(regular, corners):
+    for table in corner_tables(corners):
         assert "No interval: --sampler corners" in printed(table)
         cells = [cell for row in table.rows for cell in row]
         assert not any(" .. " in cell or "< 1e-4" in cell for cell in cells)
+
+
+def test_tables_of_corners_are_narrow(corners: Findings) -> None:
+    for table in corner_tables(corners):
+        assert width(table) <= WIDTH
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.0049, False), (0.0051, True)])
@@ -239,13 +286,22 @@ SETTLES = "settles within 4 s"
 X = np.arange(400) - 199.5
 
 
-def printed(table: Any) -> str:
-    """A table as it is printed, in one line; every line of it is narrow."""
+def printed_lines(table: Any) -> list[str]:
+    """The lines of a table as it is printed."""
     console = Console(width=WIDTH, color_system=None)
     with console.capture() as screen:
         console.print(table)
-    assert max(len(line.rstrip()) for line in screen.get().splitlines()) <= WIDTH
-    return " ".join(screen.get().split())
+    return screen.get().splitlines()
+
+
+def printed(table: Any) -> str:
+    """A table as it is printed, in one line."""
+    return " ".join(" ".join(printed_lines(table)).split())
+
+
+def width(table: Any) -> int:
+    """The length of the longest line of a table as it is printed."""
+    return max(len(line.rstrip()) for line in printed_lines(table))
 
 
 def wide_findings() -> Findings:
@@ -282,7 +338,7 @@ def wide_findings() -> Findings:
 WIDE = wide_findings()
 
 
-@pytest.mark.parametrize(
+EACH_TABLE = pytest.mark.parametrize(
     "table",
     [
         module.pass_rates_table(WIDE),
@@ -291,16 +347,36 @@ WIDE = wide_findings()
         module.sensitivity_table(WIDE, LAW),
     ],
 )
-def test_a_table_is_narrow_and_says_what_it_rests_on(table: Any) -> None:
+
+
+@EACH_TABLE
+def test_a_table_is_narrow(table: Any) -> None:
+    assert width(table) <= WIDTH
+
+
+@EACH_TABLE
+def test_a_table_says_what_it_rests_on(table: Any) -> None:
     assert f"512 of 4096 runs, random, seed 7. {NO_PROOF} {DESIGN}" in printed(table)
 
 
-def test_only_all_of_the_runs_are_100_percent_and_only_none_0() -> None:
+def test_a_pass_rate_is_shown_with_its_interval() -> None:
+    row = module.pass_rates_table(WIDE).rows[0]
+    assert row == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
+
+
+def test_only_all_of_the_runs_are_100_percent() -> None:
     rows = module.pass_rates_table(WIDE).rows
-    assert rows[0] == [SETTLES, "GROSMC", "512", "512", "100", "99.28 .. 100.00", "0"]
-    assert [row[4] for row in rows[1:]] == ["99.98", "99.99", "0"]
+    assert [row[4] for row in rows[:3]] == ["100", "99.98", "99.99"]
+
+
+def test_a_law_that_keeps_no_run_has_0_percent() -> None:
+    assert module.pass_rates_table(WIDE).rows[3][4] == "0"
+
+
+def test_runs_that_are_cut_short_are_shown_with_their_law() -> None:
+    rows = module.pass_rates_table(WIDE).rows
     # Only runs under LQR were cut short.
-    assert [row[6] for row in rows[1:]] == ["25", "0", "25"]
+    assert [row[6] for row in rows] == ["0", "25", "0", "25"]
 
 
 def test_margins_are_shown_with_their_unit() -> None:
@@ -310,11 +386,23 @@ def test_margins_are_shown_with_their_unit() -> None:
     assert long[2] == "-inf"
 
 
-def test_differences_are_shown_with_their_intervals_and_units() -> None:
-    settles, long = module.paired_table(WIDE).rows
+def test_plants_that_one_law_alone_keeps_are_shown() -> None:
+    settles, _ = module.paired_table(WIDE).rows
     assert settles[2:4] == ["0", "6"]
+
+
+def test_a_difference_of_pass_rates_is_shown_with_its_interval() -> None:
+    settles, _ = module.paired_table(WIDE).rows
     assert settles[4].startswith("+85.7\n(")
+
+
+def test_a_difference_of_margins_is_shown_with_its_unit() -> None:
+    settles, _ = module.paired_table(WIDE).rows
     assert settles[6].startswith("+1.5 s\n(")
+
+
+def test_an_infinite_difference_of_margins_has_infinite_bounds() -> None:
+    _, long = module.paired_table(WIDE).rows
     assert long[6] == "-inf deg\n(-inf .. +inf)"
 
 
@@ -347,20 +435,27 @@ def map_figure(monkeypatch: Patch) -> Any:
     return figures[0]
 
 
-def test_a_map_marks_kept_and_failed_plants(map_figure: Any) -> None:
+def test_a_map_marks_plants_by_their_outcome(map_figure: Any) -> None:
     marks = map_figure.axes[0].collections
     assert len(marks) == 3
     for mark, (outcome, plants) in zip(marks, OUTCOMES.items(), strict=True):
         assert mark.get_label() == outcome
         expected = np.stack([MAP_X, MAP_Y], axis=1)[plants]
         np.testing.assert_array_equal(mark.get_offsets(), expected)
+
+
+def test_the_legend_of_a_map_names_the_outcomes(map_figure: Any) -> None:
     (legend,) = map_figure.legends
     assert [entry.get_text() for entry in legend.get_texts()] == list(OUTCOMES)
 
 
-def test_marks_of_a_map_differ_in_colour_and_form(map_figure: Any) -> None:
+def test_marks_of_a_map_differ_in_colour(map_figure: Any) -> None:
     marks = map_figure.axes[0].collections
     assert len({to_hex(mark.get_facecolor()[0]) for mark in marks}) == 3
+
+
+def test_marks_of_a_map_differ_in_form(map_figure: Any) -> None:
+    marks = map_figure.axes[0].collections
     assert len({len(mark.get_paths()[0].vertices) for mark in marks}) == 3
 
 

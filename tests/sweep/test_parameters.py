@@ -1,6 +1,7 @@
 """Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing
 
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -159,10 +161,22 @@ value = ["-1 rad/s", "1 rad/s"]
 """
 
 
-def test_numbers_of_a_sine_and_a_start_reach_the_case() -> None:
-    changed = sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25).case
-    assert changed.disturbances[1].profile == SineFrom(frequency=7.0, onset=0.5, phase=1.0)
-    assert (changed.onset, changed.x0) == (0.02, (0.0, 0.25))
+def changed_case() -> Case:
+    """The case with another sine, which begins after the pulse, and another start."""
+    return sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25).case
+
+
+def test_numbers_of_a_sine_reach_the_case() -> None:
+    profile = changed_case().disturbances[1].profile
+    assert profile == SineFrom(frequency=7.0, onset=0.5, phase=1.0)
+
+
+def test_a_start_reaches_the_case() -> None:
+    assert changed_case().x0 == (0.0, 0.25)
+
+
+def test_the_onset_of_a_case_is_that_of_its_first_disturbance() -> None:
+    assert changed_case().onset == 0.02
 
 
 MACHINE_NUMBERS = """
@@ -208,9 +222,13 @@ def machines() -> tuple[Any, Any]:
     return nominal, machine().plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]).plant(nominal)
 
 
-def test_backlash_and_a_swinging_mass_reach_the_model(machines: tuple[Any, Any]) -> None:
+def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
     _, changed = machines
     assert changed.model.tendon_lengthspring[0] == pytest.approx([-1e-3, 1e-3])
+
+
+def test_a_swinging_mass_reaches_the_model(machines: tuple[Any, Any]) -> None:
+    _, changed = machines
     assert changed.model.body("rotor swing").mass[0] == 0.12
 
 
@@ -250,13 +268,26 @@ def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
     assert number.name == "elbow torque resistance"
 
 
-def test_searches_scale_to_machines_that_can_be_and_no_farther() -> None:
-    """Beyond twice the uncertainty sliding friction would be larger than static friction."""
-    coulomb = of("lugre", "shaft", 'coulomb = ["40 mN m", "60 mN m"]')
-    declared = campaign(standing(coulomb, MACHINE))
+COULOMB = of("lugre", "shaft", 'coulomb = ["40 mN m", "60 mN m"]')
+
+
+@cache
+def rubbing() -> Campaign:
+    """A servo with uncertain friction.
+
+    Beyond twice the uncertainty sliding friction would be larger than static friction.
+    """
+    return campaign(standing(COULOMB, MACHINE))
+
+
+def test_the_largest_scale_is_that_of_a_machine_that_can_be() -> None:
+    declared = rubbing()
     assert declared.family.largest_scale > 2.0 >= declared.largest_scale
     assert declared.largest_scale == pytest.approx(2.0, rel=2e-3)
-    assert radius(declared, "lqr").largest == declared.largest_scale
+
+
+def test_a_radius_is_searched_up_to_the_largest_scale() -> None:
+    assert radius(rubbing(), "lqr").largest == rubbing().largest_scale
 
 
 LOOP_NUMBERS = """
@@ -280,13 +311,18 @@ def looped() -> Campaign:
     return campaign(standing(LOOP_NUMBERS, small.LOOP + small.DEVIATION))
 
 
-def test_numbers_of_a_loop_have_names_and_units() -> None:
-    assert {number.name: number.unit for number in looped().family.quantities} == {
-        "computing delay": "s",
-        "rotor angle noise": "rad",
-        "rotor speed bandwidth": "rad/s",
-        "current lag": "s",
-    }
+def test_numbers_of_a_loop_have_names() -> None:
+    assert looped().family.names == [
+        "computing delay",
+        "rotor angle noise",
+        "rotor speed bandwidth",
+        "current lag",
+    ]
+
+
+def test_numbers_of_a_loop_have_units() -> None:
+    units = [number.unit for number in looped().family.quantities]
+    assert units == ["s", "rad", "rad/s", "s"]
 
 
 def test_delays_of_a_loop_are_whole_timesteps() -> None:

@@ -338,22 +338,55 @@ Q = [1, 4]
 """
 
 
-def test_laws_and_settings_of_the_campaign_are_those_of_the_file(tmp_path: Path) -> None:
-    text = servo(BOTH, laws=PAIR, limits="") + SOFTER
+@pytest.fixture(scope="module")
+def softer_campaign() -> Campaign:
+    """A campaign with other laws and settings than its case file."""
     options: Any = {
         "controllers": ("lqr", "softer"),
         "duration": 0.04,
         "control_period": 0.002,
         "integrator": "implicitfast",
     }
-    declared = campaign(text, **options)
-    plant = find_plant(declared, begun(declared, tmp_path / "out"), "0")
-    assert plant.law == "softer"
-    experiment = Experiment.load(written_file(declared, plant, tmp_path / "plant.toml"))
-    assert experiment.controllers == ["lqr", "stiff", "softer"]
-    assert experiment.case.duration == 0.04
-    assert experiment.settings == declared.experiment.settings
-    assert experiment.plant_names == ["physics"]
+    return campaign(servo(BOTH, laws=PAIR, limits="") + SOFTER, **options)
+
+
+@pytest.fixture(scope="module")
+def softer_plant(
+    softer_campaign: Campaign, tmp_path_factory: pytest.TempPathFactory
+) -> ChosenPlant:
+    """The first plant of that campaign."""
+    folder = begun(softer_campaign, tmp_path_factory.mktemp("softer") / "out")
+    return find_plant(softer_campaign, folder, "0")
+
+
+@pytest.fixture(scope="module")
+def softer_experiment(
+    softer_campaign: Campaign,
+    softer_plant: ChosenPlant,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Experiment:
+    """The experiment of that plant's file."""
+    path = tmp_path_factory.mktemp("softer") / "plant.toml"
+    return Experiment.load(written_file(softer_campaign, softer_plant, path))
+
+
+def test_a_plant_is_that_of_the_campaign_s_last_law(softer_plant: ChosenPlant) -> None:
+    assert softer_plant.law == "softer"
+
+
+def test_laws_of_a_plant_s_file_include_the_campaign_s(softer_experiment: Experiment) -> None:
+    assert softer_experiment.controllers == ["lqr", "stiff", "softer"]
+
+
+def test_settings_of_a_plant_s_file_are_the_campaign_s(
+    softer_campaign: Campaign, softer_experiment: Experiment
+) -> None:
+    assert softer_experiment.case.duration == 0.04
+    assert softer_experiment.settings == softer_campaign.experiment.settings
+
+
+def test_a_plant_s_file_is_run_in_physics(softer_experiment: Experiment) -> None:
+    assert softer_experiment.plant_names == ["physics"]
 
 
 @pytest.mark.parametrize("unit", ["rad", "N m s/rad", "kg m^2", "rad/s^2", "ohm", "", "1"])

@@ -191,18 +191,40 @@ def test_margins_of_a_batch_are_a_recorded_run_s(text: str, law: str, tmp_path: 
     assert row["deviation"][0] == pytest.approx(np.abs(deviation).max(), rel=1e-9)
 
 
-@pytest.mark.parametrize("law", ["lqr", "grosmc"])
-def test_a_row_is_that_of_a_single_run_whatever_its_neighbours_and_threads(law: str) -> None:
-    declared = campaign(servo(limits=LIMITS + RATIO))
-    values = declared.values(range(4))
-    together = Batch(declared, values, [0] * 4, threads=1).run(law)
-    for i in range(4):
-        alone = Batch(declared, values[i : i + 1], [0], threads=2).run(law)
-        for name, column in together.columns.items():
-            if column.dtype == float:
-                assert column[i : i + 1].tobytes() == alone[name].tobytes(), name
-    assert len({*together["deviation"]}) == 4
-    assert np.isnan(together["margin sliding_below"]).all() == (law == "lqr")
+EACH_LAW = pytest.mark.parametrize("law", ["lqr", "grosmc"])
+
+
+@cache
+def four_servos() -> Campaign:
+    """A campaign of servos, of which four are run."""
+    return campaign(servo(limits=LIMITS + RATIO))
+
+
+@cache
+def together(law: str) -> Outcomes:
+    """Four servos in a batch."""
+    return Batch(four_servos(), four_servos().values(range(4)), [0] * 4, threads=1).run(law)
+
+
+@EACH_LAW
+@pytest.mark.parametrize("i", range(4))
+def test_a_row_depends_on_its_plant_alone(i: int, law: str) -> None:
+    """It is that of a single run, whatever its neighbours and the number of threads."""
+    values = four_servos().values(range(i, i + 1))
+    alone = Batch(four_servos(), values, [0], threads=2).run(law)
+    for name, column in together(law).columns.items():
+        if column.dtype == float:
+            assert column[i : i + 1].tobytes() == alone[name].tobytes(), name
+
+
+@EACH_LAW
+def test_rows_of_different_plants_differ(law: str) -> None:
+    assert len({*together(law)["deviation"]}) == 4
+
+
+@EACH_LAW
+def test_laws_without_a_surface_have_no_margin_of_sliding(law: str) -> None:
+    assert np.isnan(together(law)["margin sliding_below"]).all() == (law == "lqr")
 
 
 @cache

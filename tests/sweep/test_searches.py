@@ -68,11 +68,16 @@ def test_the_search_finds_the_known_worst_plant(found: WorstPlant) -> None:
     assert (found.fails, found.winner, found.evaluations) == (True, "search", 256)
 
 
-def test_the_shrunk_plant_fails_and_a_nearer_one_passes(found: WorstPlant) -> None:
+def test_the_shrunk_plant_fails(found: WorstPlant) -> None:
+    plant = found.shrunk
+    assert plant is not None
+    assert found.shrunk_relative == relative(loads(1.0, BOTH), *plant) < 0
+
+
+def test_a_plant_nearer_than_the_shrunk_one_passes(found: WorstPlant) -> None:
     declared = loads(1.0, BOTH)
     plant = found.shrunk
     assert plant is not None
-    assert found.shrunk_relative == relative(declared, *plant) < 0
     # Nearer by 1/256 of the line from the worst.
     nominal = declared.family.nominal
     line = np.where(plant != nominal, found.values - nominal, 0.0)
@@ -105,8 +110,11 @@ def least_sample() -> float:
     return least(loads(1.0, BOTH).values(range(8)))
 
 
-def test_samples_and_random_plants_compete_with_the_search(found: WorstPlant) -> None:
+def test_random_plants_compete_with_the_search(found: WorstPlant) -> None:
     assert found.random == least_random()
+
+
+def test_samples_compete_with_the_search(found: WorstPlant) -> None:
     assert found.samples == least_sample()
 
 
@@ -230,9 +238,12 @@ def reached() -> Any:
     return radius(loads(1.0), "lqr")
 
 
-def test_the_radius_lies_between_a_passing_and_a_failing_scale() -> None:
+def test_the_radius_is_known_to_a_hundredth() -> None:
     # Known to 1 % of itself, or to 0.01.
     assert 0 < reached().outside.scale - reached().found <= 0.01
+
+
+def test_a_plant_outside_the_radius_fails() -> None:
     assert relative(loads(1.0), *reached().outside.values) == reached().outside.least < 0
 
 
@@ -261,18 +272,16 @@ def test_where_the_nominal_plant_fails_the_radius_is_zero() -> None:
     assert (failing.found, failing.outside.scale) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("options", "plants"),
-    [
-        ({"runs": 8}, 4 + 8),
-        ({"runs": 1000}, 128),
-        ({"runs": 4, "sampler": "corners"}, 4),
-    ],
-)
-def test_a_radius_is_of_the_corners_and_the_first_runs(
-    options: dict[str, Any], plants: int
-) -> None:
-    assert radius(loads(1e-9, BOTH, **options), "lqr").plants == plants
+def test_a_radius_is_of_the_corners_besides_the_runs() -> None:
+    assert radius(loads(1e-9, BOTH, runs=8), "lqr").plants == 4 + 8
+
+
+def test_a_radius_is_of_128_plants_at_most() -> None:
+    assert radius(loads(1e-9, BOTH, runs=1000), "lqr").plants == 128
+
+
+def test_a_radius_of_corners_has_each_once() -> None:
+    assert radius(loads(1e-9, BOTH, runs=4, sampler="corners"), "lqr").plants == 4
 
 
 def test_a_radius_of_correlated_numbers_has_no_corners() -> None:
@@ -304,13 +313,27 @@ def growth_of_s(scale: float) -> float:
     return (rows["max_sliding"] - rows["sliding_start"]).max()
 
 
-def test_s_leaves_its_bound_beyond_the_promise_and_between_two_scales() -> None:
+def test_s_leaves_its_bound_beyond_the_promise() -> None:
+    search = grosmc_radius(3)
+    assert search.promised.scale <= search.stayed
+
+
+def test_the_scale_at_which_s_leaves_its_bound_is_known_to_a_hundredth() -> None:
     search = grosmc_radius(3)
     stayed = search.stayed
+    # Known to 1 % of itself, or to 0.01.
+    assert 0 < search.left.scale - stayed <= max(0.01, 0.01 * stayed)
+
+
+def test_s_leaves_its_bound_between_two_scales() -> None:
+    search = grosmc_radius(3)
+    band = search.promised.band
+    assert growth_of_s(search.stayed) <= band < growth_of_s(search.left.scale)
+
+
+def test_the_share_of_the_bound_is_that_of_the_plant_that_leaves_it() -> None:
+    search = grosmc_radius(3)
     left = search.left
-    assert search.promised.scale <= stayed
-    assert 0 < left.scale - stayed <= max(0.01, 0.01 * stayed)
-    assert growth_of_s(stayed) <= search.promised.band < growth_of_s(left.scale)
     (sliding,) = evaluate(loads(3, laws=GROSMC), "grosmc", left.leaver[None])["max_sliding"]
     assert sliding / search.promised.band == pytest.approx(left.surface, rel=1e-12)
 
@@ -330,11 +353,17 @@ def trial(scale: float, failures: int, leaving: int) -> ScaleTrial:
     return ScaleTrial(scale, 0.0, failures, np.zeros(1), 0.5, leaving, np.zeros(1))
 
 
-def test_failures_of_requirements_and_of_the_surface_are_kept_apart() -> None:
-    trials = (trial(0.0, 0, 0), trial(0.5, 1, 0), trial(1.0, 1, 2))
-    both = Radius("grosmc", 8, trials, Promise(0.4, "", 0.1), 8.0)
-    assert (both.found, both.outside) == (0.0, trials[1])
-    assert (both.stayed, both.left) == (0.5, trials[2])
+# A requirement fails from the second scale on, and s leaves its bound at the third.
+TRIALS = (trial(0.0, 0, 0), trial(0.5, 1, 0), trial(1.0, 1, 2))
+RADIUS = Radius("grosmc", 8, TRIALS, Promise(0.4, "", 0.1), 8.0)
+
+
+def test_the_radius_ends_at_the_first_failure_of_a_requirement() -> None:
+    assert (RADIUS.found, RADIUS.outside) == (0.0, TRIALS[1])
+
+
+def test_a_failure_of_a_requirement_is_none_of_the_surface() -> None:
+    assert (RADIUS.stayed, RADIUS.left) == (0.5, TRIALS[2])
 
 
 def test_growth_of_s_is_measured_from_its_start() -> None:

@@ -56,22 +56,48 @@ def test_runs_needed_is_the_smallest_number(rate: int, confidence: int) -> None:
     assert runs == 1 or share ** (runs - 1) > doubt
 
 
-@pytest.mark.parametrize("runs", [1, 19, 20, 21, 150])
-@pytest.mark.parametrize("diverged", [0, 1, 9])
-def test_quantiles_and_the_mean_of_the_worst_by_their_definitions(runs: int, diverged: int) -> None:
+NUMBERS_OF_RUNS = pytest.mark.parametrize("runs", [1, 19, 20, 21, 150])
+NUMBERS_OF_DIVERGED_RUNS = pytest.mark.parametrize("diverged", [0, 1, 9])
+
+
+def margins_of(runs: int, diverged: int) -> Array:
+    """Return margins of runs, of which the first ones diverged."""
     margins = np.random.default_rng(runs).integers(-9, 9, runs) * 1e5 / 3
     margins[:diverged] = -INF
-    rising = sorted(margins.tolist())
-    summary = margin_summary(margins)
-    for percent, value in zip((0, 1, 5, 50, 95), summary[:5], strict=True):
-        at_least = math.ceil(Fraction(percent * runs, 100))
-        assert value == rising[max(at_least - 1, 0)]
+    return margins
 
-    worst = rising[: math.ceil(Fraction(runs, 20))]
+
+@NUMBERS_OF_RUNS
+@NUMBERS_OF_DIVERGED_RUNS
+@pytest.mark.parametrize(
+    ("percent", "name"),
+    [(0, "least"), (1, "q01"), (5, "q05"), (50, "median"), (95, "q95")],
+)
+def test_a_quantile_has_its_share_of_the_margins_up_to_it(
+    percent: int, name: str, runs: int, diverged: int
+) -> None:
+    margins = margins_of(runs, diverged)
+    rising = sorted(margins.tolist())
+    at_least = math.ceil(Fraction(percent * runs, 100))
+    assert getattr(margin_summary(margins), name) == rising[max(at_least - 1, 0)]
+
+
+@NUMBERS_OF_RUNS
+@NUMBERS_OF_DIVERGED_RUNS
+def test_the_value_at_risk_is_the_mean_of_the_worst(runs: int, diverged: int) -> None:
+    margins = margins_of(runs, diverged)
+    worst = sorted(margins.tolist())[: math.ceil(Fraction(runs, 20))]
     mean = -INF if -INF in worst else math.fsum(worst) / len(worst)
     # Rounding of a sum of at most eight numbers up to 1e6.
-    assert summary.cvar == pytest.approx(mean, abs=8e6 * 2.3e-16)
-    assert (summary.diverged, summary.runs) == (rising.count(-INF), runs)
+    assert margin_summary(margins).cvar == pytest.approx(mean, abs=8e6 * 2.3e-16)
+
+
+@NUMBERS_OF_RUNS
+@NUMBERS_OF_DIVERGED_RUNS
+def test_diverged_runs_are_counted(runs: int, diverged: int) -> None:
+    margins = margins_of(runs, diverged)
+    summary = margin_summary(margins)
+    assert (summary.diverged, summary.runs) == (margins.tolist().count(-INF), runs)
 
 
 @pytest.mark.parametrize("confidence", [0.6, 0.95])

@@ -42,7 +42,7 @@ def part(pairs: Folder) -> pa.Table:
     return pq.read_table(pairs.part(1))
 
 
-def test_a_part_has_a_row_for_each_run_and_controller(part: pa.Table) -> None:
+def test_a_part_has_a_row_for_each_run_under_each_controller(part: pa.Table) -> None:
     assert part["id"].to_pylist() == [4, 5, 6, 7] * 2
     assert part["controller"].to_pylist() == ["lqr"] * 4 + ["stiff"] * 4
 
@@ -62,9 +62,18 @@ def test_columns_of_a_part_have_units(part: pa.Table) -> None:
     assert (units["max_input"], units["ended"]) == (b"A", b"s")
 
 
-def test_a_part_says_nothing_of_when_and_where(part: pa.Table) -> None:
-    notes = json.loads(part.schema.metadata[b"grosmc_mj"])
+@pytest.fixture
+def notes(part: pa.Table) -> dict[str, Any]:
+    """The notes of the second part of eight servos."""
+    return json.loads(part.schema.metadata[b"grosmc_mj"])
+
+
+def test_notes_of_a_part_do_not_tell_its_origin(notes: dict[str, Any]) -> None:
+    """Neither the time nor the machine."""
     assert set(notes) == {"schema_version", "campaign", "part", "first", "count", "sha256"}
+
+
+def test_notes_of_a_part_number_its_runs(notes: dict[str, Any]) -> None:
     assert (notes["part"], notes["first"], notes["count"]) == (1, 4, 4)
 
 
@@ -77,26 +86,43 @@ def test_bits_are_the_same_whoever_runs_them(name: str, pairs: Folder, tmp_path:
     assert not list((folder.path / "parts").glob(".*"))
 
 
-def test_bits_are_the_same_in_any_order_and_number_of_threads(
-    pairs: Folder, tmp_path: Path
+def test_bits_are_the_same_in_any_order(pairs: Folder, tmp_path: Path) -> None:
+    folder = begun(campaign(pair()), tmp_path / "folder")
+    pair_shard(folder, 1)
+    pair_shard(folder, 0)
+    assert bits(folder) == bits(pairs)
+
+
+@pytest.mark.parametrize(("index", "threads"), [(1, 1), (0, 3)])
+def test_bits_are_the_same_with_any_number_of_threads(
+    index: int, threads: int, pairs: Folder, tmp_path: Path
 ) -> None:
     folder = begun(campaign(pair()), tmp_path / "folder")
-    pair_shard(folder, 1, threads=1)
-    pair_shard(folder, 0, threads=3)
-    assert bits(folder) == bits(pairs)
+    pair_shard(folder, index, threads=threads)
+    assert bits(folder) == [bits(pairs)[index]]
     assert not list((folder.path / "parts").glob(".*"))
 
 
-def test_progress_tells_runs_and_the_share_that_keeps_everything(
-    pairs: Folder, tmp_path: Path
-) -> None:
+Steps = list[tuple[int, dict[str, float]]]
+
+
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory: pytest.TempPathFactory) -> Steps:
+    """The progress of eight servos under two LQRs: runs and shares."""
     declared = campaign(pair())
-    folder = begun(declared, tmp_path / "folder")
-    steps: list[tuple[int, dict[str, float]]] = []
+    folder = begun(declared, tmp_path_factory.mktemp("progress") / "folder")
+    steps: Steps = []
     executor = make_executor("batch")
     store.run_missing(declared, folder, executor, print, lambda *step: steps.append(step))
+    return steps
+
+
+def test_progress_counts_runs(steps: Steps) -> None:
     assert sum(runs for runs, _ in steps) == 16
-    columns = pairs.columns(declared, ["relative"], range(2))
+
+
+def test_progress_tells_the_share_that_keeps_everything(steps: Steps, pairs: Folder) -> None:
+    columns = pairs.columns(campaign(pair()), ["relative"], range(2))
     _, shares = steps[-1]
     assert shares == {law: (rows["relative"] >= 0).mean() for law, rows in columns.items()}
 

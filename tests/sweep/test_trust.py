@@ -305,14 +305,19 @@ def test_another_model_is_refused(moved: Moved) -> None:
     assert "with something else: model: " in line
 
 
+def height_of_bump(folder: Path, height: float) -> float:
+    """The height of a bump that a worker reads from a module beside the case file."""
+    file = case_beside_python(folder / str(height), height)
+    out = begun(Campaign.of(question(file)), folder / f"out {height}").path
+    opened = open_campaign(str(out), question(file), read_manifest(out)["hash"])
+    profiles = {load.label: load.profile for load in opened.experiment.case.disturbances}
+    return profiles["bump"](0.1)
+
+
 def test_modules_of_two_folders_do_not_mix_in_one_worker(tmp_path: Path) -> None:
     """A worker of a cluster outlives campaigns; another has helpers of the same names."""
-    for height in (1.0, 3.0):
-        file = case_beside_python(tmp_path / str(height), height)
-        out = begun(Campaign.of(question(file)), tmp_path / f"out {height}").path
-        opened = open_campaign(str(out), question(file), read_manifest(out)["hash"])
-        profiles = {load.label: load.profile for load in opened.experiment.case.disturbances}
-        assert profiles["bump"](0.1) == height
+    assert height_of_bump(tmp_path, 1.0) == 1.0
+    assert height_of_bump(tmp_path, 3.0) == 3.0
 
 
 @pytest.fixture
