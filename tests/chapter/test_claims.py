@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 import json
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import run
+from conftest import Store, Stored
 from rich.cells import cell_len
 from rich.console import Console
 from shipped import REGULATION, uncertainty_of
@@ -352,7 +354,8 @@ def test_a_premise_is_named_only_where_the_claim_failed(
     assert judged(invented([coarse, fine], premise=lambda _: "")).verdict is at_most
 
 
-@pytest.mark.parametrize(
+# Whether a claim is exact, how it is judged, and the levels at which it is measured.
+over_refinements = pytest.mark.parametrize(
     ("exact", "options", "depths"),
     [
         (True, {}, {0}),
@@ -360,18 +363,29 @@ def test_a_premise_is_named_only_where_the_claim_failed(
         (False, {"refine": False}, {0}),
     ],
 )
-def test_an_exact_claim_is_measured_once_and_others_twice(
+
+
+def on_two_plants(exact: bool) -> Claim:
+    """A claim that is refuted on the first plant, and supported on the last one."""
+    values = {"printed": Measured(9.0), "corrected": Measured(1.0)}
+    return invented(values, ("printed", "corrected"), exact=exact)
+
+
+@over_refinements
+def test_only_a_claim_that_is_not_exact_is_measured_twice(
     exact: bool, options: dict[str, bool], depths: set[int]
 ) -> None:
-    values = {"printed": Measured(9.0), "corrected": Measured(1.0)}
-    claim = invented(values, ("printed", "corrected"), exact=exact)
+    claim = on_two_plants(exact)
     level = Level()
     result = judged(claim, level, **options)
     assert sorted(level.log) == sorted(itertools.product(depths, claim.plants))
     for on_plant in result.plants.values():
         assert (on_plant.refined is None) == (depths == {0})
 
-    # The last plant decides.
+
+@over_refinements
+def test_the_last_plant_decides(exact: bool, options: dict[str, bool], depths: set[int]) -> None:
+    result = judged(on_two_plants(exact), **options)
     assert result.verdict is SUPPORTED
     assert result.plants["printed"].verdict is REFUTED
 
@@ -489,7 +503,7 @@ def extreme(cases: list[float], take: Any, shift: float = 0.0, **options: Any) -
     return Measurement(shifted, {"case": cases}, take, **options)(stub, "physics", shift=shift)
 
 
-def test_a_measurement_takes_the_largest_and_extrapolates_it() -> None:
+def test_a_measurement_extrapolates_the_largest() -> None:
     """2 (3 + 1/2) - (3 + 1)."""
     measured = extreme([1.0, 3.0, 2.0], "largest", extrapolated=True)
     assert measured.value == 3.0
@@ -604,9 +618,13 @@ def test_the_table_of_causes_has_every_claim_that_is_not_supported() -> None:
     assert causes == CAUSES
 
 
-def test_the_page_has_the_counts_and_every_sentence() -> None:
+def test_the_page_has_the_counts() -> None:
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     assert f"| {' | '.join(counts_row())} |" in lines
+
+
+def test_the_page_has_every_sentence() -> None:
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
     for sentence in SENTENCES:
         (line,) = [line for line in lines if line.startswith(f"| {sentence.quote} |")]
         assert line.endswith(f" {sentence.verdict.value} |")
@@ -618,6 +636,18 @@ def test_the_page_tells_every_claim_that_is_not_supported() -> None:
     assert set(CAUSES) <= set(headings)
 
 
+def result_of_misprint(verdict: Verdict | None) -> dict[str, Any]:
+    """The document of a claim without a number: with its expected verdict, or another one."""
+    misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
+    return json.loads(json_text(claims_result([misprint], LAB)))
+
+
+@pytest.mark.parametrize("verdict", [None, SUPPORTED])
+def test_a_result_of_claims_holds_no_nan(verdict: Verdict | None) -> None:
+    content = result_of_misprint(verdict)
+    assert content["claims"][0]["plants"]["corrected"]["value"] is None
+
+
 @pytest.mark.parametrize(
     ("verdict", "words", "value"),
     [
@@ -625,13 +655,10 @@ def test_the_page_tells_every_claim_that_is_not_supported() -> None:
         (SUPPORTED, "1 of 1 verdicts differ from the expected ones", "not as expected"),
     ],
 )
-def test_a_result_of_claims_answers_and_holds_no_nan(
+def test_a_result_of_claims_says_whether_verdicts_are_as_expected(
     verdict: Verdict | None, words: str, value: str
 ) -> None:
-    misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
-    content = json.loads(json_text(claims_result([misprint], LAB)))
-    assert content["claims"][0]["plants"]["corrected"]["value"] is None
-    document = Result.model_validate(content)
+    document = Result.model_validate(result_of_misprint(verdict))
     assert document.answers[0].words == words
     assert document.values[0].value == value
 
@@ -650,24 +677,41 @@ def test_every_claim_stands_in_one_table_within_the_width_whatever_its_verdict()
     assert too_wide(*story.claims_tables(mixed)) == []
 
 
+@pytest.fixture(scope="module")
+def one_claim(store: Store) -> Stored:
+    """The command about one claim."""
+    return store.command("claims", "arm-epsilon")
+
+
 @pytest.mark.slow
-def test_the_command_tells_and_draws_one_claim(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("claims", "arm-epsilon", "--out", tmp_path) == cli.DONE
-    output = capsys.readouterr().out
-    assert "REFUTED" in output
-    assert "Theorem 3" in output
-    assert "along a run that stays on its surface" in output
-    assert "|d/M(q)|" in output
-    assert (tmp_path / "claims" / "arm-epsilon.png").stat().st_size > 10_000
+@pytest.mark.parametrize(
+    "words", ["REFUTED", "Theorem 3", "along a run that stays on its surface", "|d/M(q)|"]
+)
+def test_the_command_tells_one_claim(words: str, one_claim: Stored) -> None:
+    assert one_claim.code == cli.DONE
+    assert words in one_claim.said
 
 
-def test_the_command_answers_first_and_briefly(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(claims_command, "judge_with_progress", lambda *_: EXPECTED)
-    assert run("claims", "--out", tmp_path) == cli.DONE
-    lines = capsys.readouterr().out.rstrip("\n").split("\n")
-    assert lines[0].startswith("All verdicts are as expected")
-    assert len(lines) <= 40
+@pytest.mark.slow
+def test_the_command_draws_one_claim(one_claim: Stored) -> None:
+    assert one_claim.code == cli.DONE
+    assert (one_claim.folder / "claims" / "arm-epsilon.png").stat().st_size > 10_000
+
+
+@pytest.fixture(scope="module")
+def answer_lines(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Lines that the command prints where all verdicts are as expected."""
+    folder = tmp_path_factory.mktemp("all_claims")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(claims_command, "judge_with_progress", lambda *_: EXPECTED)
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            assert run("claims", "--out", folder) == cli.DONE
+    return output.getvalue().rstrip("\n").split("\n")
+
+
+def test_the_command_answers_first(answer_lines: list[str]) -> None:
+    assert answer_lines[0].startswith("All verdicts are as expected")
+
+
+def test_the_command_answers_briefly(answer_lines: list[str]) -> None:
+    assert len(answer_lines) <= 40

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
 from collections.abc import Callable
@@ -66,12 +68,20 @@ def test_everything_is_as_recorded(everything: Stored, document: dict[str, Any])
     assert len(document["configuration"]["cases"]) == 18
 
 
-def test_corrected_equations_agree_with_physics_and_printed_ones_do_not(
-    document: dict[str, Any],
-) -> None:
+# The bound of the acceleration test.
+SAME_ACCELERATION = 1e-10
+
+
+def test_corrected_equations_agree_with_physics(document: dict[str, Any]) -> None:
     for row in document["agreement"]:
-        # The bound of the acceleration test.
-        assert (row["acceleration"] < 1e-10) is (row["variant"] == "corrected")
+        if row["variant"] == "corrected":
+            assert row["acceleration"] < SAME_ACCELERATION
+
+
+def test_printed_equations_do_not_agree_with_physics(document: dict[str, Any]) -> None:
+    for row in document["agreement"]:
+        if row["variant"] != "corrected":
+            assert not row["acceleration"] < SAME_ACCELERATION
 
 
 def test_every_run_is_complete_with_its_metrics(document: dict[str, Any]) -> None:
@@ -117,18 +127,24 @@ def answer_lines(everything: Stored) -> list[str]:
     return f"{answer}{end}".rstrip("\n").split("\n")
 
 
-def test_the_answer_comes_first_and_is_brief(everything: Stored) -> None:
+def test_the_answer_comes_first(everything: Stored) -> None:
+    assert answer_lines(everything)[0].startswith("All 127 runs are as recorded")
+
+
+def test_the_answer_is_brief(everything: Stored) -> None:
     lines = answer_lines(everything)
-    assert lines[0].startswith("All 127 runs are as recorded")
     assert len(lines) <= 40
     assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
 
-def test_every_figure_of_the_chapter_is_drawn_as_png_and_svg(everything: Stored) -> None:
+def test_every_figure_of_the_chapter_is_drawn_in_both_formats(everything: Stored) -> None:
     figures = sorted(everything.folder.glob("fig*"))
     numbers = [path.name[:4] for path in figures]
     assert numbers == [f"fig{i}" for i in range(1, 9) for _ in ("png", "svg")]
     assert all(path.stat().st_size > 20_000 for path in figures)
+
+
+def test_no_unfinished_file_is_left(everything: Stored) -> None:
     unfinished = [*everything.folder.glob(".*"), *everything.folder.glob("*.part")]
     assert unfinished == []
 
@@ -147,55 +163,87 @@ def test_a_folder_is_not_worse_than_itself(
     assert "Nothing got worse" in capsys.readouterr().out
 
 
-@pytest.fixture
-def changed_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A record that three runs of servo/nominal differ from, each in another way."""
+def change_record(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Set a record that three runs of servo/nominal differ from, each in another way."""
     content = expected.load_expected()
     runs = content["runs"]
     runs["servo/nominal/physics/lqr"]["metrics"]["deviation"] *= 1.1
     runs["servo/nominal/physics/grosmc"]["status"] = "diverged"
     del runs["servo/nominal/corrected/lqr"]
-    path = tmp_path / "expected.json"
+    path = folder / "expected.json"
     path.write_text(json.dumps(content), encoding="utf-8")
     monkeypatch.setattr(expected, "EXPECTED_FILE", path)
 
 
-def validate_nominal(folder: Path, *options: str) -> int:
+def validate_nominal(folder: Path, *options: str) -> Stored:
     """Validate the servo's nominal case."""
-    return run("validate", "servo/nominal", "--no-figures", "--out", folder, *options)
+    arguments = ("validate", "servo/nominal", "--no-figures", "--out", folder, *options)
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        code = run(*arguments)
+    return Stored(code, output.getvalue(), folder)
 
 
-def read(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / "validation.json").read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def not_as_recorded(tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    """One validation with a changed record."""
+    folder = tmp_path_factory.mktemp("not_as_recorded")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        change_record(folder, monkeypatch)
+        return validate_nominal(folder)
 
 
-@pytest.mark.usefixtures("changed_record")
-def test_a_result_that_is_not_as_recorded_is_named_and_exits_1(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_results_that_are_not_as_recorded_exit_1(not_as_recorded: Stored) -> None:
+    assert not_as_recorded.code == cli.DIFFERS
+
+
+@pytest.mark.parametrize(
+    "difference",
+    [
+        "physics/lqr: deviation is",
+        "physics/grosmc: completed, recorded diverged",
+        "corrected/lqr: not recorded",
+    ],
+)
+def test_a_result_that_is_not_as_recorded_is_named(
+    difference: str, not_as_recorded: Stored
 ) -> None:
-    assert validate_nominal(tmp_path) == cli.DIFFERS
-    output = capsys.readouterr().out
-    assert "servo/nominal/physics/lqr: deviation is" in output
-    assert "servo/nominal/physics/grosmc: completed, recorded diverged" in output
-    assert "servo/nominal/corrected/lqr: not recorded" in output
-    standings = {row["law"]: row["breaks_at"] for row in read(tmp_path)["standings"]}
+    assert f"servo/nominal/{difference}" in not_as_recorded.said
+
+
+def test_a_law_that_is_not_as_recorded_breaks_at_the_record(not_as_recorded: Stored) -> None:
+    rows = not_as_recorded.read("validation.json")["standings"]
+    standings = {row["law"]: row["breaks_at"] for row in rows}
     assert standings == {"lqr": "record", "grosmc": ""}
 
 
-@pytest.mark.usefixtures("changed_record")
-def test_recorded_results_are_repeated(tmp_path: Path) -> None:
-    assert validate_nominal(tmp_path, "--record") == cli.DONE
-    assert validate_nominal(tmp_path) == cli.DONE
+def test_recorded_results_are_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    change_record(tmp_path, monkeypatch)
+    assert validate_nominal(tmp_path, "--record").code == cli.DONE
+    assert validate_nominal(tmp_path).code == cli.DONE
 
 
-def test_equations_that_differ_from_physics_are_named_and_exit_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(agreement, "AGREEMENT_BOUND", 0.0)
-    assert validate_nominal(tmp_path) == cli.DIFFERS
-    output = " ".join(capsys.readouterr().out.split())
+@pytest.fixture(scope="module")
+def differs_from_physics(tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    """One validation in which no difference of the accelerations is small enough."""
+    folder = tmp_path_factory.mktemp("differs_from_physics")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(agreement, "AGREEMENT_BOUND", 0.0)
+        return validate_nominal(folder)
+
+
+def test_equations_that_differ_from_physics_exit_1(differs_from_physics: Stored) -> None:
+    assert differs_from_physics.code == cli.DIFFERS
+
+
+def test_equations_that_differ_from_physics_are_named(differs_from_physics: Stored) -> None:
+    output = " ".join(differs_from_physics.said.split())
     assert "differs: servo, nominal: accelerations" in output
-    content = read(tmp_path)
+
+
+def test_equations_that_differ_from_physics_are_a_difference_of_the_document(
+    differs_from_physics: Stored,
+) -> None:
+    content = differs_from_physics.read("validation.json")
     assert content["as_recorded"] is False
     assert content["differences"]
 

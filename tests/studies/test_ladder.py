@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import itertools
 import json
 import math
@@ -9,7 +11,7 @@ import signal
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -80,7 +82,7 @@ def written(folder: Path, text: str = CLAIMED) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
+over_swings = pytest.mark.parametrize(
     ("error", "amplitude", "frequency"),
     [
         (0.5 + 0.2 * sine(7.3), 0.2, 7.3),
@@ -89,12 +91,18 @@ def written(folder: Path, text: str = CLAIMED) -> Path:
         (sine(3) + 0.05 * sine(211), 1.05, 3.0),
     ],
 )
-def test_a_swing_has_its_amplitude_and_frequency(
-    error: Array, amplitude: float, frequency: float
-) -> None:
-    """The end is 2 s long, in which a crossing more or less is a quarter of a hertz."""
-    swing, cycle = study.oscillation(TIME, error)
+
+
+@over_swings
+def test_a_swing_has_its_amplitude(error: Array, amplitude: float, frequency: float) -> None:
+    swing, _ = study.oscillation(TIME, error)
     assert swing == pytest.approx(amplitude, rel=0.01)
+
+
+@over_swings
+def test_a_swing_has_its_frequency(error: Array, amplitude: float, frequency: float) -> None:
+    """The end is 2 s long, in which a crossing more or less is a quarter of a hertz."""
+    _, cycle = study.oscillation(TIME, error)
     assert cycle == pytest.approx(frequency, abs=0.25)
 
 
@@ -236,21 +244,26 @@ def made_up(*names: str) -> study.Ladder:
     return replace(ladder("servo", ["lqr", "pid"]), climbing=own)
 
 
-def test_passing_every_rung_and_passing_the_complete_machine_are_two_columns() -> None:
-    rows = [
-        *WAY,
-        *(row(name, 0.5, "stands") for name in RUNGS[1:]),
-        row("delay", 3.0, "recovers"),
-        row("stops", 0.9, "recovers"),
-        row("physics", 0.5, "interrupted"),
-        # Alone and under load are not on this way.
-        row("physics", 9.0, "stands", together=False),
-        row("physics", 9.0, "stands", condition="case1"),
-    ]
-    assert study.verdict(made_up(), rows, "nominal") == (
+FOUR_LAWS = [
+    *WAY,
+    *(row(name, 0.5, "stands") for name in RUNGS[1:]),
+    row("delay", 3.0, "recovers"),
+    row("stops", 0.9, "recovers"),
+    row("physics", 0.5, "interrupted"),
+    # Alone and under load are not on this way.
+    row("physics", 9.0, "stands", together=False),
+    row("physics", 9.0, "stands", condition="case1"),
+]
+
+
+def test_the_verdict_counts_laws_on_every_rung_apart_from_those_on_the_machine() -> None:
+    assert study.verdict(made_up(), FOUR_LAWS, "nominal") == (
         "1 of 4 laws pass every rung, 2 the complete machine; delay breaks 2."
     )
-    answer = study.answer_table(made_up(), rows, made_up().conditions[0])
+
+
+def test_the_answer_has_a_column_for_every_rung_beside_that_of_the_machine() -> None:
+    answer = study.answer_table(made_up(), FOUR_LAWS, made_up().conditions[0])
     assert [cells[:4] for cells in answer.rows] == [
         ["stands", "yes", "yes (0.5)", ""],
         ["lqr", "no", "no (never)", "delay: settles within: 1.2 times"],
@@ -285,8 +298,11 @@ def test_any_law_of_the_file_climbs_by_its_name() -> None:
     assert [law.name for law in ladder("servo", ["grosmc", "lqr"]).laws] == ["grosmc", "lqr"]
 
 
-def test_laws_climb_nominally_and_on_request_under_the_system_s_loads() -> None:
+def test_laws_climb_nominally() -> None:
     assert [x.name for x in ladder("servo").conditions] == ["nominal"]
+
+
+def test_laws_climb_under_the_system_s_loads_on_request() -> None:
     loaded = ladder("servo", loaded=True)
     assert [x.name for x in loaded.conditions] == ["nominal", "case1", "case2"]
 
@@ -338,37 +354,98 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
         assert limit.value == expected
 
 
-def test_the_page_has_claims_distances_and_the_machine_under_each_condition() -> None:
-    rows = [
-        row("physics", 0.5, deviation=0.0123, claims={"quick": 0.5}),
-        row("physics", 0.5, "pid"),
-        row("physics", 3.25, condition="case1"),
-        row("physics", 3.25, "pid", condition="case1"),
-    ]
+TWO_CONDITIONS = [
+    row("physics", 0.5, deviation=0.0123, claims={"quick": 0.5}),
+    row("physics", 0.5, "pid"),
+    row("physics", 3.25, condition="case1"),
+    row("physics", 3.25, "pid", condition="case1"),
+]
+
+
+@cache
+def loaded_ladder() -> study.Ladder:
+    """A ladder of one rung, nominally and under load."""
     loaded = ladder("servo", ["lqr", "pid"], loaded=True)
     rung = Rung("physics", "physics", assumed=("computing: jitter",))
-    made = replace(
-        loaded, climbing=[rung], conditions=loaded.conditions[:2], statements={"quick": "It is so"}
+    return replace(
+        loaded,
+        climbing=[rung],
+        conditions=loaded.conditions[:2],
+        statements={"quick": "It is so"},
     )
-    document = json.loads(json_text(study.ladder_document(made, rows, complete=True)))
-    assert [RungResult.model_validate(x) for x in document["climbs"]] == rows
-    parts = study.ladders_text([document]).split("\n\n")
-    tables = {before: part.splitlines()[2:] for before, part in itertools.pairwise(parts)}
-    title = f"The complete machine, nominally and under load (case1: {made.conditions[1].title}):"
-    distance = "Largest distance from the nominal optimum [mrad], of the laws that follow it:"
-    assert tables["Rungs added one by one:"] == ["| lqr | 0.5 |", "| pid | 0.5 |"]
-    assert tables[title] == ["| lqr | 0.5 | 3.25x |", "| pid | 0.5 | 3.25x |"]
-    assert tables[distance] == ["| lqr | 12.3 |"]
-    assert tables["Rung on which each claim fails:"] == ["| lqr | stands |"]
-    assert parts[-1] == "`quick`: It is so."
-    assert "\\* rests on numbers that are assumed: physics (computing: jitter)." in parts
+
+
+@cache
+def loaded_document() -> dict[str, Any]:
+    content = study.ladder_document(loaded_ladder(), TWO_CONDITIONS, complete=True)
+    return json.loads(json_text(content))
+
+
+@cache
+def page_parts() -> list[str]:
+    """The paragraphs of the page of a ladder."""
+    return study.ladders_text([loaded_document()]).split("\n\n")
+
+
+def table_under(title: str) -> list[str]:
+    """The rows of the page's table with this title."""
+    tables = dict(itertools.pairwise(page_parts()))
+    return tables[title].splitlines()[2:]
+
+
+def test_the_document_has_every_row() -> None:
+    climbs = loaded_document()["climbs"]
+    assert [RungResult.model_validate(climb) for climb in climbs] == TWO_CONDITIONS
+
+
+@pytest.mark.parametrize(
+    ("title", "rows"),
+    [
+        ("Rungs added one by one:", ["| lqr | 0.5 |", "| pid | 0.5 |"]),
+        (
+            "Largest distance from the nominal optimum [mrad], of the laws that follow it:",
+            ["| lqr | 12.3 |"],
+        ),
+        ("Rung on which each claim fails:", ["| lqr | stands |"]),
+    ],
+    ids=["rungs", "distances", "claims"],
+)
+def test_the_page_has_a_table_of_the_nominal_climb(title: str, rows: list[str]) -> None:
+    assert table_under(title) == rows
+
+
+def test_the_page_has_the_machine_under_each_condition() -> None:
+    load = loaded_ladder().conditions[1].title
+    title = f"The complete machine, nominally and under load (case1: {load}):"
+    assert table_under(title) == ["| lqr | 0.5 | 3.25x |", "| pid | 0.5 | 3.25x |"]
+
+
+def test_the_page_ends_with_the_statements_of_the_claims() -> None:
+    assert page_parts()[-1] == "`quick`: It is so."
+
+
+def test_the_page_names_the_numbers_that_are_assumed() -> None:
+    sentence = "\\* rests on numbers that are assumed: physics (computing: jitter)."
+    assert sentence in page_parts()
+
+
+@cache
+def servo_climb() -> tuple[list[RungResult], RungResult]:
+    """Results of LQR on the rungs of a servo, and with its friction alone."""
+    studied = ladder("servo", ["lqr"])
+    steps = [x for x in studied.steps() if x[3] or x[1].name == "friction"]
+    *rungs, friction_alone = [run_rung(studied, *x[:3], together=x[3]) for x in steps]
+    return rungs, friction_alone
+
+
+def servo_rung(name: str) -> RungResult:
+    rungs, _ = servo_climb()
+    return next(step for step in rungs if step.rung == name)
 
 
 @pytest.mark.slow
 def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
-    studied = ladder("servo", ["lqr"])
-    steps = [x for x in studied.steps() if x[3] or x[1].name == "friction"]
-    *rungs, friction_alone = [run_rung(studied, *x[:3], together=x[3]) for x in steps]
+    rungs, friction_alone = servo_climb()
     broken = study.first_failed(rungs)
     assert broken is not None
     assert broken.rung == "friction"
@@ -380,16 +457,31 @@ def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     # It needs no other imperfection for that, and stops where friction holds the rest of K e.
     assert not friction_alone.kept
     assert not any(step.kept for step in rungs[rungs.index(broken) :])
-    at = {step.rung: step for step in rungs}
-    used = {name: step.share_of_the_tightest_limit for name, step in at.items()}
-    assert used["physics"] == pytest.approx(used["corrected"], rel=1e-3)
-    # The model's damping has the back-EMF in it, and 24 V are enough: it changes nothing.
-    for name in ("share_of_the_tightest_limit", "variation", "amplitude", "shares"):
-        motor, actuator = (getattr(at[rung], name) for rung in ("motor", "actuator"))
-        assert motor == pytest.approx(actuator, rel=0.01)
-    # Encoders' steps make the input move.
-    assert (at["sensors"].variation or 0.0) > 1.5 * (at["sampled"].variation or 0.0)
-    assert at["sensors"].frequency is not None
+
+
+@pytest.mark.slow
+def test_lqr_climbs_the_servo_s_physics_as_its_equations() -> None:
+    equations = servo_rung("corrected").share_of_the_tightest_limit
+    physics = servo_rung("physics").share_of_the_tightest_limit
+    assert physics == pytest.approx(equations, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["share_of_the_tightest_limit", "variation", "amplitude", "shares"]
+)
+def test_the_servo_s_motor_changes_nothing(name: str) -> None:
+    """The model's damping has the back-EMF in it, and 24 V are enough."""
+    motor = getattr(servo_rung("motor"), name)
+    actuator = getattr(servo_rung("actuator"), name)
+    assert motor == pytest.approx(actuator, rel=0.01)
+
+
+@pytest.mark.slow
+def test_steps_of_the_servo_s_encoders_make_the_input_move() -> None:
+    sensors = servo_rung("sensors")
+    assert (sensors.variation or 0.0) > 1.5 * (servo_rung("sampled").variation or 0.0)
+    assert sensors.frequency is not None
 
 
 # The command.
@@ -436,33 +528,84 @@ def climber(monkeypatch: pytest.MonkeyPatch) -> Climber:
     return climber
 
 
-def test_the_command_writes_its_rows_and_the_answer(
-    climber: Climber, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    options = ("--laws", "lqr", "pid", "--out", tmp_path)
-    assert run("study", "ladder", "servo", *options) == cli.DONE
-    output = " ".join(capsys.readouterr().out.split())
-    assert "0 of 2 laws pass every rung, 0 the complete machine; friction breaks 2." in output
-    assert "deviation below: 3.25" in output
-    assert "ladder_servo_machine.json" in output
-    assert "servo-before-load" in output
-    document = json.loads((tmp_path / "ladder_servo_machine.json").read_text(encoding="utf-8"))
+class ServoLadder(NamedTuple):
+    """The command's ladder of two laws that are made up: its words, its folder, its steps."""
+
+    output: str
+    folder: Path
+    ran: list[tuple[str, bool]]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        file = self.folder / "ladder_servo_machine.json"
+        return json.loads(file.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def servo_ladder(tmp_path_factory: pytest.TempPathFactory) -> ServoLadder:
+    """One ladder; tests only read its folder."""
+    climber = Climber()
+    folder = tmp_path_factory.mktemp("servo_ladder")
+    options = ("--laws", "lqr", "pid", "--out", folder)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(study, "run_rung", climber)
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            assert run("study", "ladder", "servo", *options) == cli.DONE
+    return ServoLadder(" ".join(output.getvalue().split()), folder, climber.ran)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "0 of 2 laws pass every rung, 0 the complete machine; friction breaks 2.",
+        "deviation below: 3.25",
+        "ladder_servo_machine.json",
+        "servo-before-load",
+    ],
+)
+def test_the_command_prints_the_answer(words: str, servo_ladder: ServoLadder) -> None:
+    assert words in servo_ladder.output
+
+
+def test_the_command_writes_its_laws(servo_ladder: ServoLadder) -> None:
+    document = servo_ladder.document
     assert document["complete"]
     assert document["configuration"]["target"] == "servo/machine"
     assert [law["name"] for law in document["laws"]] == ["lqr", "pid"]
-    assert len(document["climbs"]) == len(climber.ran) == 2 * (13 + 10)
-    (teeth,) = (rung["parts"][-1] for rung in document["climbing"] if rung["name"] == "backlash")
-    # Infinity is null in a document.
+
+
+def test_the_command_writes_a_row_for_every_step(servo_ladder: ServoLadder) -> None:
+    climbs = servo_ladder.document["climbs"]
+    assert len(climbs) == len(servo_ladder.ran) == 2 * (13 + 10)
+
+
+def test_infinite_stiffness_is_null_in_the_document(servo_ladder: ServoLadder) -> None:
+    climbing = servo_ladder.document["climbing"]
+    (teeth,) = (rung["parts"][-1] for rung in climbing if rung["name"] == "backlash")
     assert teeth["kind"] == "transmission"
     assert teeth["stiffness"] is None
-    stated = {claim["claim"]: claim["statement"] for claim in document["claims"]}
-    assert stated["servo-before-load"].startswith("Without disturbance both laws")
-    last = next(step for step in document["climbs"] if step["rung"] == "stops")
+
+
+def test_the_share_of_a_run_that_ended_is_null_in_the_document(servo_ladder: ServoLadder) -> None:
+    last = next(step for step in servo_ladder.document["climbs"] if step["rung"] == "stops")
     assert last["share_of_the_tightest_limit"] is None
     assert last["tightest"] == ENDED
-    assert [law["breaks_at"] for law in document["standings"]] == ["friction", "friction"]
-    for suffix in ("png", "svg"):
-        assert (tmp_path / f"ladder_servo_machine.{suffix}").stat().st_size > 1000
+
+
+def test_the_document_has_the_statements_of_the_claims(servo_ladder: ServoLadder) -> None:
+    claims = servo_ladder.document["claims"]
+    stated = {claim["claim"]: claim["statement"] for claim in claims}
+    assert stated["servo-before-load"].startswith("Without disturbance both laws")
+
+
+def test_the_document_has_the_rung_that_breaks_each_law(servo_ladder: ServoLadder) -> None:
+    standings = servo_ladder.document["standings"]
+    assert [law["breaks_at"] for law in standings] == ["friction", "friction"]
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg"])
+def test_the_command_draws_the_ladder(suffix: str, servo_ladder: ServoLadder) -> None:
+    assert (servo_ladder.folder / f"ladder_servo_machine.{suffix}").stat().st_size > 1000
 
 
 class Killed(BaseException):
@@ -476,7 +619,7 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """From the rung at which it was stopped; a file of another version is climbed anew."""
+    """From the rung at which it was stopped."""
 
     def stopped() -> None:
         if isinstance(stop, signal.Signals):
@@ -507,11 +650,26 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
     assert run(*command) == cli.DONE
     assert climber.ran == 2 * everything
     assert file.read_bytes() == resumed
-    for name, other in (("versions", {"mujoco": "another"}), ("source_digest", "another")):
-        monkeypatch.setattr(study, name, lambda other=other: other)
-        climber.ran.clear()
-        assert run(*command, "--resume") == cli.DONE
-        assert climber.ran == everything
+
+
+@pytest.mark.parametrize(
+    ("name", "other"), [("versions", {"mujoco": "another"}), ("source_digest", "another")]
+)
+def test_a_ladder_of_another_version_is_climbed_anew(
+    name: str,
+    other: Any,
+    climber: Climber,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("grosmc_mj.results.charts.write_cells", lambda path, *_: path)
+    command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
+    assert run(*command) == cli.DONE
+    everything = climber.ran[:]
+    monkeypatch.setattr(study, name, lambda: other)
+    climber.ran.clear()
+    assert run(*command, "--resume") == cli.DONE
+    assert climber.ran == everything
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -21,7 +22,14 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.studies import region
-from grosmc_mj.studies.region import Outcome, RegionLoop, RegionStudy, choose_axes, outcomes
+from grosmc_mj.studies.region import (
+    Outcome,
+    RegionLoop,
+    RegionMap,
+    RegionStudy,
+    choose_axes,
+    outcomes,
+)
 from grosmc_mj.sweep.runs import Outcomes
 
 SETTINGS = Settings(integrator="implicitfast")
@@ -199,28 +207,48 @@ def test_a_start_has_converged_early_within_a_quarter_of_its_tolerances_unless_d
 # Maps.
 
 
-def test_a_map_has_the_second_axis_down_and_the_first_across(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """By starts that converge where the angle is positive and more than the rate."""
+def angle_exceeds_rate(loop: RegionLoop, starts: np.ndarray, duration: float) -> np.ndarray:
+    """Made-up outcomes: convergence where the angle is positive and more than the rate."""
+    angle = starts[:, 1]
+    rate = starts[:, 3]
+    return np.where((angle > 0) & (angle > rate), "c", "d")
 
-    def made_up(loop: RegionLoop, starts: np.ndarray, duration: float) -> np.ndarray:
-        angle = starts[:, 1]
-        rate = starts[:, 3]
-        return np.where((angle > 0) & (angle > rate), "c", "d")
 
-    monkeypatch.setattr(region, "outcomes", made_up)
-    monkeypatch.setattr(region, "BATCH", 8)
+class MadeUpMaps(NamedTuple):
+    """Maps of made-up outcomes, the batches of their study, and the advances that it reported."""
+
+    maps: list[RegionMap]
+    batches: int
+    advances: list[str]
+
+
+@pytest.fixture(scope="module")
+def made_up() -> MadeUpMaps:
+    """Angles -1, 0 and 1, rates -3, 0 and 3, in batches of 8."""
     advances: list[str] = []
     limits = (math.degrees(1.5), 4.5)
-    study = RegionStudy("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
-    (first, *rest) = study.maps(advances.append)
-    # Angles -1, 0 and 1; rates -3, 0 and 3 from above.
-    assert first.rows == ["ddc", "ddc", "ddd"]
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(region, "outcomes", angle_exceeds_rate)
+        monkeypatch.setattr(region, "BATCH", 8)
+        study = RegionStudy("cart_pendulum", points=3, limits=limits, controllers=("lqr",))
+        maps = list(study.maps(advances.append))
+        return MadeUpMaps(maps, study.batches, advances)
+
+
+def test_rows_of_a_map_descend_the_second_axis(made_up: MadeUpMaps) -> None:
+    """Rates 3, 0 and -3; the angle goes across."""
+    assert made_up.maps[0].rows == ["ddc", "ddc", "ddd"]
+
+
+def test_a_map_counts_its_outcomes(made_up: MadeUpMaps) -> None:
+    first = made_up.maps[0]
     assert first.counts[Outcome.CONVERGED] == 2
     assert first.counts[Outcome.DIVERGED] == 7
     assert first.converged == pytest.approx(100 * 2 / 9)
-    assert len(advances) == study.batches == 2 * (1 + len(rest))
+
+
+def test_maps_advance_by_batches(made_up: MadeUpMaps) -> None:
+    assert len(made_up.advances) == made_up.batches == 2 * len(made_up.maps)
 
 
 class Physics:
@@ -321,30 +349,69 @@ def test_a_question_without_sense_is_one_line(
     assert_one_line(error)
 
 
+ARM_REGION = ("study", "region", "arm", "--points", "5", "--duration", "6")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def arm_region(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of one region study of the arm; tests only read them."""
+    folder = tmp_path_factory.mktemp("arm_region")
+    assert run(*ARM_REGION, "--out", folder) == cli.DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def arm_maps(arm_region: Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """The study's maps by case and controller."""
+    document = json.loads((arm_region / "region_arm.json").read_text(encoding="utf-8"))
+    return {(law_map["case"], law_map["controller"]): law_map for law_map in document["maps"]}
+
+
 @pytest.mark.slow
-def test_the_command_writes_figure_and_grids(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_command_writes_a_figure_beside_its_document(arm_region: Path) -> None:
+    files = ["region_arm.json", "region_arm.png", "region_arm.svg"]
+    assert sorted(contents(arm_region)) == files
+
+
+@pytest.mark.slow
+def test_the_command_writes_a_grid_for_every_law_in_every_case(
+    arm_maps: dict[tuple[str, str], dict[str, Any]],
 ) -> None:
-    options = ("--points", "5", "--duration", "6", "--out", tmp_path)
-    assert run("study", "region", "arm", *options) == cli.DONE
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert sorted(before) == ["region_arm.json", "region_arm.png", "region_arm.svg"]
-    document = json.loads(before["region_arm.json"])
-    maps = {(law_map["case"], law_map["controller"]): law_map for law_map in document["maps"]}
-    assert set(maps) == set(itertools.product(("nominal", "case2"), ("lqr", "grosmc")))
-    for law_map in maps.values():
+    assert set(arm_maps) == set(itertools.product(("nominal", "case2"), ("lqr", "grosmc")))
+    for law_map in arm_maps.values():
         assert [len(row) for row in law_map["grid"]] == [5] * 5
         assert "".join(law_map["grid"]).count("c") == law_map["counts"]["converged"]
-    # GROSMC holds starts that LQR loses altogether with twice the payload.
-    assert maps["case2", "grosmc"]["counts"]["converged"] > 0
-    assert maps["case2", "lqr"]["counts"]["converged"] == 0
 
+
+@pytest.mark.slow
+def test_grosmc_holds_starts_with_twice_the_payload(
+    arm_maps: dict[tuple[str, str], dict[str, Any]],
+) -> None:
+    assert arm_maps["case2", "grosmc"]["counts"]["converged"] > 0
+
+
+@pytest.mark.slow
+def test_lqr_loses_every_start_with_twice_the_payload(
+    arm_maps: dict[tuple[str, str], dict[str, Any]],
+) -> None:
+    assert arm_maps["case2", "lqr"]["counts"]["converged"] == 0
+
+
+@pytest.mark.slow
+def test_an_interrupt_before_the_first_map_leaves_earlier_results(
+    arm_region: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
+    folder = shutil.copytree(arm_region, tmp_path / "out")
     monkeypatch.setattr(region, "outcomes", interrupted)
-    assert run("study", "region", "arm", *options) == cli.INTERRUPTED
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert run(*ARM_REGION, "--out", folder) == cli.INTERRUPTED
+    assert contents(folder) == contents(arm_region)
 
 
 @pytest.mark.parametrize("finished", [0, 1])

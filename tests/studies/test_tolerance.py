@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
 import pickle
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,7 @@ import control
 import numpy as np
 import pytest
 from commands import run
+from conftest import Stored
 
 from grosmc_mj import cli, executors
 from grosmc_mj.executors import Batch
@@ -265,39 +270,69 @@ def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyP
     assert numbers == ({0} if failing == 0 else {0, 1, 2, 3})
 
 
-@pytest.mark.slow
-def test_lqr_stands_its_delay_margin_and_physics_confirms_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Physics looks at the least and its neighbours at a limit, and at all once it differs."""
-    (tmp_path / "mine.toml").write_text(FILE, encoding="utf-8")
-    studied = tolerance_study(str(tmp_path / "mine.toml"), ["lqr"])
-    studied = replace(studied, conditions=studied.conditions[:1])
+@pytest.fixture(scope="module")
+def delayed(tmp_path_factory: pytest.TempPathFactory) -> ToleranceStudy:
+    """The study of the servo's LQR with a delayed input, without a load."""
+    file = tmp_path_factory.mktemp("delayed") / "mine.toml"
+    file.write_text(FILE, encoding="utf-8")
+    studied = tolerance_study(str(file), ["lqr"])
+    return replace(studied, conditions=studied.conditions[:1])
 
-    def checked() -> list[Tolerance]:
-        return [row for row in tolerances(studied, 0, 1) if row.physics_agrees is not None]
 
-    monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
-    least = checked()
-    with monkeypatch.context() as wide:
+def checked(studied: ToleranceStudy) -> list[Tolerance]:
+    """The tolerances that are looked at in physics, none of them at random."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
+        rows = tolerances(studied, 0, 1)
+    return [row for row in rows if row.physics_agrees is not None]
+
+
+@pytest.fixture(scope="module")
+def neighbours(delayed: ToleranceStudy) -> list[Tolerance]:
+    """The tolerances that are looked at where all are neighbours of the least."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
         # The distance of the others from their limits is less than that.
-        wide.setattr(tolerance, "LEAST_BAND", math.inf)
-        rows = checked()
-    assert [row.physics_agrees for row in rows] == [True] * 4
-    assert least == [min(rows, key=lambda row: row.largest_kept)]
-    design, delay = studied.laws[0].controller.designed.lqr, rows[0]
+        monkeypatch.setattr(tolerance, "LEAST_BAND", math.inf)
+        return checked(delayed)
+
+
+@pytest.mark.slow
+def test_physics_confirms_the_tolerances_of_lqr(neighbours: list[Tolerance]) -> None:
+    assert [row.physics_agrees for row in neighbours] == [True] * 4
+
+
+@pytest.mark.slow
+def test_physics_looks_at_the_least_tolerance(
+    delayed: ToleranceStudy, neighbours: list[Tolerance]
+) -> None:
+    assert checked(delayed) == [min(neighbours, key=lambda row: row.largest_kept)]
+
+
+@pytest.mark.slow
+def test_lqr_stands_its_delay_margin(delayed: ToleranceStudy, neighbours: list[Tolerance]) -> None:
+    design = delayed.laws[0].controller.designed.lqr
+    delay = neighbours[0]
     loop = control.ss(design.A, design.B, design.K, np.zeros((1, 1)))
     _, phase, _, crossing = control.margin(loop)
-    margin = math.radians(phase) / crossing - studied.experiment.settings.control_period / 2
+    margin = math.radians(phase) / crossing - delayed.experiment.settings.control_period / 2
     assert delay.imperfection.name == "computing delay"
     assert delay.smallest_failed is not None
     # A growth by less than half in fifty seconds is not told from none.
     assert delay.largest_kept * DELAY < 1.1 * margin
     assert delay.smallest_failed * DELAY > 0.95 * margin
+
+
+@pytest.mark.slow
+def test_physics_looks_at_every_tolerance_once_one_differs(
+    delayed: ToleranceStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
     confirmed = tolerance._confirmed
-    differs = lambda *parts: dict.fromkeys(confirmed(*parts), False)  # noqa: E731
+
+    def differs(*parts: Any) -> dict[Any, bool]:
+        return dict.fromkeys(confirmed(*parts), False)
+
     monkeypatch.setattr(tolerance, "_confirmed", differs)
-    assert [row.physics_agrees for row in checked()] == [False] * 4
+    assert [row.physics_agrees for row in checked(delayed)] == [False] * 4
 
 
 def spectral_radius(studied: ToleranceStudy, control_period: float) -> float:
@@ -326,18 +361,35 @@ def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_pa
     assert math.remainder(longest, 5e-3) == pytest.approx(0, abs=1e-12)
 
 
-def test_a_longer_period_is_asked_for_and_samples_the_law_and_its_surface() -> None:
+@cache
+def with_longer_period() -> ToleranceStudy:
+    return tolerance_study("servo", ["sign", "implicit"], longer_period=True)
+
+
+def test_a_longer_period_is_studied_on_request_only() -> None:
     assert "control period" not in {kind.name for kind in tolerance_study("servo").imperfections}
-    studied = tolerance_study("servo", ["sign", "implicit"], longer_period=True)
+    requested = {kind.name for kind in with_longer_period().imperfections}
+    assert "control period" in requested
+
+
+def test_another_process_reads_the_same_imperfections() -> None:
+    studied = with_longer_period()
     copied = pickle.loads(pickle.dumps(studied))
     names = [kind.name for kind in studied.imperfections]
     assert [kind.name for kind in copied.imperfections] == names
-    period = studied.imperfections[names.index("control period")]
+
+
+def test_a_longer_period_is_a_multiple_of_the_run_s() -> None:
+    period = imperfection(with_longer_period(), "control period")
     assert period.heading == "control period [ms]"
     assert period.control_period(1.0) is None
     assert period.control_period(2.0) == pytest.approx(2e-3)
 
-    # A discrete surface of another period than the run's would be refused.
+
+def test_a_longer_period_samples_the_law_with_its_surface() -> None:
+    """A discrete surface of another period than the run's would be refused."""
+    studied = with_longer_period()
+    period = imperfection(studied, "control period")
     law = studied.laws[1]
     nominal = studied.conditions[0]
     limits = {nominal: studied.limits(law, nominal)}
@@ -423,27 +475,65 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     assert document["standings"][1]["words"] == words
 
 
-def test_an_interrupt_keeps_finished_laws_and_the_answer_names_the_one_that_breaks_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(studied: ToleranceStudy, index: int, **_: object) -> list[Tolerance]:
-        if index == 1:
-            raise KeyboardInterrupt
-        return rows_of(studied)
+def answer_first_law(studied: ToleranceStudy, index: int, **_: object) -> list[Tolerance]:
+    """Made-up tolerances of the first law; an interrupt at the second one."""
+    if index == 1:
+        raise KeyboardInterrupt
+    return rows_of(studied)
 
-    monkeypatch.setattr(tolerance, "tolerances", interrupted)
-    monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
-    file = tmp_path / "tolerance_arm_bench.json"
-    for laws, code in ((["lqr", "pid"], cli.INTERRUPTED), (["lqr"], cli.DONE)):
-        assert run("study", "tolerance", "arm", "--laws", *laws, "--out", tmp_path) == code
-        content = json.loads(file.read_text(encoding="utf-8"))
-        assert content["complete"] is (code == cli.DONE)
-        assert {row["law"] for row in content["tolerances"]} == {"lqr"}
-        row = content["tolerances"][0]
-        assert row["largest_kept"]["factor"] == 2.0
-        assert row["kept_again"][0][1] == {"factor": 8.0, "shown": 0.008}
-        assert file.with_suffix(".png").is_file()
-    lines = capsys.readouterr().out.splitlines()
+
+def study_of_first_law(laws: list[str], folder: Path) -> Stored:
+    """The command about these laws, with made-up tolerances."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(tolerance, "tolerances", answer_first_law)
+        monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            code = run("study", "tolerance", "arm", "--laws", *laws, "--out", folder)
+    return Stored(code, output.getvalue(), folder)
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    """A study that was interrupted at its second law; tests only read its folder."""
+    return study_of_first_law(["lqr", "pid"], tmp_path_factory.mktemp("interrupted"))
+
+
+@pytest.fixture(scope="module")
+def finished(interrupted: Stored, tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    """A finished study in a copy of the interrupted one's folder."""
+    folder = tmp_path_factory.mktemp("finished")
+    shutil.copytree(interrupted.folder, folder, dirs_exist_ok=True)
+    return study_of_first_law(["lqr"], folder)
+
+
+def assert_first_law_is_kept(studied: Stored, *, complete: bool) -> None:
+    content = studied.read("tolerance_arm_bench.json")
+    assert content["complete"] is complete
+    assert {row["law"] for row in content["tolerances"]} == {"lqr"}
+    row = content["tolerances"][0]
+    assert row["largest_kept"]["factor"] == 2.0
+    assert row["kept_again"][0][1] == {"factor": 8.0, "shown": 0.008}
+    assert (studied.folder / "tolerance_arm_bench.png").is_file()
+
+
+def test_an_interrupt_keeps_finished_laws(interrupted: Stored) -> None:
+    assert interrupted.code == cli.INTERRUPTED
+    assert_first_law_is_kept(interrupted, complete=False)
+
+
+def test_a_finished_study_overwrites_an_interrupted_one(finished: Stored) -> None:
+    assert finished.code == cli.DONE
+    assert_first_law_is_kept(finished, complete=True)
+
+
+def test_the_answer_names_the_law_that_breaks_first(finished: Stored) -> None:
     answer = verdict(rows_of(tolerance_study("arm", ["lqr"])))
-    assert answer in " ".join(lines)
-    assert max(map(len, lines)) <= 100 + len(str(tmp_path))
+    assert answer in " ".join(finished.said.splitlines())
+
+
+@pytest.mark.parametrize("name", ["interrupted", "finished"])
+def test_no_line_of_the_command_is_too_wide(name: str, request: pytest.FixtureRequest) -> None:
+    """100 characters, but for the path of the folder."""
+    studied: Stored = request.getfixturevalue(name)
+    lines = studied.said.splitlines()
+    assert max(map(len, lines), default=0) <= 100 + len(str(studied.folder))
