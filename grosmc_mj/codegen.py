@@ -105,7 +105,7 @@ def _cached_source(
     if folder is None:
         return None
     written = {symbol: sp.Symbol(place) for symbol, place in places.items()}
-    # What sympy prints of a dummy symbol differs from process to process, its place does not.
+    # sympy prints a dummy symbol in another way in each process; its place is the same.
     placed = [sp.srepr(expression.xreplace(written)) for expression in expressions]
     # The order of a sum, and so its rounding, depends on the names of its symbols.
     names = sorted(f"{symbol} {place}" for symbol, place in places.items())
