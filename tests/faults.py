@@ -10,8 +10,8 @@ from typing import Any
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.edits import BodyEdit, apply_edits

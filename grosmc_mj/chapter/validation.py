@@ -19,8 +19,8 @@ from grosmc_mj.chapter.claims.results import (
 )
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.document import run_document, standings
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import Metric, tolerance_of
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
@@ -149,7 +149,7 @@ class Validation:
         return [ReportTable(table=rows) for rows in tables] + claims_sheets(self.findings)
 
     def _standings(self) -> Iterator[StudyVerdict]:
-        """Standing of each law in each case: by its requirements, else by its run on record."""
+        """Verdict on each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
         differing = {line.partition(": ")[0] for line in self.differing}
         for target, group in groupby(self.results, _target):
@@ -169,7 +169,7 @@ class Validation:
         recorded: Mapping[str, Any],
         differing: set[str],
     ) -> StudyVerdict:
-        """Standing of a law by its run in MuJoCo: its deviation beside the recorded one."""
+        """Verdict on a law by its run in MuJoCo: its deviation beside the recorded one."""
         before = None
         if run.key in recorded:
             before = recorded[run.key]["metrics"].get("deviation")

@@ -20,8 +20,8 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.policies import policy_controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.plants import find_system
 
@@ -91,7 +91,7 @@ class _PolicyLaboratory(RunCache):
         name: str,
         believed: PlantName | None = None,
     ) -> Controller:
-        """Controller as for every laboratory, or the policy."""
+        """Controller of the case, or the policy."""
         law = super().controller(experiment, plant, name, believed)
         if law.name != REPLACED:
             return law

@@ -395,7 +395,7 @@ def _weak(
     low, high = parameters.bounds
     by_size = jacobian[:, :count] * (parameters.scales[free] / (high - low)[free])
 
-    # What the starts of the windows could have made counts for no parameter.
+    # A residual that other starts of the windows could explain counts for no parameter.
     by_start = jacobian[:, count:]
     by_start = by_start[:, np.abs(by_start).max(axis=0) > 0]
     by_size = by_size - by_start @ np.linalg.lstsq(by_start, by_size, rcond=None)[0]

@@ -94,7 +94,7 @@ class SampledRuns(NamedTuple):
 
 
 class ScreeningSummary(NamedTuple):
-    """Judges of the runs of one controller: equations and MuJoCo.
+    """Shares of the equations and of MuJoCo in judging the runs of one controller.
 
     Attributes:
         runs: Number of runs.

@@ -28,7 +28,7 @@ from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import RunCache, trial
+from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -179,13 +179,13 @@ def test_gain_ratio_of_the_servo_is_that_of_its_inertias() -> None:
 
 
 @cache
-def laboratory() -> RunCache:
+def run_cache() -> RunCache:
     return RunCache(Settings())
 
 
 @cache
 def chapter_audit(system: str, case: str) -> Audit:
-    return audit(laboratory(), find_experiment(system, case))
+    return audit(run_cache(), find_experiment(system, case))
 
 
 def premise(audited: Audit, name: str) -> Premise:
@@ -416,7 +416,7 @@ def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
 @pytest.mark.slow
 def test_a_law_that_does_not_switch_has_no_premises_of_switching() -> None:
     """Its requirement makes it fragile."""
-    audited = audit(laboratory(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
+    audited = audit(run_cache(), find_experiment("cart_pendulum", "case1"), "fl-lqr")
     names = {premise.name for premise in audited.premises}
     assert not {"switching gain", "epsilon", "s(0) = 0", "G B nonsingular"} & names
     assert audited.signals["configured"].max() == 0

@@ -245,7 +245,7 @@ def test_a_torque_within_its_limits_is_not_cut() -> None:
 
 
 def test_headroom_is_what_the_torques_along_the_reference_leave_of_the_limits() -> None:
-    """Those of inverse dynamics, with the largest ones of switching on top."""
+    """The torques are those of inverse dynamics, plus the largest ones of switching."""
     controller = law(epsilon=2.0)
     headroom = along(run(controller), "torque headroom")
     reference = controller.coordinates.reference

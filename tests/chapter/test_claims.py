@@ -34,8 +34,8 @@ from grosmc_mj.chapter.claims.sweep import stored_flips, stored_sweeps, sweep
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result
@@ -229,7 +229,7 @@ def test_least_cost_is_singular_where_the_weight_does_not_see_the_angle() -> Non
         ([400, 100], [20.0, math.sqrt(140.0)]),
     ],
 )
-def test_laws_of_a_varied_laboratory_have_its_weights(
+def test_laws_of_a_varied_run_cache_have_its_weights(
     weights: list[int] | None, K: list[float]
 ) -> None:
     """Of a double integrator K = [sqrt(q1), sqrt(q2 + 2 sqrt(q1))]; q = [100, 1] in the file."""
@@ -242,18 +242,18 @@ def test_laws_of_a_varied_laboratory_have_its_weights(
     assert pytest.approx(np.array([K]), rel=1e-9) == law.parameters.K
 
 
-def test_runs_of_a_varied_laboratory_have_its_duration() -> None:
+def test_runs_of_a_varied_run_cache_have_its_duration() -> None:
     experiment = find_experiment("cart_pendulum", "nominal")
     result = LAB.varied("run.duration", 0.01).run(experiment, "physics", "fl-lqr")
     assert result.trajectory.time[-1] == pytest.approx(0.01)
 
 
-# Verdicts of invented claims, in a laboratory that is nothing but a level of refinement
+# Verdicts of invented claims, in a run cache that is nothing but a level of refinement
 
 
 @dataclass(frozen=True)
 class Level:
-    """A stub of a laboratory: its level of refinement, and the measurements that were made."""
+    """A stub of a run cache: its level of refinement, and the measurements that were made."""
 
     depth: int = 0
     log: list[tuple[int, str]] = field(default_factory=list)

@@ -18,7 +18,7 @@ from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import nominal_law
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
@@ -174,7 +174,7 @@ def verdicts(lab: RunCache, claim_id: str) -> object:
     try:
         finding = judge(lab, find_claim(claim_id), refine=False)
     except (ValueError, RuntimeError) as error:
-        # A laboratory so wrong that it cannot measure has been noticed as well.
+        # A run cache so wrong that it cannot measure has been noticed as well.
         return type(error)
     return {name: on_plant.verdict for name, on_plant in finding.plants.items()}
 
@@ -232,7 +232,7 @@ def test_a_law_that_works_nowhere_has_no_region() -> None:
     assert not claim.holds(measured)
 
 
-def test_claims_about_the_printed_C_look_at_the_law_of_the_laboratory() -> None:
+def test_claims_about_the_printed_C_look_at_the_law_of_the_run_cache() -> None:
     asked: list[str] = []
 
     def unchanged(law: Controller, *_: Any) -> Controller:

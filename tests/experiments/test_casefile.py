@@ -22,7 +22,7 @@ from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
-from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 

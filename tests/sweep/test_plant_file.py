@@ -243,7 +243,7 @@ def test_a_file_with_another_loop_ends_in_another_state(
     words: str, changed: str, noisy: tuple[str, bytes], tmp_path: Path
 ) -> None:
     text, last = noisy
-    # What was written is edited, as a user would.
+    # The written file is edited, as a user would edit it.
     before, after = text.split(words)
     assert last_state(f"{before}{changed}{after}", tmp_path / "plant.toml") != last
 
@@ -321,7 +321,7 @@ def test_a_file_beside_the_campaign_s_own_extends_it(
 
     path.write_text(case_text(declared, plant, base))
     content = tomllib.loads(path.read_text())
-    # What is in the base is not in the file; its uncertainty is taken away.
+    # The file leaves out tables of the base; the uncertainty is taken away.
     assert content["extends"] == "mine.toml"
     assert content["uncertain"] == []
     assert content["run"] == {"duration": "0.04 s"}

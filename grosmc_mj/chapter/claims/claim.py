@@ -13,8 +13,8 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from grosmc_mj.errors import GrosmcError, value_text
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 # Limits that stand for words of the statements, with the reason; a word has one limit everywhere.
@@ -192,7 +192,7 @@ class PlantFinding:
     """The measurements of a claim on one plant.
 
     Attributes:
-        measured: Value at the laboratory's settings.
+        measured: Value at the run cache's settings.
         refined: Value at half the timestep and control period; None for an exact claim.
         verdict: Verdict by both values together.
         finer: Plant on which the time steps were halved.

@@ -21,8 +21,8 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.executors import Executor, Notice
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 
 # Relative difference up to which physics counts as equal to the equations. Rounding leaves a
 # thousandth of it after a run of 20 s.
@@ -32,7 +32,7 @@ _PART = 8
 
 
 def judge(lab: RunCache, claim: Claim, *, refine: bool = True) -> Finding:
-    """Measure a claim on every plant, at the laboratory's settings and at half the time steps.
+    """Measure a claim on every plant, at the run cache's settings and at half the time steps.
 
     The choices are tried on the plant that decides, and count on every plant.
 

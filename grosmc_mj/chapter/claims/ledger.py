@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, Kind, Measured, NoValueError
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.plants import SYSTEMS
 
 
@@ -24,7 +24,7 @@ class Measurement:
     """A measurement with the arguments of its claim.
 
     Attributes:
-        function: Function of a laboratory, a plant and the arguments.
+        function: Function of a run cache, a plant and the arguments.
         arguments: Its further arguments. ``epsilon`` is the arm's gain instead of the case files'.
         take: The extreme over all combinations of the arguments that are lists; empty for none.
         extrapolated: Whether the value is extrapolated to a sampling time of zero.

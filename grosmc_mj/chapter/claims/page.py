@@ -19,7 +19,7 @@ from grosmc_mj.chapter.claims.story import (
     turning_table,
 )
 from grosmc_mj.chapter.claims.sweep import stored_sweeps
-from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.files import atomic_write
 from grosmc_mj.results.tables import Table, table, words
 

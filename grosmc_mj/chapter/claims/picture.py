@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Finding, Measured
 from grosmc_mj.chapter.figures import claim_panel
-from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.results.figure import TITLE_SIZE, figure_written
 from grosmc_mj.results.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, verdicts_of
 from grosmc_mj.chapter.claims.story import claims_tables, turning_table
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (

@@ -11,7 +11,7 @@ from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Choice, Claim
 from grosmc_mj.chapter.claims.judging import measure_with
-from grosmc_mj.experiments.laboratory import RunCache
+from grosmc_mj.experiments.run_cache import RunCache
 
 # Written by `claims sweep --record`.
 STORED = Path(__file__).resolve().parents[1] / "sweeps.json"

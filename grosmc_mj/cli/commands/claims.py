@@ -17,7 +17,7 @@ from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
-    from grosmc_mj.experiments.laboratory import RunCache
+    from grosmc_mj.experiments.run_cache import RunCache
 
 _Claims = Annotated[
     Positional[str | None],
@@ -55,7 +55,7 @@ class JudgeCommand(Command):
         from grosmc_mj.chapter.claims.results import claims_result
 
         self._refuse_page()
-        lab = _laboratory()
+        lab = _run_cache()
         findings = judge_with_progress(lab, select_claims(self.target))
         document = claims_result(findings, lab)
         differences = [f"differs: {line}" for line in verdict_differences(findings)]
@@ -121,7 +121,7 @@ class SweepCommand(Command):
         if self.record and self.target:
             raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
 
-        lab = _laboratory()
+        lab = _run_cache()
         claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
             sweeps = list(sweep(lab, claims, advance))
@@ -157,7 +157,7 @@ class PremisesCommand(Command):
         from grosmc_mj.chapter.premises import premises_result, worst_points
         from grosmc_mj.experiments.catalogue import find_experiments
 
-        lab = _laboratory()
+        lab = _run_cache()
         experiments = find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
         without_loop = [item for item in experiments if item.case.loop is None]
@@ -180,9 +180,9 @@ CLAIMS = {
 }
 
 
-def _laboratory() -> RunCache:
+def _run_cache() -> RunCache:
     """Return an empty cache of runs with the default settings."""
-    from grosmc_mj.experiments.laboratory import RunCache
+    from grosmc_mj.experiments.run_cache import RunCache
     from grosmc_mj.experiments.runs import Settings
 
     return RunCache(Settings())

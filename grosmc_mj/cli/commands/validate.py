@@ -115,7 +115,7 @@ class ValidateCommand(Command):
     def _write(self, done: Validation) -> None:
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.experiments.laboratory import RunCache
+        from grosmc_mj.experiments.run_cache import RunCache
         from grosmc_mj.experiments.runs import Settings
 
         document = done.document(RunCache(Settings()))
@@ -155,7 +155,7 @@ def _compute(
     advance: Callable[[str], object],
 ) -> None:
     """Run the cases, compare equations with MuJoCo, judge the claims."""
-    from grosmc_mj.experiments.laboratory import RunCache
+    from grosmc_mj.experiments.run_cache import RunCache
     from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
     from grosmc_mj.sweep.agreement import agreements

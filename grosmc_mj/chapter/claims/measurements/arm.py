@@ -26,8 +26,8 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     worst_deviation,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 

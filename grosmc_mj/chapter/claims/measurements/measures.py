@@ -1,6 +1,6 @@
 """Measurements and premises that claims about several systems share.
 
-In this folder every public function that takes a laboratory is one that a claim's file names. It
+In this folder every public function that takes a run cache is one that a claim's file names. It
 gets the claim's system if it has an argument ``system``.
 """
 
@@ -21,9 +21,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import RunCache
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -16,8 +16,8 @@ from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.laboratory import RunCache, trial
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 
 _SYSTEM = "two_link_arm"

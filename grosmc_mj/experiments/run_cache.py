@@ -73,7 +73,7 @@ class RunCache:
         return other
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
-        """What ``make`` gives, made the first time that the key is asked for."""
+        """Return the result of ``make``, which is called the first time that a key is asked for."""
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -146,7 +146,7 @@ class RunCache:
         return law, run
 
     def as_set(self, experiment: Experiment) -> Experiment:
-        """An experiment with the laboratory's settings and its number."""
+        """Experiment with the settings of this cache and its number."""
         changes = self.settings.changes()
         if experiment.case.loop is not None:
             # A loop's pace is its own; physics can be finer, but no coarser than its delays.
