@@ -168,6 +168,11 @@ def test_the_name_is_the_files_own(tmp_path: Path) -> None:
     assert read_case_file(extended(tmp_path)).name == "mine"
 
 
+def test_a_base_does_not_give_its_name_to_the_files_that_extend_it(tmp_path: Path) -> None:
+    path = extended(tmp_path, common=f'name = "base"\n{COMMON}')
+    assert read_case_file(path).name == "mine"
+
+
 def test_arrays_of_tables_are_the_files_own(tmp_path: Path) -> None:
     file = read_case_file(extended(tmp_path))
     assert [table.called for table in file.controller] == ["grosmc"]

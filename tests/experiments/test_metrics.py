@@ -163,6 +163,15 @@ def test_the_transient_ends_where_the_disturbance_begins() -> None:
     assert transient["deviation"] == full["deviation"]
 
 
+@pytest.mark.parametrize(("last_outside", "note"), [(7.1, ""), (7.3, "not reached")])
+def test_a_run_settles_only_with_a_tenth_of_its_transient_left(last_outside, note) -> None:
+    """A load at 8 s ends the transient: 0.8 s must be left, not a tenth of all 10 s."""
+    run = bumped((TIME > 6) & (TIME < last_outside), 0.5)
+    settling = measured(run, onset=8.0)["settling_time"]
+    assert settling.note == note
+    assert settling.value == (pytest.approx(last_outside, abs=2 * H) if not note else None)
+
+
 def test_a_disturbance_from_the_start_is_part_of_the_transient() -> None:
     assert measured(RUN, onset=0.0) == measured(RUN)
 
@@ -218,6 +227,13 @@ def test_the_total_variation_of_a_square_wave_is_the_sum_of_its_jumps() -> None:
     square = 1.5 * (-1.0) ** np.arange(10_000)
     run = replace(SLIDING, command=square, input=square)
     assert measured(run)["total_variation"].value == pytest.approx(3 * 9999 / 10)
+
+
+def test_the_total_variation_is_of_the_applied_input() -> None:
+    """A limit takes two thirds of what the law commands."""
+    square = 1.5 * (-1.0) ** np.arange(10_000)
+    run = replace(SLIDING, command=square, input=square / 3)
+    assert measured(run)["total_variation"].value == pytest.approx(9999 / 10)
 
 
 def test_a_cart_travels_from_where_it_starts() -> None:

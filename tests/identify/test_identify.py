@@ -279,6 +279,28 @@ def test_a_held_input_is_late_by_any_delay_without_jumps() -> None:
     assert np.abs(later - late).max() < 1e-5
 
 
+def test_a_late_sensor_shows_what_the_state_was_before() -> None:
+    """A ramp of 1 rad/s that a sensor shows 20 ms late is 20 mrad lower at each sample."""
+    time = np.arange(100) * 0.01
+    late = Log(
+        name="late",
+        time=time,
+        inputs=np.zeros((100, 1)),
+        outputs={"rotor angle": time - 0.02},
+        pieces=[slice(0, 100)],
+    )
+    predictor = Predictor.of(late, horizon=10.0, timestep=1e-3)
+    instants = np.arange(1001) * 1e-3
+    ramp = np.column_stack([instants, np.ones_like(instants)])
+
+    def sensor(state: str, quantity: str) -> float:
+        return {"delay": 0.02, "scale": 1.0, "bias": 0.0}[quantity]
+
+    (errors,) = predictor.errors([ramp], SERVO, sensor)["rotor angle"]
+    # Before the window began nothing is predicted.
+    assert errors[2:] == pytest.approx(np.zeros(98), abs=1e-12)
+
+
 @pytest.fixture(scope="module")
 def found(log: Log, experiment: Experiment) -> Fit:
     """The fit of a machine to the first 70 % of its log."""

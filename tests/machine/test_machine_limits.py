@@ -6,6 +6,7 @@ import math
 from functools import partial
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from machined import stepped
@@ -131,6 +132,35 @@ def test_a_part_that_the_servo_cannot_have_is_refused_in_one_line(edits: Any, wo
     with pytest.raises(ModelError, match=words) as refused:
         model(*edits)
     assert "\n" not in str(refused.value)
+
+
+def rotor_about(joint: list[float]) -> mujoco.MjSpec:
+    """A driven rotor of 0.06 kg m^2 with its mass at (0, 0, 0.2), hinged about y at a point."""
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="rotor", explicitinertial=True)
+    body.mass = 1.0
+    body.ipos = [0.0, 0.0, 0.2]
+    body.inertia = [0.05, 0.06, 0.07]
+    body.add_joint(name="shaft", pos=joint, axis=[0.0, 1.0, 0.0])
+    motor = spec.add_actuator(name="current", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.target = "shaft"
+    return spec
+
+
+PART_OF_ROTOR = Transmission("shaft", inertia=0.01, stiffness=1e3, added=False)
+
+
+def test_an_inertia_is_taken_off_a_rotor_whose_mass_lies_on_its_axis() -> None:
+    """The axis is the joint's, wherever the body's frame is."""
+    spec = rotor_about([0.0, 0.3, 0.2])
+    PART_OF_ROTOR.write(spec, spec.compile())
+    assert spec.body("rotor").inertia[1] == pytest.approx(0.05)
+
+
+def test_an_inertia_is_not_taken_off_a_rotor_whose_mass_lies_beside_its_axis() -> None:
+    spec = rotor_about([0.0, 0.0, 0.0])
+    with pytest.raises(ModelError, match="is no part of"):
+        PART_OF_ROTOR.write(spec, spec.compile())
 
 
 def test_a_transmission_without_a_motor_is_refused_in_one_line() -> None:
