@@ -12,7 +12,7 @@ from benchmarks.batches import closed_loop, in_pair, open_batches
 from benchmarks.timing import Throughput, TimedLoop, measured
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.offscreen import without_graphics
-from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.loop import Loop, apply_loop
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 
 _MANY = 1024
@@ -79,8 +79,8 @@ def _batches(plant: MujocoPlant, rounds: int) -> list[Throughput]:
     experiment = find_experiment("cart_pendulum", "nominal")
     law = experiment.law("physics", "grosmc")
     h = plant.step_length
-    looped, predicting = (
-        in_loop(law, _every_part(), plant.system, control_period=h, timestep=h, predict=predict)
+    loop, known_loop = (
+        apply_loop(_every_part(), law, plant.system, control_period=h, timestep=h, predict=predict)
         for predict in (False, True)
     )
     plants = [plant] * _MANY
@@ -92,8 +92,10 @@ def _batches(plant: MujocoPlant, rounds: int) -> list[Throughput]:
     loops = [
         closed_loop(name, plants, law, x0, steps),
         closed_loop(f"{name}, recorded", plants, law, x0, steps, record=True),
-        closed_loop("GROSMC in its loop, batch", plants, looped, x0, steps),
-        closed_loop("GROSMC in its loop, predicting, batch", plants, predicting, x0, steps),
+        closed_loop("GROSMC in its loop, batch", plants, law, x0, steps, loop=loop),
+        closed_loop(
+            "GROSMC in its loop, predicting, batch", plants, law, x0, steps, loop=known_loop
+        ),
     ]
     return measured(shipped, untimed, loops, rounds)
 

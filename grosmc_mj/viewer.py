@@ -20,6 +20,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.films.offscreen import has_display
 from grosmc_mj.films.scene import pose
+from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance, packed, push
@@ -42,6 +43,7 @@ def play(
     x0: ArrayLike,
     *,
     duration: float,
+    loop: AppliedLoop | None = None,
     disturbances: Sequence[Disturbance] = (),
     control_period: float | None = None,
     speed: float = 1.0,
@@ -56,6 +58,7 @@ def play(
         controller: The law with its numbers.
         x0: Start, (n,).
         duration: Of a recorded run [s], as for ``simulate``; this one goes on.
+        loop: The loop around the law; ideal by default.
         disturbances: Wrenches on the plant.
         control_period: Time between two samples of the law [s]; the timestep by default.
         speed: Seconds of the run in a second of the clock.
@@ -73,14 +76,15 @@ def play(
         controller,
         x0,
         duration=duration,
+        loop=loop,
         control_period=control_period,
         disturbances=disturbances,
     )
-    loop = ClosedLoop(problem)
+    closed_loop = ClosedLoop(problem)
 
     model = copy.copy(plant.model)
     data = mujoco.MjData(model)
-    pose(model, data, loop.physics())
+    pose(model, data, closed_loop.physics())
 
     # A diverging run overflows quietly; its status tells.
     with (
@@ -97,15 +101,15 @@ def play(
             now = time.perf_counter()
             due += speed * min(now - before, LONGEST)
             if not stopped:
-                pull = data.xfrc_applied[loop.run.bodies].ravel()
+                pull = data.xfrc_applied[closed_loop.run.bodies].ravel()
                 steps = int(due / problem.timestep + 1e-6)
-                stopped = _advance(loop, problem, disturbances, steps, pull)
+                stopped = _advance(closed_loop, problem, disturbances, steps, pull)
 
             # A state that is not finite is not drawn.
-            state = loop.physics()
+            state = closed_loop.physics()
             if np.all(np.isfinite(state)):
                 pose(model, data, state)
-            reached = loop.steps * problem.timestep
+            reached = closed_loop.steps * problem.timestep
             window.set_texts((None, None, "time\nstopped", f"{reached:.2f} s\n{stopped or '-'}"))
             window.sync()
             time.sleep(max(0.0, PICTURE - (time.perf_counter() - now)))

@@ -13,8 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Loop, in_loop
-from grosmc_mj.loop.controllers import AppliedLoop
+from grosmc_mj.loop import Loop, apply_loop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO, AnalyticPlant
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -85,19 +84,14 @@ def played(
     script = scripted(u, control_period, modelled=modelled)
     return simulate(
         servo(),
-        in_loop(script, loop, SERVO, **options, **periods),
+        script,
         x0,
         duration=len(u) * control_period,
+        loop=apply_loop(loop, script, SERVO, **options, **periods),
         disturbances=disturbances,
         engine="python",
         **periods,
     )
-
-
-def applied(law: Controller) -> AppliedLoop:
-    """The loop around a law."""
-    assert law.loop is not None
-    return law.loop
 
 
 def seen(run: Trajectory) -> Array:

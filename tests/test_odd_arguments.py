@@ -220,11 +220,11 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Estimator": (loop.Estimator, {"of": "rotor speed", "law": "eso", "bandwidth": 50.0}),
     "Actuator": (loop.Actuator, {"of": "current"}),
     "Loop": (loop.Loop, {}),
-    "in_loop": (
-        loop.in_loop,
+    "apply_loop": (
+        loop.apply_loop,
         {
-            "controller": lqr_law,
             "loop": loop.Loop(),
+            "controller": lqr_law,
             "system": SERVO,
             "control_period": 1e-3,
             "timestep": 1e-3,
@@ -333,7 +333,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
 
 
 # Errors, results, and values that are made by other functions.
-NOT_CALLED = {"GrosmcError", "MachinePart", "Status", "TIME", "Trajectory", "relooped"}
+NOT_CALLED = {"GrosmcError", "MachinePart", "Status", "TIME", "Trajectory", "AppliedLoop"}
 # Classes that are called by a method, or have the same arguments as another one.
 CALLED_ELSEWHERE = {"Setpoints", "write_film", "Experiment", "Campaign", "MujocoPlant", "Robot"}
 

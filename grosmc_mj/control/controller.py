@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,9 +29,6 @@ from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.fields import Is, Name, checked_call
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import with_fields
-
-if TYPE_CHECKING:
-    from grosmc_mj.loop.controllers import AppliedLoop
 
 # Fields of p that every law gets.
 _OF_THE_NOMINAL_PLANT = ("plant", "reference", "period")
@@ -98,7 +95,6 @@ class Controller:
         parameters: p, a frozen dataclass of numbers, arrays and such dataclasses.
         memory: Makes the memory of a new run.
         design: Its error coordinates and optimum; None for an open loop and the like.
-        loop: The sensors, computer, estimators and actuators around the law; None for none.
     """
 
     name: str
@@ -106,7 +102,6 @@ class Controller:
     parameters: Any
     memory: Callable[[], Memory] = Memory
     design: Design | None = None
-    loop: AppliedLoop | None = None
 
     def __post_init__(self) -> None:
         require("name of the controller", self.name, str, "a text")
@@ -117,10 +112,6 @@ class Controller:
                 f"{self.name}: memory = {value_text(self.memory)} must be a function"
             )
         require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
-        if self.loop is not None and not hasattr(self.loop, "timestep"):
-            raise ArgumentError(
-                f"{self.name}: loop = {value_text(self.loop)} must be None; in_loop(...) sets it"
-            )
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:
@@ -175,11 +166,14 @@ class Controller:
             numbers = self.design.numbers_at(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
 
-    def begin(self) -> tuple[Memory, Workspace | None]:
-        """Return the memory of a new run, and a workspace that must live as long as the run."""
+    def begin(self, first: float = 0.0) -> tuple[Memory, Workspace | None]:
+        """Return the memory of a new run, and a workspace that must live as long as the run.
+
+        Args:
+            first: Time of the law's first sample [s], see ``Memory``.
+        """
         memory = self.memory()
-        if self.loop is not None:
-            memory.first = self.loop.ahead
+        memory.first = first
 
         workspace = None
         if self.design is not None:

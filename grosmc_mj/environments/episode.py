@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.signals import Index, Signals, input_label
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -26,7 +25,6 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.fields import Range
 from grosmc_mj.films.offscreen import BACKENDS
 from grosmc_mj.films.scene import default_camera, pose
-from grosmc_mj.loop import relooped
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.stages import observe, remember
 from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
@@ -112,20 +110,23 @@ class Episode:
         settings = experiment.settings
         self.case = experiment.case
         self.plant = experiment.plant(experiment.nominal.truest)
-        law = _index_law(experiment)
+        name = _index_law(experiment)
+        law = experiment.law(experiment.nominal.truest, name)
         self.signals = Signals(law)
         self.index = Index(law)
 
         self._held = HeldAction(len(self.plant.system.inputs))
-        loop = law.loop
-        if loop is not None:
-            loop = replace(loop, predicts=False)
-        self._agent = replace(law, law=self._held, loop=loop)
+        agent = replace(law, law=self._held)
+        loop = None
+        if self.case.loop is not None:
+            # The agent is given what its sensors and estimators see now.
+            loop = experiment.loop_around(agent, self.case.loop)
         self.problem, _ = prepare(
             self.plant,
-            self._agent,
+            agent,
             self.case.x0,
             duration=self.case.duration,
+            loop=loop,
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=self.case.disturbances,
@@ -191,7 +192,7 @@ class Episode:
         """Begin again at a start, and with noise, of a generator."""
         x0 = self.start(random)
         run = 0
-        if self._agent.loop:
+        if self.problem.looped:
             run = int(random.uniform(0, LARGEST_SEED))
         self.restart(x0, run)
 
@@ -222,10 +223,10 @@ class Episode:
             SetupError: If somebody else's control callback is installed.
         """
         refuse_foreign_callback()
-        agent = self.problem.controller
-        if self._agent.loop:
-            agent = relooped(self._agent, self._agent.loop.loop, run)
-        problem = replace(self.problem, controllers=(agent,), x0=x0[None])
+        (loop,) = self.problem.loops
+        if loop is not None:
+            loop = loop.changed(loop.loop, run=run)
+        problem = replace(self.problem, loops=(loop,), x0=x0[None])
         self._held.action[:] = 0.0
         self._closed = ClosedLoop(problem, steppers=self._steppers)
         self.reward = 0.0
@@ -281,7 +282,7 @@ class Episode:
     def observation(self) -> OrderedDict[str, Array]:
         """Observation of the last valid state; in a loop of its sensors and estimators."""
         x = self.x
-        if self._agent.loop:
+        if self.problem.looped:
             # The next sample is still to come: its sensors are asked in a copy of the loop.
             step = self._closed.steps
             ahead = copy.deepcopy(self._closed.run.loop)
@@ -341,12 +342,11 @@ def _experiment(target: str, task: str | Experiment | None) -> Experiment:
     return find_experiment(find_system(target).name, task)
 
 
-def _index_law(experiment: Experiment) -> Controller:
-    """The law whose index gives the reward: GROSMC, or the last one of an experiment without."""
-    name = experiment.controllers[-1]
+def _index_law(experiment: Experiment) -> str:
+    """Name of the law whose index gives the reward: GROSMC or, without it, the last one."""
     if INDEX_LAW in experiment.controllers or INDEX_LAW in experiment.file.laws:
-        name = INDEX_LAW
-    return experiment.law(experiment.nominal.truest, name)
+        return INDEX_LAW
+    return experiment.controllers[-1]
 
 
 def _numbers(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ class LawPolicy:
     """
 
     def __init__(self, controller: Controller, system: System, control_period: float) -> None:
-        self._controller = replace(controller, loop=None).sampled(control_period)
+        self._controller = controller.sampled(control_period)
         self._names = ["time", *(signal.name for signal in system.states)]
         self._u = np.zeros(len(system.inputs))
         self.reset()

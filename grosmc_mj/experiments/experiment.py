@@ -37,7 +37,7 @@ from grosmc_mj.experiments.requirements import (
     transient,
 )
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
-from grosmc_mj.loop import in_loop
+from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.law_inputs import require_answer
@@ -45,7 +45,7 @@ from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 
 # Claims and campaigns ask for the same controllers thousands of times.
-_in_loop = lru_cache(maxsize=512)(in_loop)
+_apply_loop = lru_cache(maxsize=512)(apply_loop)
 _realized = lru_cache(maxsize=512)(realized)
 _sampled = lru_cache(maxsize=512)(Controller.sampled)
 # The package's own laws are designed once for all experiments on one task and nominal plant.
@@ -130,7 +130,7 @@ class Experiment:
         """Controllers by the plant that they run on and by name.
 
         Raises:
-            MistakesError: For all controllers that cannot be designed.
+            MistakesError: For all controllers that cannot be designed, or not for the loop.
         """
         laws = {}
         # By cause: a mistake in the task is the same for each controller.
@@ -139,6 +139,7 @@ class Experiment:
             for name in self._declared:
                 try:
                     laws[plant, name] = self.law(plant, name)
+                    self.applied_loop(plant, name)
                 except GrosmcError as error:
                     mistakes.setdefault(str(error.__cause__ or error), str(error))
         if mistakes:
@@ -236,30 +237,60 @@ class Experiment:
             GrosmcError: If there is no such law, a number does not fit, or the design fails.
         """
         table = self.file.law(name)
-        period = self.settings.control_period
-        if self.case.loop is not None:
-            # A loop is made for the instants of its runs: their mistakes come first.
-            self.plant(plant)
-            stride_of(period, self.settings.timestep)
         try:
             controller = self._design(table, plant)
             realization = self._realization_of(table, controller)
-            controller = _sampled(_realized(controller, realization), period)
-            if self.case.loop is None:
-                return controller
-            return _in_loop(
-                controller,
-                self.case.loop,
-                self.nominal.system,
-                control_period=period,
-                timestep=self.settings.timestep,
-                predict=bool(table.predict),
-                run=self.case.run,
-                known=self.case.known_loop,
-            )
+            return _sampled(_realized(controller, realization), self.settings.control_period)
         except GrosmcError as error:
             owner = "" if str(error).startswith("task: ") else f"controller {name}: "
             raise ArgumentError(f"{owner}{error}") from error
+
+    def applied_loop(self, plant: PlantName, name: str) -> AppliedLoop | None:
+        """Return the case's loop around a controller, see ``law``; None without a loop.
+
+        Raises:
+            GrosmcError: As for ``law``, or if a part of the loop does not fit.
+        """
+        if self.case.loop is None:
+            return None
+        # A loop is made for the instants of its runs: their mistakes come first.
+        self.plant(plant)
+        stride_of(self.settings.control_period, self.settings.timestep)
+        controller = self.law(plant, name)
+        predict = bool(self.file.law(name).predict)
+        try:
+            return self.loop_around(controller, self.case.loop, predict=predict, run=self.case.run)
+        except GrosmcError as error:
+            raise ArgumentError(f"controller {name}: {error}") from error
+
+    def loop_around(
+        self, controller: Controller, loop: Loop, *, predict: bool = False, run: int = 0
+    ) -> AppliedLoop:
+        """Return a loop around a controller, for runs of this experiment.
+
+        Args:
+            controller: Controller designed for a plant of the experiment.
+            loop: Parts of the loop.
+            predict: Whether the law knows its loop: the file's known one or the case's own, of an
+                experiment without a loop the one around it.
+            run: Number of the run, which sets what the loop draws at random.
+
+        Raises:
+            GrosmcError: If a part does not fit.
+        """
+        known = self.case.loop
+        if known is not None and self.case.known_loop is not None:
+            known = self.case.known_loop
+        return _apply_loop(
+            loop,
+            controller,
+            self.nominal.system,
+            control_period=self.settings.control_period,
+            timestep=self.settings.timestep,
+            predict=predict,
+            run=run,
+            known=known,
+        )
 
     def _design(self, table: ControllerTable, plant: PlantName) -> Controller:
         """Return the controller of a table, designed once for all plants with one variant."""
@@ -414,12 +445,14 @@ class Experiment:
         if plant is None:
             plant = self.nominal.truest
         true = self.plant(plant)
-        controller = self.law(plant, law or self.controllers[-1])
+        name = law or self.controllers[-1]
+        controller = self.law(plant, name)
+        loop = self.applied_loop(plant, name)
         try:
             with blamed(self.path.parent):
                 # Compiled code does not say where a law fails, or that it does.
                 require_answer(controller, np.array(self.case.x0), len(self.nominal.system.inputs))
-                return run_on(self, plant, controller, true)
+                return run_on(self, plant, controller, true, loop)
         except GrosmcError as error:
             raise ArgumentError(f"{self.path}: {error}") from error
 

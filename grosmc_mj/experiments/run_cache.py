@@ -83,7 +83,8 @@ class RunCache:
         key = (*experiment.key, plant, controller)
         if key not in self._runs:
             law = self.controller(experiment, plant, controller)
-            self._runs[key] = self.run_with(experiment, plant, law)
+            predict = bool(experiment.file.law(controller).predict)
+            self._runs[key] = self.run_with(experiment, plant, law, predict=predict)
         return self._runs[key]
 
     def run_misdesigned(
@@ -94,9 +95,20 @@ class RunCache:
         key = ("misdesigned", experiment.key, plant, controller, believed)
         return self.once(key, lambda: self.run_with(experiment, plant, law))
 
-    def run_with(self, experiment: Experiment, plant: PlantName, law: Controller) -> RunResult:
-        """A run under this very law."""
-        return run_on(self.as_set(experiment), plant, law, self.plant(experiment, plant))
+    def run_with(
+        self,
+        experiment: Experiment,
+        plant: PlantName,
+        law: Controller,
+        *,
+        predict: bool = False,
+    ) -> RunResult:
+        """A run under this very law, which knows the experiment's loop or not."""
+        used = self.as_set(experiment)
+        loop = None
+        if used.case.loop is not None:
+            loop = used.loop_around(law, used.case.loop, predict=predict, run=used.case.run)
+        return run_on(used, plant, law, self.plant(experiment, plant), loop)
 
     def case(
         self,
@@ -138,6 +150,7 @@ class RunCache:
             law,
             [experiment.case.x0 for experiment in used],
             duration=experiments[0].case.duration,
+            loop=used[0].applied_loop(plant, controller),
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=[experiment.case.disturbances for experiment in used],

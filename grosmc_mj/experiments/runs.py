@@ -20,6 +20,7 @@ from grosmc_mj.experiments.metrics import (
     measure,
 )
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.simulate import Engine, simulate
@@ -183,8 +184,9 @@ def run_on(
     name: PlantName,
     law: Controller,
     plant: Plant,
+    loop: AppliedLoop | None = None,
 ) -> RunResult:
-    """Run an experiment with a given law on a given plant, and measure the run.
+    """Run an experiment with a given law, loop and plant, and measure the run.
 
     A run that ends early is a result like any other.
 
@@ -193,6 +195,7 @@ def run_on(
         name: Name of the plant in the result.
         law: The controller.
         plant: The plant.
+        loop: The loop around the law; ideal by default.
     """
     case = experiment.case
     settings = experiment.settings
@@ -203,6 +206,7 @@ def run_on(
             law,
             case.x0,
             duration=case.duration,
+            loop=loop,
             control_period=settings.control_period,
             timestep=settings.timestep,
             disturbances=case.disturbances,

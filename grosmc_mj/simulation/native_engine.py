@@ -146,7 +146,7 @@ class _Batch:
             self.law = _compiled_law(system, controller.law, *dtypes).address
 
             self.advances: dict[Advance, int] = {}
-            for loop in [item.loop for item in dict.fromkeys(problem.controllers)]:
+            for loop in dict.fromkeys(problem.loops):
                 if loop is not None and loop.model is not None:
                     advance = loop.model.advance
                     self.advances[advance] = _compiled_advance(system, advance, *dtypes).address
@@ -197,8 +197,9 @@ class _Worker:
         self._steppers = steppers
         # Stepper and sizes of the loop for which there is room.
         self._fits: Any = None
-        # Controller of the last run, its memory as a run begins, and what the law computes in.
-        self._controller: Controller | None = None
+        # Controller and first sample [s] of the last run, the law's memory as a run begins, and the
+        # workspace that the law computes in.
+        self._begun: tuple[Controller, float] | None = None
         self._memory: Any = None
         self._workspace: Any = None
         self._steps_before_pause = _FIRST_STEPS
@@ -214,7 +215,7 @@ class _Worker:
                     return
 
                 stepper = self._steppers.of(problem.plants[number])
-                loop = problem.controllers[number].loop
+                loop = problem.loops[number]
                 needed = stepper, loop and loop.sizes
                 if room is None or needed != self._fits:
                     room = self._room(number, stepper)
@@ -247,15 +248,16 @@ class _Worker:
         )
 
         loop: Any = batch.no_loop
-        if controller.loop is not None:
+        applied = problem.loops[number]
+        if applied is not None:
             design_model = {}
-            if controller.loop.model is not None:
-                design_model["advance"] = batch.advances[controller.loop.model.advance]
+            if applied.model is not None:
+                design_model["advance"] = batch.advances[applied.model.advance]
                 design_model["memory"] = run.memory
                 design_model["p"] = run.p
-                design_model["own"] = controller.loop.model.own.copy()
+                design_model["own"] = applied.model.own.copy()
             seen = run.now[problem.columns["seen"]]
-            loop = controller.loop.begin(seen, run.seen, **design_model)
+            loop = applied.begin(seen, run.seen, **design_model)
         return CompiledRun(run._replace(loop=loop), looped=problem.looped)
 
     def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
@@ -263,17 +265,19 @@ class _Worker:
         batch = self._batch
         problem = batch.problem
         controller = problem.controllers[number]
+        loop = problem.loops[number]
         meters = problem.meters[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
-        if controller is not self._controller:
-            memory, self._workspace = controller.begin()
-            self._controller = controller
+        first = loop.ahead if loop else 0.0
+        if (controller, first) != self._begun:
+            memory, self._workspace = controller.begin(first)
+            self._begun = controller, first
             self._memory = pack(memory)
 
         start(room.r, problem, number, stepper, self._memory, batch.record)
         room.r.p[:] = batch.numbers[controller]
-        if controller.loop is not None:
-            controller.loop.restart(room.r.loop)
+        if loop is not None:
+            loop.restart(room.r.loop)
         if len(problem.pushes) > 1:
             pushes, values = problem.pushes_of(number)
             room.put(pushes=pushes, values=values)

@@ -13,6 +13,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call, refusal
+from grosmc_mj.loop.applied import AppliedLoop, apply_loop
+from grosmc_mj.loop.loop import Loop
 from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
@@ -64,12 +66,19 @@ Controllers = Annotated[
 ]
 
 
+Loops = Annotated[
+    Any,
+    OneOrMore((Loop, AppliedLoop, type(None)), "a Loop, an AppliedLoop or a list of them"),
+]
+
+
 @checked_call
 def prepare(
     plant: Plants,
     controller: Controllers,
     x0: Any,
     *,
+    loop: Loops = None,
     duration: Annotated[float, Range(SHORTEST, LONGEST, unit="s")],
     control_period: ControlPeriod = None,
     timestep: Annotated[float, Range(SHORTEST, LONGEST, unit="s")] | None = None,
@@ -88,14 +97,15 @@ def prepare(
     """
     plants = _several(plant)
     controllers = _several(controller)
+    loops = _several(loop)
     accumulated = _several(meters)
     states = reals(x0)
     starts = np.atleast_2d(states)
 
-    nsim = _number_of_simulations(plants, controllers, disturbances, accumulated, starts)
+    nsim = _number_of_simulations(plants, controllers, loops, disturbances, accumulated, starts)
     system = plants[0].system
     _require_starts(x0, starts, system)
-    _require_alike(plants, controllers, accumulated)
+    _require_alike(plants, controllers, loops, accumulated)
     plants[0].require_unchanged(plants)
 
     h = _timestep(plants[0], timestep)
@@ -104,9 +114,11 @@ def prepare(
         _require_designed_for(system, item, h, period)
 
     sampled = {item: item.sampled(period) for item in dict.fromkeys(controllers)}
+    controllers = tuple(sampled[item] for item in controllers) * (nsim // len(controllers))
     problem = Problem(
         plants=plants * (nsim // len(plants)),
-        controllers=tuple(sampled[item] for item in controllers) * (nsim // len(controllers)),
+        controllers=controllers,
+        loops=_applied(loops * (nsim // len(loops)), controllers, system, h, period),
         meters=accumulated * (nsim // len(accumulated)),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
         steps=_number_of_steps(duration, h),
@@ -120,25 +132,28 @@ def prepare(
     for item, start in zip(problem.plants, problem.x0, strict=True):
         item.require_start(start)
     problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
-    single = nsim == 1 and states.ndim == 1 and plants[0] is plant and controllers[0] is controller
+    several = isinstance(plant, tuple) or isinstance(controller, tuple) or isinstance(loop, tuple)
+    single = nsim == 1 and states.ndim == 1 and not several
     return problem, single
 
 
 def _number_of_simulations(
     plants: tuple[Plant, ...],
     controllers: tuple[Controller, ...],
+    loops: tuple[Any, ...],
     disturbances: tuple[Any, ...],
     meters: tuple[Any, ...],
     starts: Array,
 ) -> int:
     """Length of the arguments that are several; a single one serves every simulation."""
-    lengths = {len(items) for items in (plants, controllers, disturbances, meters, starts)}
+    arguments = (plants, controllers, loops, disturbances, meters, starts)
+    lengths = {len(items) for items in arguments}
     several = lengths - {1}
     if len(several) > 1 or 0 in several:
         raise ArgumentError(
-            f"{len(plants)} plants, {len(controllers)} controllers, {len(disturbances)} "
-            f"disturbance lists and {len(starts)} starts: each must be 1 or the number of "
-            "simulations"
+            f"{len(plants)} plants, {len(controllers)} controllers, {len(loops)} loops, "
+            f"{len(disturbances)} disturbance lists and {len(starts)} starts: each must be 1 or "
+            "the number of simulations"
         )
     return max(lengths)
 
@@ -188,6 +203,7 @@ def _timestep(plant: Plant, timestep: float | None) -> float:
 def _require_alike(
     plants: tuple[Plant, ...],
     controllers: tuple[Controller, ...],
+    loops: tuple[Loop | AppliedLoop | None, ...],
     meters: tuple[Meters | None, ...],
 ) -> None:
     """Refuse a batch that one compiled loop cannot run."""
@@ -203,9 +219,7 @@ def _require_alike(
         },
         "plants of a batch must have one timestep": {plant.step_length for plant in plants},
         "controllers of a batch must have the same law": {item.law for item in several},
-        "controllers of a batch must be in a loop, or none": {
-            item.loop is None for item in several
-        },
+        "runs of a batch must have a loop, or none": {item is None for item in loops},
         "controllers of a batch must have the same kinds of numbers": numbers,
         "controllers of a batch must have the same kind of memory": {
             record_dtype(memory()) for memory in memories
@@ -233,12 +247,46 @@ def _require_designed_for(
             raise ArgumentError(
                 f"{law.name} is designed for {designed.name}, the plant is {system.name}"
             )
-    if law.loop is not None:
-        _require_equal(f"{law.name} is in a loop for a timestep", law.loop.timestep, h)
-        _require_equal(f"{law.name} is in a loop for a control period", law.loop.period, period)
     if law.design is not None and law.design.control_period is not None:
         designed_period = law.design.control_period
         _require_equal(f"{law.name} is designed for a control period", designed_period, period)
+
+
+def _applied(
+    loops: tuple[Loop | AppliedLoop | None, ...],
+    controllers: tuple[Controller, ...],
+    system: System,
+    h: float,
+    period: float,
+) -> tuple[AppliedLoop | None, ...]:
+    """Loop around the controller of each simulation.
+
+    Raises:
+        ArgumentError: If a loop does not fit, or was applied to another controller or other times.
+    """
+    pairs = list(zip(loops, controllers, strict=True))
+    applied: dict[Any, AppliedLoop | None] = {}
+    for loop, controller in dict.fromkeys(pairs):
+        if isinstance(loop, AppliedLoop):
+            _require_applied_to(controller, loop, h, period)
+            applied[loop, controller] = loop
+        elif loop is None:
+            applied[loop, controller] = None
+        else:
+            applied[loop, controller] = apply_loop(
+                loop, controller, system, control_period=period, timestep=h
+            )
+    return tuple(applied[pair] for pair in pairs)
+
+
+def _require_applied_to(controller: Controller, loop: AppliedLoop, h: float, period: float) -> None:
+    """Refuse a loop around another controller, or for other times."""
+    if loop.controller.design is not controller.design:
+        raise ArgumentError(
+            f"the loop is around {loop.controller.name}, not around {controller.name}"
+        )
+    _require_equal("the loop is for a timestep", loop.timestep, h)
+    _require_equal("the loop is for a control period", loop.period, period)
 
 
 def _require_equal(statement: str, needed: float, used: float) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.disturbances import Disturbance, packed
@@ -45,6 +46,7 @@ class Problem:
     Attributes:
         plants: One per simulation, all analytic or all in MuJoCo.
         controllers: One per simulation, with the same law.
+        loops: One per simulation, around its controller; None for ideal ones.
         meters: One per simulation, with the same ``note``; None for no metrics.
         x0: Starts, (nsim, n).
         steps: Number of timesteps.
@@ -58,6 +60,7 @@ class Problem:
 
     plants: tuple[Plant, ...]
     controllers: tuple[Controller, ...]
+    loops: tuple[AppliedLoop | None, ...]
     meters: tuple[Meters | None, ...]
     x0: Array
     steps: int
@@ -86,7 +89,7 @@ class Problem:
     @property
     def looped(self) -> bool:
         """Whether the law is in a loop with sensors and actuators."""
-        return self.controller.loop is not None
+        return self.loops[0] is not None
 
     @property
     def disturbed(self) -> bool:

@@ -48,12 +48,14 @@ class ClosedLoop:
         """Bring the plant to its start."""
         self._problem = problem
         self._controller = problem.controllers[number]
+        self._loop = problem.loops[number]
         self._meters = problem.meters[number]
         steppers = steppers or Steppers(problem.timestep)
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
-        self.memory, self._workspace = self._controller.begin()
+        first = self._loop.ahead if self._loop else 0.0
+        self.memory, self._workspace = self._controller.begin(first)
         self.meters = deepcopy(self._meters.start) if self._meters else None
         self.run = self._begun(number, record)
 
@@ -61,7 +63,6 @@ class ClosedLoop:
         """Run of the kernel at its start."""
         problem = self._problem
         stepper = self._stepper
-        loop = self._controller.loop
         # Without a record the caller may make any number of steps.
         kept = record or Record.empty(replace(problem, record=False), stepper.recorded_size)
         run = kernel_run(
@@ -82,13 +83,12 @@ class ClosedLoop:
         if record is None:
             run = run._replace(keep=sys.maxsize)
 
-        if loop is None:
-            run = run._replace(loop=ideal_loop(len(run.seen), len(stepper.u)))
+        if self._loop is None:
+            loop = ideal_loop(len(run.seen), len(stepper.u))
         else:
             seen = run.now[problem.columns["seen"]]
-            run = run._replace(
-                loop=loop.begin_uncompiled(self._controller, self.memory, seen, run.seen)
-            )
+            loop = self._loop.begin_uncompiled(self.memory, seen, run.seen)
+        run = run._replace(loop=loop)
         start(run, problem, number, stepper, pack(self.memory), kept)
         return run
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
+from grosmc_mj.loop import AppliedLoop, Loop
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.native_engine import run_native
@@ -29,6 +30,7 @@ def simulate(
     x0: ArrayLike,
     *,
     duration: float,
+    loop: Loop | AppliedLoop | Sequence[Loop | AppliedLoop | None] | None = None,
     control_period: float | None = None,
     timestep: float | None = None,
     disturbances: Sequence[Disturbance] | Sequence[Sequence[Disturbance]] = (),
@@ -47,6 +49,8 @@ def simulate(
         controller: A controller, or several with the same law and different numbers.
         x0: Start, (n,) or (nsim, n), in the order and units of ``plant.system.states``.
         duration: [s]; rounded up to whole timesteps.
+        loop: Sensors, estimators, computer and actuators around the law, for all simulations or one
+            for each; ideal by default. ``apply_loop`` makes one for a law that knows its loop.
         control_period: Time between two samples of the law [s]; the timestep by default. It
             must be a multiple of the timestep.
         timestep: Of an analytic plant [s], 1 ms by default; a model in MuJoCo has its own.
@@ -71,6 +75,7 @@ def simulate(
         controller,
         x0,
         duration=duration,
+        loop=loop,
         control_period=control_period,
         timestep=timestep,
         disturbances=disturbances,

@@ -29,7 +29,7 @@ from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
-from grosmc_mj.loop import Computing, Loop, in_loop
+from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import (
     LuGre,
     MachinePart,
@@ -570,17 +570,11 @@ def run_of(
         bare = bare.with_settings(control_period=timestep)
 
     controller = bare.with_settings(**law.sampled).law(rung.plant, law.base)
+    loop = None
     if rung.looped:
-        controller = in_loop(
-            controller,
-            rung.loop,
-            bare.nominal.system,
-            timestep=timestep,
-            predict=law.predict,
-            control_period=bare.settings.control_period,
-        )
+        loop = bare.loop_around(controller, rung.loop, predict=law.predict)
     built = bare.varied(edits=(*bare.case.edits, *rung.parts))
-    return run_on(built, rung.plant, controller, built.plant(rung.plant))
+    return run_on(built, rung.plant, controller, built.plant(rung.plant), loop)
 
 
 def _shares_of_claims(

@@ -121,17 +121,20 @@ class RegionLoop:
         experiment: Its case and settings.
         controller: The law, guarded; designed for the nominal plant.
         plant: The experiment's plant, or its equations, which take steps of RK4.
+        predict: Whether the law knows the experiment's loop.
     """
 
     experiment: Experiment
     controller: Controller
     plant: Plant
+    predict: bool = False
 
     @classmethod
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
         """Return the loop of a named controller."""
         law = guarded(experiment.law("physics", controller), experiment.nominal.system)
-        return cls(experiment, law, experiment.plant("physics"))
+        predict = bool(experiment.file.law(controller).predict)
+        return cls(experiment, law, experiment.plant("physics"), predict)
 
     @property
     def system(self) -> System:
@@ -140,11 +143,15 @@ class RegionLoop:
 
     def run(self, starts: Array, duration: float) -> Outcomes:
         """Return the runs from the starts (nsim, n)."""
-        # The guard is around the law in its loop.
-        case = replace(self.experiment.case, loop=None, duration=duration)
+        case = replace(self.experiment.case, duration=duration)
         rows = []
         for start in starts.tolist():
-            row = Row(self.controller, case=replace(case, x0=tuple(start)), plant=self.plant)
+            row = Row(
+                self.controller,
+                case=replace(case, x0=tuple(start)),
+                plant=self.plant,
+                predict=self.predict,
+            )
             rows.append(row)
         return run_rows(self.experiment, rows, ())
 

@@ -30,7 +30,6 @@ from grosmc_mj.experiments.requirements import (
     windows,
 )
 from grosmc_mj.fields import Range, checked
-from grosmc_mj.loop import relooped
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -296,11 +295,16 @@ class Campaign:
         """Compile a machine and put every law into its loop: shows whether there is such a run."""
         sample = self.plant_sample(values)
         if owners is LOOP_PARTS and sample.case.loop is not None:
-            for law in self.laws.values():
-                relooped(law, sample.case.loop)
+            for name, law in self.laws.items():
+                predict = self.predicts(name)
+                self.experiment.loop_around(law, sample.case.loop, predict=predict)
         if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
             plant: Any = sample.plant(self.plant)
             _ = plant.undrawn_model
+
+    def predicts(self, law: str) -> bool:
+        """Whether a law knows its loop."""
+        return bool(self.experiment.file.law(law).predict)
 
     @property
     def judged(self) -> list[str]:

@@ -30,7 +30,7 @@ from grosmc_mj.experiments.requirements import (
     required,
     windows,
 )
-from grosmc_mj.loop import in_loop, relooped
+from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.problem import Meters
 from grosmc_mj.simulation.simulate import simulate
@@ -51,13 +51,13 @@ class Row:
     """One run of a design.
 
     Attributes:
-        law: Name of a law of the experiment, or a controller, in a loop or without one.
+        law: Name of a law of the experiment, or a controller.
         values: Values that differ from the case's, by parameter or by its path such as
             ``sensor.rotor angle.delay``.
         case: Start, edits, disturbances and loop; the experiment's by default.
         number: Number of the run, which sets what its loop draws at random; the case's by default.
         plant: A plant that has the values already; by default it is made.
-        predict: Whether the law knows the loop that it is put into.
+        predict: Whether the law knows its loop; a law by its name as the file says, by default.
     """
 
     law: str | Controller
@@ -65,7 +65,7 @@ class Row:
     case: Case | None = None
     number: int | None = None
     plant: Plant | None = None
-    predict: bool = False
+    predict: bool | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +122,7 @@ class Run(NamedTuple):
 
     plant: Plant
     law: Controller
+    loop: AppliedLoop | None
     case: Case
 
 
@@ -195,7 +196,7 @@ def prepare_run(
     name: PlantName = "physics",
     plants: dict[Any, Plant] | None = None,
 ) -> Run:
-    """Return the plant, the law in its loop and the case of a row.
+    """Return the plant, the law, the loop around it and the case of a row.
 
     Args:
         experiment: Experiment of the row.
@@ -215,7 +216,8 @@ def prepare_run(
     plant = row.plant
     if plant is None:
         plant = _plant_of(experiment, changed, name, {} if plants is None else plants)
-    return Run(plant, _law_in_loop(experiment, row, name, changed.case), changed.case)
+    law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
+    return Run(plant, law, _loop_around(law, experiment, row, changed.case), changed.case)
 
 
 def _plant_of(
@@ -232,29 +234,17 @@ def _plant_of(
     return plant
 
 
-def _law_in_loop(
-    experiment: Experiment,
-    row: Row,
-    name: PlantName,
-    case: Case,
-) -> Controller:
-    """The law of a row in the loop of its case."""
-    law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
+def _loop_around(
+    law: Controller, experiment: Experiment, row: Row, case: Case
+) -> AppliedLoop | None:
+    """The loop of a row's case around its law; None without a loop."""
     if case.loop is None:
-        return law
-
+        return None
+    predict = row.predict
+    if predict is None and isinstance(row.law, str):
+        predict = experiment.file.law(row.law).predict
     number = case.run if row.number is None else row.number
-    if law.loop is not None:
-        return relooped(law, case.loop, number)
-    return in_loop(
-        law,
-        case.loop,
-        experiment.nominal.system,
-        control_period=experiment.settings.control_period,
-        timestep=experiment.settings.timestep,
-        predict=row.predict,
-        run=number,
-    )
+    return experiment.loop_around(law, case.loop, predict=bool(predict), run=number)
 
 
 def shared_meters(
@@ -339,6 +329,7 @@ def _simulated(
         [run.law for run in runs],
         x0,
         duration=runs[0].case.duration,
+        loop=[run.loop for run in runs],
         control_period=settings.control_period,
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],

@@ -91,8 +91,13 @@ class Batch:
 
     def row(self, controller: str, index: int, plant: Plant) -> Row:
         """Return a row of the design, on its plant or its equations."""
-        law = self.campaign.laws[controller]
-        return Row(law, case=self.samples[index].case, number=self.ids[index], plant=plant)
+        return Row(
+            self.campaign.laws[controller],
+            case=self.samples[index].case,
+            number=self.ids[index],
+            plant=plant,
+            predict=self.campaign.predicts(controller),
+        )
 
     def run(
         self,

@@ -9,11 +9,11 @@ import control
 import numpy as np
 import pytest
 import scipy.linalg
-from looped import ANGLE, CURRENT, SPEED, H, applied, played, scripted, seen, servo
+from looped import ANGLE, CURRENT, SPEED, H, played, scripted, seen, servo
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
 from grosmc_mj.loop.estimators import levant
 from grosmc_mj.loop.kalman import kalman_gain
 from grosmc_mj.plants import SERVO
@@ -219,8 +219,7 @@ def gain_of(noise: float, load: float, of: str = ANGLE, resolution: float = 0.0)
         sensors=(Sensor(of, resolution, noise=noise),),
         estimators=(Estimator((ANGLE, SPEED), "kalman", load=load),),
     )
-    law = in_loop(scripted([0.0], modelled=True), loop, SERVO)
-    return applied(law).start.gain
+    return apply_loop(loop, scripted([0.0], modelled=True), SERVO).start.gain
 
 
 each_noise = pytest.mark.parametrize(("noise", "load"), [(1e-3, 1e-2), (1e-7, 1.0)])

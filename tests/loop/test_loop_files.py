@@ -250,9 +250,9 @@ def test_the_run_of_a_file_has_the_noise_of_that_run_of_a_batch(tmp_path: Path) 
 
 def delays_of(file: Path) -> tuple[float, float]:
     """True delay of the computer, and the dead time that LQR knows, in timesteps."""
-    law = Experiment.load(file).law("physics", "lqr")
-    assert law.loop is not None
-    (computer,) = law.loop.start.computer
+    loop = Experiment.load(file).applied_loop("physics", "lqr")
+    assert loop is not None
+    (computer,) = loop.start.computer
     return computer["delay"], computer["dead"]
 
 

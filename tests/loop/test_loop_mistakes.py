@@ -8,12 +8,12 @@ import pytest
 from looped import ANGLE, CURRENT, SPEED, H, nominal, scripted, servo
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.simulate import simulate
 
 LQR = nominal().law("corrected", "lqr")
-LOOPED = in_loop(LQR, Loop(), SERVO)
+AROUND_LQR = apply_loop(Loop(), LQR, SERVO)
 WITHOUT_MODEL = scripted([0.0])
 
 KALMAN = (Estimator((ANGLE, SPEED), "kalman", load=1.0),)
@@ -84,7 +84,7 @@ def test_a_part_that_is_not_there_cannot_be_changed() -> None:
 )
 def test_a_loop_that_does_not_fit_the_servo_is_refused(loop: Loop, words: str) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
-        in_loop(LQR, loop, SERVO)
+        apply_loop(loop, LQR, SERVO)
     assert_one_line(refused)
 
 
@@ -98,25 +98,31 @@ def test_a_loop_that_does_not_fit_the_servo_is_refused(loop: Loop, words: str) -
 )
 def test_wrong_options_of_a_loop_are_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
-        in_loop(LQR, Loop(), SERVO, **options)
+        apply_loop(Loop(), LQR, SERVO, **options)
     assert_one_line(refused)
 
 
 def test_a_law_without_a_model_cannot_predict() -> None:
     with pytest.raises(ArgumentError, match="which predict needs") as refused:
-        in_loop(WITHOUT_MODEL, Loop(), SERVO, predict=True)
+        apply_loop(Loop(), WITHOUT_MODEL, SERVO, predict=True)
     assert_one_line(refused)
 
 
 def test_a_law_without_a_model_has_no_observer() -> None:
     with pytest.raises(ArgumentError, match="model, which eso needs") as refused:
-        in_loop(WITHOUT_MODEL, Loop(estimators=OBSERVER), SERVO)
+        apply_loop(Loop(estimators=OBSERVER), WITHOUT_MODEL, SERVO)
     assert_one_line(refused)
 
 
-def test_a_law_in_a_loop_gets_no_second_one() -> None:
-    with pytest.raises(ArgumentError, match="lqr is in a loop already") as refused:
-        in_loop(LOOPED, Loop(), SERVO)
+def test_a_loop_around_one_law_is_not_around_another() -> None:
+    with pytest.raises(ArgumentError, match="is around lqr, not around scripted") as refused:
+        simulate(servo(), WITHOUT_MODEL, (0, 0), duration=0.1, loop=AROUND_LQR)
+    assert_one_line(refused)
+
+
+def test_runs_of_a_batch_are_all_in_a_loop_or_none_is() -> None:
+    with pytest.raises(ArgumentError, match="runs of a batch must have a loop, or none") as refused:
+        simulate(servo(), LQR, (0, 0), duration=0.1, loop=[AROUND_LQR, None])
     assert_one_line(refused)
 
 
@@ -134,5 +140,5 @@ def test_a_run_with_other_periods_than_its_loop_is_refused(
     periods: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
-        simulate(servo(), LOOPED, (0, 0), duration=0.1, **periods)
+        simulate(servo(), LQR, (0, 0), duration=0.1, loop=AROUND_LQR, **periods)
     assert_one_line(refused)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from looped import CURRENT, H, applied, nominal, played, seen, servo
+from looped import CURRENT, H, nominal, played, seen, servo
 
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.runs import run_on
-from grosmc_mj.loop import Actuator, Computing, Loop, Sensor, in_loop
+from grosmc_mj.loop import Actuator, AppliedLoop, Computing, Loop, Sensor, apply_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
-def dead_time(law: Controller) -> float:
-    """Dead time that a law knows, in timesteps."""
-    return float(applied(law).start.computer["dead"][0])
+def dead_time(loop: AppliedLoop) -> float:
+    """Dead time that the law of a loop knows, in timesteps."""
+    return float(loop.start.computer["dead"][0])
 
 
 def midpoint_error(run: Trajectory, steps: int) -> float:
@@ -86,10 +85,10 @@ def test_a_load_that_the_model_lacks_is_learned() -> None:
     assert abs(error[-1] / error[0]) < 1e-3
 
 
-def predicting(loop: Loop, known: Loop | None = None) -> Controller:
-    """The servo's LQR with prediction in a loop."""
+def predicting(loop: Loop, known: Loop | None = None) -> AppliedLoop:
+    """A loop around the servo's LQR, which predicts."""
     law = nominal().law("corrected", "lqr")
-    return in_loop(law, loop, SERVO, predict=True, known=known)
+    return apply_loop(loop, law, SERVO, predict=True, known=known)
 
 
 @pytest.mark.parametrize(
@@ -103,33 +102,30 @@ def predicting(loop: Loop, known: Loop | None = None) -> Controller:
 )
 def test_a_lag_counts_as_a_delay_of_its_time_constants(order: int, lag: float, steps: int) -> None:
     actuator = Actuator(CURRENT, lag=lag, order=order)
-    law = predicting(Loop(actuators=(actuator,)))
-    assert dead_time(law) == steps
+    loop = predicting(Loop(actuators=(actuator,)))
+    assert dead_time(loop) == steps
     # The law's first output arrives then: a surface begins there.
-    assert applied(law).ahead == pytest.approx(steps * H)
-    memory, _workspace = law.begin()
-    assert memory.first == applied(law).ahead
+    assert loop.ahead == pytest.approx(steps * H)
 
 
 def test_the_age_of_a_measurement_is_dead_time_before_the_sample() -> None:
-    law = predicting(Loop(sensors=sensors_of_age(2)))
-    assert dead_time(law) == 2.0
-    assert applied(law).ahead == 0.0
+    loop = predicting(Loop(sensors=sensors_of_age(2)))
+    assert dead_time(loop) == 2.0
+    assert loop.ahead == 0.0
 
 
 def test_a_law_may_know_another_loop_than_the_real_one() -> None:
     real = Loop(Computing(delay=4 * H))
-    law = predicting(real, known=Loop())
-    assert dead_time(law) == 0.0
+    loop = predicting(real, known=Loop())
+    assert dead_time(loop) == 0.0
 
 
 def cost_over_optimum(*, predict: bool) -> float:
     """J over J* of the servo's discrete-time surface under a dead time."""
     experiment = nominal(switching="implicit", surface="discrete")
     law = experiment.law("corrected", "grosmc")
-    loop = Loop(Computing(delay=5 * H))
-    looped = in_loop(law, loop, SERVO, predict=predict)
-    metrics = run_on(experiment, "corrected", looped, experiment.plant("corrected")).metrics
+    loop = apply_loop(Loop(Computing(delay=5 * H)), law, SERVO, predict=predict)
+    metrics = run_on(experiment, "corrected", law, experiment.plant("corrected"), loop).metrics
     cost = metrics["cost_whole"].value
     optimum = metrics["cost_optimal"].value
     assert cost is not None

@@ -25,7 +25,7 @@ from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series
 from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, in_loop
+from grosmc_mj.loop import Actuator, AppliedLoop, Computing, Estimator, Loop, Sensor, apply_loop
 from grosmc_mj.physics.edits import AddedMass, BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
@@ -123,8 +123,8 @@ ESTIMATORS: dict[str, dict[str, Any]] = {
 
 
 @cache
-def law_in_loop(system: str, integrator: str, law: str, estimator: str) -> Controller:
-    """A law in a loop where every part does something, with an estimator of this kind."""
+def loop_around(system: str, integrator: str, law: str, estimator: str) -> AppliedLoop:
+    """A loop where every part does something, with an estimator of this kind."""
     plant = plant_of(system, integrator)
     n = len(plant.system.states) // 2
     positions = [state.name for state in plant.system.states[:n]]
@@ -150,9 +150,9 @@ def law_in_loop(system: str, integrator: str, law: str, estimator: str) -> Contr
         tuple(actuators),
         seed=1,
     )
-    return in_loop(
-        law_of(system, law),
+    return apply_loop(
         loop,
+        law_of(system, law),
         plant.system,
         predict=estimator != "difference",
         control_period=2 * H,
@@ -193,13 +193,16 @@ LOOPED = [
 ]
 
 
-def run_where_engines_agree(plant: Plant, law: Controller) -> Trajectory:
+def run_where_engines_agree(
+    plant: Plant, law: Controller, loop: AppliedLoop | None = None
+) -> Trajectory:
     """A run of 50 steps under a disturbance, which is the same in both engines."""
     h = plant.step_length or H
     start = 0.1 * (1.0 + np.arange(len(plant.system.states)))
     wrench = (0.3, 0, -0.2, 0, 0.1, 0)
     options: dict[str, Any] = {
         "duration": 50 * h,
+        "loop": loop,
         "control_period": 2 * h,
         "timestep": h,
         "disturbances": [Disturbance(plant.system.bodies[-1], wrench, SineFrom(20.0, 0.01))],
@@ -224,8 +227,8 @@ def test_both_engines_agree_in_every_bit(system: str, integrator: str, law: str)
 def test_both_engines_agree_in_every_bit_of_a_loop(
     system: str, integrator: str, law: str, estimator: str
 ) -> None:
-    looped = law_in_loop(system, integrator, law, estimator)
-    run = run_where_engines_agree(plant_of(system, integrator), looped)
+    loop = loop_around(system, integrator, law, estimator)
+    run = run_where_engines_agree(plant_of(system, integrator), loop.controller, loop)
     # The loop is at work: neither the input nor the state that the law gets is the ideal one.
     assert np.abs(run.input - run.command).max() > 0.1
     assert not np.array_equal(seen(run), run.state[:-1])
@@ -408,10 +411,9 @@ def test_a_loop_without_parts_is_no_loop(system: str, kind: str) -> None:
     law = law_of(system)
     x0 = find_case(system, "nominal").x0
     periods: dict[str, Any] = {"control_period": 4 * H, "timestep": H}
-    empty_loop = in_loop(law, Loop(), plant.system, **periods)
 
     bare = simulate(plant, law, x0, duration=0.1, **periods)
-    looped = simulate(plant, empty_loop, x0, duration=0.1, **periods)
+    looped = simulate(plant, law, x0, duration=0.1, loop=Loop(), **periods)
     assert_equal(bare, looped, [name for name in FIELDS if name not in ("seen", "memory")])
     np.testing.assert_array_equal(seen(looped), bare.state[np.arange(100) // 4 * 4])
     assert bare.seen is None

@@ -16,7 +16,7 @@ import pytest
 import grosmc_mj as gm
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.loop import Loop, in_loop
+from grosmc_mj.loop import Loop
 from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.studies.region import guarded
 
@@ -38,14 +38,16 @@ def controller(
     return gm.custom_controller("mine", law, like, numbers or {"a": np.zeros(2)}, memory)
 
 
-def run(law: Any, kind: str, engine: Engine, system: str = "servo") -> gm.Trajectory:
+def run(
+    law: Any, kind: str, engine: Engine, system: str = "servo", loop: Loop | None = None
+) -> gm.Trajectory:
     """A few samples of a law on a plant at rest."""
     plant = physics(system)
     target = plant if kind == "physics" else plant.analytic()
     if not isinstance(law, Controller):
         law = controller(law, system)
     x0 = np.zeros(len(plant.system.states))
-    return gm.simulate(target, law, x0, duration=0.01, engine=engine)
+    return gm.simulate(target, law, x0, duration=0.01, loop=loop, engine=engine)
 
 
 # Laws that fail, or return something else than one input, then than two
@@ -94,9 +96,16 @@ WRONG_LAWS = [
 ]
 
 
-def assert_refused(law: Controller, kind: str, engine: Engine, system: str, words: str) -> None:
+def assert_refused(
+    law: Controller,
+    kind: str,
+    engine: Engine,
+    system: str,
+    words: str,
+    loop: Loop | None = None,
+) -> None:
     with pytest.raises(ArgumentError) as error:
-        run(law, kind, engine, system)
+        run(law, kind, engine, system, loop)
     assert re.fullmatch(words, str(error.value))
 
 
@@ -116,8 +125,7 @@ def test_a_wrong_law_is_refused_in_one_line(
 def test_a_wrong_law_in_a_loop_is_refused_in_one_line(
     system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    looped = in_loop(controller(law, system), Loop(), physics(system).system)
-    assert_refused(looped, "physics", engine, system, words)
+    assert_refused(controller(law, system), "physics", engine, system, words, Loop())
     assert capfd.readouterr().err == ""
 
 
@@ -152,10 +160,6 @@ def uncompiled(t: float, x: Any, memory: Any, p: Any) -> float:
 uncompiled.python_only = True  # pyright: ignore[reportFunctionMemberAccess]
 
 
-def looped(law: Controller) -> Controller:
-    return in_loop(law, Loop(), physics().system)
-
-
 def kept_in_a_region(law: Controller) -> Controller:
     return guarded(law, physics().system)
 
@@ -164,14 +168,15 @@ def bare(law: Controller) -> Controller:
     return law
 
 
-@pytest.mark.parametrize("around", [bare, looped, kept_in_a_region])
+@pytest.mark.parametrize("around", [bare, kept_in_a_region])
+@pytest.mark.parametrize("loop", [None, Loop()])
 def test_a_law_for_python_only_stays_so_whatever_is_put_around_it(
-    around: Callable[[Controller], Controller],
+    around: Callable[[Controller], Controller], loop: Loop | None
 ) -> None:
     law = around(controller(uncompiled))
-    assert run(law, "corrected", "python").command[-1] == 2.0
+    assert run(law, "corrected", "python", loop=loop).command[-1] == 2.0
     with pytest.raises(ArgumentError, match="mine runs in Python only"):
-        run(law, "corrected", "native")
+        run(law, "corrected", "native", loop=loop)
 
 
 def unknown_to_numba(t: float, x: Any, memory: Any, p: Any) -> float:

@@ -55,6 +55,7 @@ class ViewCommand(Command):
                 experiment.law("physics", law),
                 case.x0,
                 duration=case.duration,
+                loop=experiment.applied_loop("physics", law),
                 disturbances=case.disturbances,
                 control_period=experiment.settings.control_period,
                 speed=self.speed,

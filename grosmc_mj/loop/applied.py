@@ -1,8 +1,8 @@
-"""A loop attached to a controller: its numbers for one system, timestep and control period."""
+"""A loop around a law: its numbers for one controller, system, timestep and control period."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -38,6 +38,7 @@ class AppliedLoop:
     """A loop around the law of a controller.
 
     Attributes:
+        controller: Controller, with the control period in its parameters.
         loop: Parts of the loop.
         known: Loop that the law knows.
         predicts: Whether the law gets the state at the instant when its output arrives.
@@ -49,6 +50,7 @@ class AppliedLoop:
         start: Numbers of the loop as a run begins.
     """
 
+    controller: Controller
     loop: Loop
     known: Loop
     predicts: bool
@@ -93,29 +95,50 @@ class AppliedLoop:
         """Shapes of the arrays that a run changes."""
         return tuple(getattr(self.start, name).shape for name in _CHANGING)
 
-    def begin_uncompiled(
-        self, controller: Controller, memory: Any, seen: Array, predicted: Array
-    ) -> LoopRun:
+    def begin_uncompiled(self, memory: Any, seen: Array, predicted: Array) -> LoopRun:
         """Loop of a new run for plain Python.
 
         Args:
-            controller: Controller in this loop.
-            memory: Memory of its law.
+            memory: Memory of the law.
             seen: Array for the state by sensors and estimators, (n,).
             predicted: Array for the state that the law gets, (n,).
         """
         model: Any = self.model
+        p = self.controller.parameters
 
         def advance(t: float, x: Any, u: Any, h: float, _address: Any) -> None:
-            model.advance(t, x, u, h, memory, controller.parameters, model.own)
+            model.advance(t, x, u, h, memory, p, model.own)
 
         return self.begin(seen, predicted, advance=advance).uncompiled()
 
+    def changed(self, loop: Loop, *, run: int = 0, predict: bool | None = None) -> AppliedLoop:
+        """Put another loop around the law, which knows the same loop as before.
+
+        Args:
+            loop: New loop.
+            run: Number of the run.
+            predict: Whether the law knows its loop; as before by default.
+
+        Raises:
+            ArgumentError: If a part does not fit.
+            GainError: If no filter exists.
+        """
+        return apply_loop(
+            loop,
+            self.controller,
+            self.system,
+            control_period=self.period,
+            timestep=self.timestep,
+            predict=self.predicts if predict is None else predict,
+            run=run,
+            known=self.known,
+        )
+
 
 @checked_call
-def in_loop(
-    controller: InstanceOf[Controller],
+def apply_loop(
     loop: Loop,
+    controller: InstanceOf[Controller],
     system: InstanceOf[System],
     *,
     control_period: ControlPeriod = 1e-3,
@@ -123,7 +146,7 @@ def in_loop(
     predict: Flag = False,
     run: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0,
     known: Loop | None = None,
-) -> Controller:
+) -> AppliedLoop:
     """Put a loop around a controller's law, for runs of this control period and timestep.
 
     The law gets the state by sensors and estimators; its output reaches the plant through computer
@@ -133,8 +156,8 @@ def in_loop(
     error in the state's rate, a load say, goes on in the prediction.
 
     Args:
-        controller: Controller; observers and predictions need one with a design model.
         loop: Parts of the loop.
+        controller: Controller; observers and predictions need one with a design model.
         system: System of the plant, whose states are measured.
         control_period: Control period of the law [s]; a multiple of the timestep.
         timestep: Timestep of the physics [s].
@@ -143,14 +166,12 @@ def in_loop(
         known: Loop that the law knows, if it is another than the real one.
 
     Returns:
-        The controller with the same law, and the loop for the kernel.
+        The loop, for ``simulate(plant, controller, ..., loop=...)``.
 
     Raises:
         ArgumentError: If a part does not fit the system or the timestep.
         GainError: If no filter exists.
     """
-    if controller.loop is not None:
-        raise ArgumentError(f"{controller.name} is in a loop already: take the law without one")
     known = loop if known is None else known
     stride, period = stride_of(control_period, timestep)
     steps_in("control_period", period, timestep)
@@ -169,33 +190,17 @@ def in_loop(
         model = design_model(sampled, " and ".join(users))
     task = LoopTask(sampled, loop, known, system, model, timestep, period, stride, run, predict)
     start = loop_at_start(task)
-    applied = AppliedLoop(loop, known, predict, run, system, period, timestep, model, start)
-    return replace(sampled, loop=applied)
-
-
-def relooped(controller: Controller, loop: Loop, run: int = 0) -> Controller:
-    """Put another loop around a controller's law, which knows the same loop as before.
-
-    Args:
-        controller: Controller in a loop.
-        loop: New loop.
-        run: Number of the run.
-
-    Raises:
-        ArgumentError: If it is in none, or a part does not fit.
-    """
-    applied = controller.loop
-    if applied is None:
-        raise ArgumentError(f"{controller.name} is in no loop")
-    return in_loop(
-        replace(controller, loop=None),
-        loop,
-        applied.system,
-        control_period=applied.period,
-        timestep=applied.timestep,
-        predict=applied.predicts,
+    return AppliedLoop(
+        controller=sampled,
+        loop=loop,
+        known=known,
+        predicts=predict,
         run=run,
-        known=applied.known,
+        system=system,
+        period=period,
+        timestep=timestep,
+        model=model,
+        start=start,
     )
 
 
