@@ -24,6 +24,7 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.physics.dry_friction import set_dry_friction
 from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.physics.edits import linear_polynomial, write_inertia
 from grosmc_mj.physics.files import compile_spec
@@ -108,14 +109,14 @@ class Transmission(MachinePart):
             inertia=[TOKEN] * 3,
             gravcomp=1.0,
         )
-        rotor.add_joint(
+        motor = rotor.add_joint(
             name=name,
             type=joint.type,
             axis=[0.0, 1.0, 0.0],
             armature=self.inertia,
-            frictionloss=self.friction,
             ref=joint.ref,
         )
+        set_dry_friction(spec, motor, self.friction)
 
     def _add_tendon(self, spec: mujoco.MjSpec) -> None:
         """Tie motor and joint; the tendon's length is the twist between them."""

@@ -18,6 +18,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Finite, Name, NotNegative, Range, Vector, checked
+from grosmc_mj.physics.dry_friction import set_dry_friction
 from grosmc_mj.physics.edit import Change, Edit
 from grosmc_mj.physics.files import compile_spec
 
@@ -250,7 +251,7 @@ class JointEdit(Edit):
     Attributes:
         joint: Name of the joint.
         damping: [N m s/rad] or [N s/m].
-        friction: Dry friction, MuJoCo's ``frictionloss`` [N m] or [N].
+        friction: Dry friction [N m] or [N], see ``dry_friction``.
         armature: Inertia of what drives it [kg m^2] or [kg].
         tilt: Angle by which its axis a turns towards the z-axis of its body, about a x z [rad]. An
             axis along z, of either direction, turns towards the x-axis.
@@ -283,7 +284,7 @@ class JointEdit(Edit):
         if self.damping is not None:
             joint.damping = linear_polynomial(self.damping, joint.damping)
         if self.friction is not None:
-            joint.frictionloss = self.friction
+            set_dry_friction(spec, joint, self.friction)
         if self.armature is not None:
             joint.armature = self.armature
         if self.tilt is not None:
