@@ -19,7 +19,6 @@ from grosmc_mj.experiments.case import Case, seed_of
 from grosmc_mj.experiments.metrics import has_cart
 from grosmc_mj.experiments.requirements import Judgement, Limit
 from grosmc_mj.experiments.runs import RunResult
-from grosmc_mj.loop.start import rate_positions
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.palette import (
@@ -192,7 +191,7 @@ def _rate_panels(run: RunResult) -> list[Panel]:
 
     # By unit the index of the rate with the largest error.
     worst_rates: dict[str, int] = {}
-    for i in sorted(rate_positions(run.trajectory.system)):
+    for i in sorted(run.trajectory.system.rate_positions):
         if states[i].name not in loop.not_known_exactly:
             continue
         worst = worst_rates.setdefault(states[i].unit, i)

@@ -172,7 +172,8 @@ def apply_loop(
         ArgumentError: If a part does not fit the system or the timestep.
         GainError: If no filter exists.
     """
-    known = loop if known is None else known
+    loop = loop.completed(system)
+    known = loop if known is None else known.completed(system)
     stride, period = stride_of(control_period, timestep)
     steps_in("control_period", period, timestep)
 

@@ -30,8 +30,10 @@ class Loop:
 
     Attributes:
         computing: Computer.
-        sensors: Sensors, at most one of a state; a state without one is known exactly.
-        estimators: Estimators, at most one of a state.
+        sensors: Sensors, at most one of a state; a state without one is known exactly, but for the
+            rate of a measured position.
+        estimators: Estimators, at most one of a state; a rate without sensor and estimator whose
+            position has a sensor is differenced.
         actuators: Actuators, at most one of an input.
         seed: Seed of noise, jitter and missed samples.
     """
@@ -60,8 +62,38 @@ class Loop:
     @property
     def not_known_exactly(self) -> set[str]:
         """Names of the states that are estimated, or measured otherwise than they are."""
-        measured = {sensor.of for sensor in self.sensors if sensor != Sensor(sensor.of)}
+        measured = {sensor.of for sensor in self.sensors if not sensor.ideal}
         return measured.union(*(part.of for part in self.estimators))
+
+    def completed(self, system: System) -> Loop:
+        """Copy in which every rate of a measured position is measured or estimated.
+
+        A computer with a position sensor alone has its differences: what is neither measured nor
+        estimated is the difference of two samples. A ``Sensor(rate, exact=True)`` asks for the rate
+        itself.
+
+        Args:
+            system: System of the plant.
+        """
+        measured = {sensor.of for sensor in self.sensors if not sensor.exact}
+        given = {sensor.of for sensor in self.sensors}.union(*(part.of for part in self.estimators))
+        names = [state.name for state in system.states]
+        differenced = [
+            names[rate]
+            for rate, position in system.rate_positions.items()
+            if names[position] in measured and names[rate] not in given
+        ]
+        if not differenced:
+            return self
+        return replace(self, estimators=(*self.estimators, Estimator(tuple(differenced))))
+
+    def exact_rates(self, system: System) -> list[str]:
+        """Names of the rates that are known exactly beside a measured position."""
+        if not self.sensors:
+            return []
+        names = [state.name for state in system.states]
+        exact = set(names) - self.not_known_exactly
+        return [names[rate] for rate in system.rate_positions if names[rate] in exact]
 
     def part(self, kind: str, of: str) -> Any:
         """Return one of the parts.

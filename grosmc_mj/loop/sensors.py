@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Annotated, Any
 
-from grosmc_mj.fields import Name, Range, checked
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.fields import Flag, Name, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.counter import normal
 from grosmc_mj.loop.rows import row_dtype
@@ -28,6 +30,8 @@ class Sensor:
         delay: Age of the measurement [s]; a multiple of the timestep.
         period: Time between two of its own samples, held in between [s], a multiple of the
             timestep; 0 for one at each sample of the law.
+        exact: Whether it is ideal on purpose: the state is known exactly, such as a rate that would
+            be differenced otherwise.
     """
 
     of: Name
@@ -38,6 +42,17 @@ class Sensor:
     drift: Annotated[float, Range(unit="{}/s"), "drift of {value:.4g} {unit}/s"] = 0.0
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms old"] = 0.0
     period: Annotated[float, Range(0, unit="s"), "every {ms:.4g} ms"] = 0.0
+    exact: Flag = False
+
+    def __post_init__(self) -> None:
+        if self.exact and not self.ideal:
+            raise ArgumentError("exact = true is an ideal sensor: leave its other numbers out")
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the state is measured as it is."""
+        numbers = [item for item in fields(self) if item.name not in ("of", "exact")]
+        return all(getattr(self, item.name) == item.default for item in numbers)
 
 
 # Row of each state: its sensor with times in timesteps; 1 if the Kalman filter estimates it; the

@@ -223,21 +223,6 @@ def _actuator_rows(
     )
 
 
-def rate_positions(system: System) -> dict[int, int]:
-    """States that are the rate of another state, with that state.
-
-    They are the velocities of a mechanical system; of other equations the states that are the whole
-    drift of another one.
-    """
-    n = system.degrees_of_freedom
-    if n:
-        return {i + n: i for i in range(n)}
-    if not system.symbolic:
-        return {}
-    x = list(system.equations.x)
-    return {x.index(f): i for i, f in enumerate(system.equations.f) if f in x}
-
-
 def _estimator_rows(loop: Loop, system: System) -> np.ndarray[Any, Any]:
     """Rows of the estimators of rates, one for each rate.
 
@@ -245,7 +230,7 @@ def _estimator_rows(loop: Loop, system: System) -> np.ndarray[Any, Any]:
         ArgumentError: If a state is no rate, or needs a measurement that there is not.
     """
     names = [state.name for state in system.states]
-    positions = {names[rate]: position for rate, position in rate_positions(system).items()}
+    positions = {names[rate]: position for rate, position in system.rate_positions.items()}
     rates = [(part, name) for part in loop.estimators if part.law != "kalman" for name in part.of]
     for part, name in rates:
         if name not in positions:

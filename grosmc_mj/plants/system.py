@@ -116,6 +116,21 @@ class System:
         return self.states[: self.degrees_of_freedom]
 
     @property
+    def rate_positions(self) -> dict[int, int]:
+        """Indices of the states that are the rate of another state, with that state's.
+
+        They are the velocities of a mechanical system; of other equations the states that are the
+        whole drift of another one.
+        """
+        n = self.degrees_of_freedom
+        if n:
+            return {i + n: i for i in range(n)}
+        if not self.symbolic:
+            return {}
+        x = list(self.equations.x)
+        return {x.index(f): i for i, f in enumerate(self.equations.f) if f in x}
+
+    @property
     def output(self) -> int:
         """Index of the first controlled state."""
         return self.controlled[0]

@@ -19,7 +19,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import LOOP_UNITS, unit_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit
-from grosmc_mj.loop import Loop
+from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
 from grosmc_mj.results.charts import cell_charts
@@ -266,7 +266,7 @@ def imperfections(
         estimated = estimated.changed(amount.kind, amount.of, **ideal_number)
         title = f"{amount.kind} {amount.quantity}".replace("_", " ")
         groups.setdefault(title, []).append(amount)
-    ideal = replace(estimated, estimators=())
+    ideal = replace(estimated, estimators=(), sensors=_with_exact_rates(bench, estimated))
 
     kinds = [
         Imperfection(title, ideal, ideal, tuple(amounts), timestep)
@@ -287,6 +287,15 @@ def imperfections(
                 kinds.append(kind)
     kinds.append(Imperfection(ALL, estimated, estimated, tuple(everything), timestep))
     return kinds
+
+
+def _with_exact_rates(bench: Loop, estimated: Loop) -> tuple[Sensor, ...]:
+    """Ideal sensors of what a bench measures and estimates."""
+    measured = {sensor.of for sensor in estimated.sensors}
+    exact: list[Sensor] = []
+    for part in bench.estimators:
+        exact += [Sensor(name, exact=True) for name in part.of if name not in measured]
+    return (*estimated.sensors, *exact)
 
 
 def _amounts(

@@ -184,7 +184,7 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
             seed=seed,
         )
     mistakes.refuse()
-    return loop
+    return loop and loop.completed(system)
 
 
 def _loop_part(kind: str, table: Any, system: System) -> Any:
