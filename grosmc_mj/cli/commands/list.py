@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from grosmc_mj.plants import Plant
     from grosmc_mj.plants.system import Signal
 
-# Units of a joint's numbers.
-_HINGE_UNITS = {"damping": "N m s/rad", "friction": "N m", "armature": "kg m^2"}
-_SLIDE_UNITS = {"damping": "N s/m", "friction": "N", "armature": "kg"}
-
 
 @dataclass(frozen=True)
 class ListCommand(Command):
@@ -194,8 +190,6 @@ def _note_parameters(numbers: _Numbers, plant: Plant) -> None:
 
 def _note_model(numbers: _Numbers, plant: Plant) -> None:
     """Note the numbers of the bodies and joints of a model."""
-    from mujoco import mjtJoint
-
     model = plant.model
     numbers.note("world", "gravity", model.opt.gravity, "m/s^2")
     for index in range(1, model.nbody):
@@ -206,9 +200,7 @@ def _note_model(numbers: _Numbers, plant: Plant) -> None:
 
     for index in range(model.njnt):
         joint = model.joint(index)
-        units = _HINGE_UNITS
-        if joint.type[0] == mjtJoint.mjJNT_SLIDE:
-            units = _SLIDE_UNITS
+        units = plant.system.joint_units(joint.name)
         numbers.note(joint.name, "damping", joint.damping, units["damping"])
         numbers.note(joint.name, "friction", joint.frictionloss, units["friction"])
         numbers.note(joint.name, "armature", joint.armature, units["armature"])

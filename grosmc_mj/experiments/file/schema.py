@@ -170,12 +170,13 @@ class EditTable(Table):
         added_mass: A point mass on the body [kg].
         at: Place of the added mass in the body's frame [m], (3,).
         joint: A joint of the model.
-        damping: Damping of the joint [N m s/rad or N s/m].
-        friction: Dry friction of the joint [N m or N].
-        armature: Armature of the joint [kg m^2 or kg].
+        damping: Damping of the joint, ``"0.1 N m s/rad"`` or ``"2 N s/m"``; here and below a number
+            without a unit is in SI units.
+        friction: Dry friction of the joint, ``"0.5 N m"`` or ``"5 N"``.
+        armature: Armature of the joint, ``"0.1 kg m^2"`` or ``"1 kg"``.
         tilt: Angle by which the joint's axis turns towards the z-axis of its body [rad].
         input: An input of the model.
-        gear: Torque or force at the joint for one unit of the input.
+        gear: Torque or force at the joint for one unit of the input, such as ``"0.3 N m/A"``.
         parameter: A parameter of a user's own analytic plant.
         scale: Factor on the parameter.
     """
@@ -189,12 +190,12 @@ class EditTable(Table):
     added_mass: Kilograms | None = None
     at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
     joint: str | None = None
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
+    damping: Any = None
+    friction: Any = None
+    armature: Any = None
     tilt: Radians | None = None
     input: str | None = None
-    gear: float | None = None
+    gear: Any = None
     parameter: str | None = None
     scale: float | None = None
 
