@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -152,8 +152,19 @@ def _packaged_controller(request: _Request) -> Controller:
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
-    task = _state_task(request) if of_states else _task(request)
-    return maker(task, **_arguments(table, maker, of_states=of_states))
+    if of_states:
+        task = _state_task(request)
+    else:
+        task = _task(request, linearizing=_linearizes(maker))
+    names = task.error.names
+    return maker(task, **_arguments(table, maker, names, of_states=of_states))
+
+
+def _linearizes(maker: Maker) -> bool:
+    """Whether a law of outputs goes through feedback linearization, so that R weighs v."""
+    if isinstance(maker, partial):
+        return maker.keywords.get("linearizing", True)
+    return maker not in (linear_lqr, linear_grosmc)
 
 
 def _further_controller(request: _Request, maker: Callable[..., Controller]) -> Controller:
@@ -170,8 +181,21 @@ def _further_controller(request: _Request, maker: Callable[..., Controller]) -> 
     return maker(nominal.equations(request.plant), linear_model)
 
 
-def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict[str, Any]:
-    """Return the numbers of a table as arguments of a law of the package."""
+def _arguments(
+    table: ControllerTable,
+    maker: Maker,
+    names: Sequence[str],
+    *,
+    of_states: bool,
+) -> dict[str, Any]:
+    """Return the numbers of a table as arguments of a law of the package.
+
+    Args:
+        table: Law and numbers of the controller.
+        maker: The function that designs the law.
+        names: Names of the error state's entries.
+        of_states: Whether the law is designed on the linearization.
+    """
     numbers = {name: value for name, value in table.numbers.items() if name not in _WEIGHTS}
     _, *parameters = inspect.signature(maker).parameters.values()
     parameters = [parameter for parameter in parameters if parameter.name not in _NO_NUMBERS]
@@ -188,7 +212,10 @@ def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and isinstance(value, list):
             raise ArgumentError(f"{name} = {value_text(value)} must be a number")
-    return {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
+    return {
+        name: law_number(name, value, names, of_states=of_states)
+        for name, value in numbers.items()
+    }
 
 
 def laws_of(nominal: NominalPlant) -> Laws:
@@ -206,7 +233,7 @@ def _users_controller(request: _Request) -> Controller:
     value = load_named(table.law, request.folder)
     # A function that numba has compiled stands for its source.
     value = getattr(value, "py_func", value)
-    numbers = {name: law_number(name, number) for name, number in table.numbers.items()}
+    numbers = _users_numbers(table)
 
     if isinstance(value, Controller):
         _refuse_memory(table)
@@ -220,6 +247,17 @@ def _users_controller(request: _Request) -> Controller:
         return _custom_law(request, value, numbers)
     _refuse_memory(table)
     return _made_by_function(request, value, numbers)
+
+
+def _users_numbers(table: ControllerTable) -> dict[str, Any]:
+    """Return the numbers of a user's own law; weights by name are for the optimum beside it."""
+    numbers = {}
+    for name, value in table.numbers.items():
+        if name in _WEIGHTS and isinstance(value, dict):
+            numbers[name] = value
+        else:
+            numbers[name] = law_number(name, value)
+    return numbers
 
 
 def _linear_system(request: _Request, system: Any, numbers: dict[str, Any]) -> Controller:
@@ -255,6 +293,11 @@ def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any])
     """Call a function that makes a controller."""
     nominal = request.nominal
     name = request.table.law
+    by_name = [key for key in numbers if isinstance(numbers[key], dict)]
+    if by_name:
+        raise ArgumentError(
+            f"{name} is a function of your own: give it {' and '.join(by_name)} as a list or as rows"
+        )
     arguments = []
     if _required_parameters(function):
         # A robot itself, the equations of any other plant.
@@ -309,14 +352,14 @@ def _required_parameters(function: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _weight(name: str, request: _Request, size: int) -> Array:
-    """Return Q or R of a law, its own or the task's, (size, size)."""
+def _weight(name: str, request: _Request, names: Sequence[str]) -> Array:
+    """Return Q or R of a law, its own or the task's, (n, n) of n names."""
     if name in request.table.numbers:
-        return weight(name, request.table.numbers[name], size)
+        return weight(name, request.table.numbers[name], names)
     value = getattr(request.file.task, name)
     if value is None:
         raise ArgumentError(f"task: {name} is missing: a plant of your own needs weights Q and R")
-    return weight(f"task: {name}", value, size)
+    return weight(f"task: {name}", value, names)
 
 
 def _state_task(request: _Request) -> Task:
@@ -328,13 +371,13 @@ def _state_task(request: _Request) -> Task:
             f"task: reference, outputs and sign: under {request.table.law} all states are held at "
             "the operating point: name that with [plant] at"
         )
-    Q = _weight("Q", request, len(nominal.system.states))
-    R = _weight("R", request, len(nominal.system.inputs))
+    Q = _weight("Q", request, [state.name for state in nominal.system.states])
+    R = _weight("R", request, [signal.name for signal in nominal.system.inputs])
     return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
 
 
-def _task(request: _Request) -> Task:
-    """Return the task of a law that follows outputs."""
+def _task(request: _Request, *, linearizing: bool) -> Task:
+    """Return the task of a law that follows outputs, by feedback linearization or not."""
     if request.nominal.robot is not None:
         return _robot_task(request, request.nominal.robot)
 
@@ -357,8 +400,8 @@ def _task(request: _Request) -> Task:
         guess = state_of(task.outputs.guess, equations.system, "task: outputs: guess", nominal.rest)
     unit = task.outputs.unit if outputs else ""
     error = _coordinates(equations.system, moving, task.sign, outputs, guess, unit)
-    Q = _weight("Q", request, error.size)
-    R = _weight("R", request, error.inputs)
+    Q = _weight("Q", request, error.names)
+    R = _weight("R", request, error.input_names(linearizing=linearizing))
     return Task(equations, error, parameters, Q, R)
 
 
@@ -372,8 +415,9 @@ def _robot_task(request: _Request, robot: Robot) -> Task:
     if not formulas and request.nominal.at is not None:
         formulas = [repr(angle) for angle in request.nominal.at.x[:n].tolist()]
     moving, parameters = _reference(formulas, (2,) * n, robot, request.folder)
-    Q = _weight("Q", request, 2 * n)
-    R = _weight("R", request, n)
+    error = robot.coordinates(moving)
+    Q = _weight("Q", request, error.names)
+    R = _weight("R", request, error.input_names(linearizing=True))
     return robot.task(moving, parameters, Q, R)
 
 

@@ -73,6 +73,24 @@ class ErrorCoordinates(OutputCoordinates):
         unit_of_state = dict(zip(chains.equations.x, units, strict=True))
         return tuple(unit_of_state.get(output, self.unit) for output in chains.h)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states that z consists of; other entries are named by their output."""
+        chains = self.linearization
+        names_of_states = [state.name for state in self.system.states]
+        name_of_state = dict(zip(chains.equations.x, names_of_states, strict=True))
+
+        names: list[str] = []
+        for index, degree in enumerate(chains.relative_degree):
+            output = f"output {index + 1}"
+            for order in range(degree):
+                entry = chains.T[len(names)]
+                name = name_of_state.get(entry, _derivative_name(output, order))
+                if order == 0:
+                    output = name
+                names.append(name)
+        return tuple(names)
+
     @cached_property
     def state(self) -> StateMap:
         """Jitable (t, x, p, z): z = sign (T(x) - y_r), by the nominal ``p.plant``."""
@@ -304,6 +322,15 @@ class ErrorCoordinates(OutputCoordinates):
                 "name an operating point with [plant] at, or linearize by feedback"
             )
         return slope_of_T, slope_of_K[:, outer]
+
+
+def _derivative_name(output: str, order: int) -> str:
+    """Name of a derivative of an output that is no state."""
+    if order == 0:
+        return output
+    if order == 1:
+        return f"{output} rate"
+    return f"{output} rate {order}"
 
 
 def _along(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
@@ -331,18 +332,35 @@ class ClaimTable(RequirementTable):
 
 
 def _weight(value: Any) -> Any:
-    """Refuse anything but a number, a diagonal or the rows of a matrix."""
+    """Refuse anything but a number, numbers by name, a diagonal or the rows of a matrix."""
+    if isinstance(value, dict) and value and all(map(is_number, value.values())):
+        return value
     rows = value if isinstance(value, list) else [value]
     for row in rows:
         entries = row if isinstance(row, list) else [row]
         if not all(map(is_number, entries)):
             raise ValueError(
-                f"{value_text(value)} must be a number, a list of numbers or a list of rows"
+                f"{value_text(value)} must be a number, numbers by name such as {{ angle = 1 }}, a "
+                "list of numbers or a list of rows"
             )
     return value
 
 
+def _bounds(value: Any) -> Any:
+    """Refuse anything but positive numbers, in a list or by name."""
+    numbers = value
+    if isinstance(value, dict):
+        numbers = list(value.values())
+    if isinstance(numbers, list) and all(map(is_number, numbers)):
+        if all(0 < number < math.inf for number in numbers):
+            return value
+    raise ValueError(
+        f"{value_text(value)} must be positive bounds, in a list or by name such as {{ angle = 1 }}"
+    )
+
+
 Weight = Annotated[Any, BeforeValidator(_weight)]
+Bounds = Annotated[Any, BeforeValidator(_bounds)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -378,10 +396,12 @@ class TaskTable(Table):
         reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
             ``module:name`` of a reference with its parameters.
         sign: 1 for the error y - y_r, -1 for y_r - y.
-        Q: Weight of the error state, a matrix or its diagonal.
-        R: Weight of the input, a number, a matrix or its diagonal.
+        Q: Weight of the error state: numbers by the names of its entries, as ``grosmc-mj list``
+            prints them, and 0 for those that are left out; or a matrix, or its diagonal.
+        R: Weight of the input: a number, numbers by name, a matrix or its diagonal.
         region: Region in which the premises are checked: bounds of |z1|, |z2| ..., each in its
-            unit; by default the region that the gains are declared for, or that the run spans.
+            unit, as a list or by name; by default the region that the gains are declared for, or
+            that the run spans.
         slope: L of the super-twisting law, in the unit of s per second squared.
     """
 
@@ -391,7 +411,7 @@ class TaskTable(Table):
     sign: Literal[1, -1] = 1
     Q: Weight = None
     R: Weight = None
-    region: list[Positive] | None = None
+    region: Bounds = None
     slope: Positive | None = None
 
 
