@@ -152,10 +152,7 @@ def _packaged_controller(request: _Request) -> Controller:
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
-    if of_states:
-        task = _state_task(request)
-    else:
-        task = _task(request, linearizing=_linearizes(maker))
+    task = _state_task(request) if of_states else _task(request, maker)
     names = task.error.names
     return maker(task, **_arguments(table, maker, names, of_states=of_states))
 
@@ -213,8 +210,7 @@ def _arguments(
         if name not in {"G", "uncertainty"} and isinstance(value, list):
             raise ArgumentError(f"{name} = {value_text(value)} must be a number")
     return {
-        name: law_number(name, value, names, of_states=of_states)
-        for name, value in numbers.items()
+        name: law_number(name, value, names, of_states=of_states) for name, value in numbers.items()
     }
 
 
@@ -296,7 +292,7 @@ def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any])
     by_name = [key for key in numbers if isinstance(numbers[key], dict)]
     if by_name:
         raise ArgumentError(
-            f"{name} is a function of your own: give it {' and '.join(by_name)} as a list or as rows"
+            f"{name} is a function of your own: give it {' and '.join(by_name)} as a list or rows"
         )
     arguments = []
     if _required_parameters(function):
@@ -376,8 +372,8 @@ def _state_task(request: _Request) -> Task:
     return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
 
 
-def _task(request: _Request, *, linearizing: bool) -> Task:
-    """Return the task of a law that follows outputs, by feedback linearization or not."""
+def _task(request: _Request, maker: Maker) -> Task:
+    """Return the task of a law that follows outputs."""
     if request.nominal.robot is not None:
         return _robot_task(request, request.nominal.robot)
 
@@ -401,7 +397,7 @@ def _task(request: _Request, *, linearizing: bool) -> Task:
     unit = task.outputs.unit if outputs else ""
     error = _coordinates(equations.system, moving, task.sign, outputs, guess, unit)
     Q = _weight("Q", request, error.names)
-    R = _weight("R", request, error.input_names(linearizing=linearizing))
+    R = _weight("R", request, error.input_names(linearizing=_linearizes(maker)))
     return Task(equations, error, parameters, Q, R)
 
 

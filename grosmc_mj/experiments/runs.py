@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+import numpy as np
+
 from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import DivergenceError
@@ -98,6 +101,29 @@ class RunResult:
     def case(self) -> Case:
         """Start, duration, edits, disturbances."""
         return self.experiment.case
+
+    @property
+    def input_limits(self) -> Array:
+        """Least and largest of each input that the actuators give, (2, m); infinite for none."""
+        names = [signal.name for signal in self.trajectory.system.inputs]
+        limits = np.full((2, len(names)), [[-np.inf], [np.inf]])
+        if self.true is not None:
+            limits = np.array(self.true.input_limits)
+        if self.case.loop is not None:
+            for actuator in self.case.loop.actuators:
+                own = np.array([-actuator.limit, actuator.limit])
+                index = names.index(actuator.of)
+                limits[:, index] = np.clip(limits[:, index], *own)
+        return limits
+
+    @property
+    def saturated(self) -> float:
+        """Share of the time in which the law asks an actuator for its limit or more."""
+        low, high = self.input_limits
+        command = self.trajectory.command
+        command = command.reshape(len(command), -1)
+        at_limit = (command <= low) | (command >= high)
+        return float(at_limit.any(axis=1).mean())
 
     @property
     def requirements(self) -> list[Judgement]:

@@ -351,9 +351,10 @@ def _bounds(value: Any) -> Any:
     numbers = value
     if isinstance(value, dict):
         numbers = list(value.values())
-    if isinstance(numbers, list) and all(map(is_number, numbers)):
-        if all(0 < number < math.inf for number in numbers):
-            return value
+    if isinstance(numbers, list) and all(
+        is_number(number) and 0 < number < math.inf for number in numbers
+    ):
+        return value
     raise ValueError(
         f"{value_text(value)} must be positive bounds, in a list or by name such as {{ angle = 1 }}"
     )
