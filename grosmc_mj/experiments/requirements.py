@@ -301,7 +301,7 @@ def judge(limit: Limit, result: RunResult) -> Judgement:
     if measured is not None:
         margin = limit.value - measured
         kept = margin >= 0
-    if completed and limit.kind == "input_below" and np.all(np.isfinite(result.input_limits)):
+    if completed and limit.kind == "input_below" and np.any(np.isfinite(result.input_limits)):
         note = f"at the actuator's limit {100 * result.saturated:.2g} % of the time"
     if completed and limit.kind == "settles_within" and not kept:
         optimum = f"its nominal optimum itself: {_settling_of_optimum(limit, result)}"
