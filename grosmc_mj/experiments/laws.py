@@ -16,7 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates, error_names
 from grosmc_mj.control.design import (
     computed_torque_pd,
     linear_grosmc,
@@ -35,7 +35,7 @@ from grosmc_mj.control.task import NoNumbers, Task, state_task
 from grosmc_mj.errors import ArgumentError, PremiseError, name_list, unknown_name, value_text
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
-from grosmc_mj.experiments.file.numbers import law_number, weight
+from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
@@ -382,13 +382,15 @@ def _task(request: _Request, maker: Maker) -> Task:
     equations = nominal.equations(request.plant)
     outputs = _outputs(task.outputs, nominal, request.folder)
     try:
-        degrees = feedback_linearization(equations.system.equations, outputs).relative_degree
+        chains = feedback_linearization(equations.system.equations, outputs)
     except PremiseError as error:
         raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
 
-    formulas = task.reference
+    names = error_names(chains, equations.system)
+    formulas = _formulas(task.reference, [names[row] for row in chains.first_rows])
     if not formulas and nominal.at is not None:
         formulas = _outputs_at(nominal.at, equations, outputs)
+    degrees = chains.relative_degree
     moving, parameters = _reference(formulas, degrees, equations, request.folder)
 
     guess = None
@@ -407,7 +409,7 @@ def _robot_task(request: _Request, robot: Robot) -> Task:
     if not task.outputs.own or task.sign != 1:
         raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
     n = robot.joints
-    formulas = task.reference
+    formulas = _formulas(task.reference, robot.plant.system.joints)
     if not formulas and request.nominal.at is not None:
         formulas = [repr(angle) for angle in request.nominal.at.x[:n].tolist()]
     moving, parameters = _reference(formulas, (2,) * n, robot, request.folder)
@@ -415,6 +417,15 @@ def _robot_task(request: _Request, robot: Robot) -> Task:
     Q = _weight("Q", request, error.names)
     R = _weight("R", request, error.input_names(linearizing=True))
     return robot.task(moving, parameters, Q, R)
+
+
+def _formulas(
+    reference: list[str] | dict[str, str] | None, names: Sequence[str]
+) -> list[str] | None:
+    """Return the formulas of a reference in the order of the outputs."""
+    if isinstance(reference, dict):
+        return in_order("task: reference", reference, names)
+    return reference
 
 
 def _outputs_at(

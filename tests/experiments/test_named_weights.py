@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.file.user_code import named_in
 
 # Two joints, whose motors have other names, in another order of the alphabet.
 TWO_JOINTS = """<mujoco model="two joints"><option timestep="0.001"/>
@@ -170,3 +173,30 @@ law = "fl-lqr"
     optimum = law_of(experiment).designed.lqr
     np.testing.assert_array_equal(np.diag(optimum.Q), [1, 2, 3, 0])
     np.testing.assert_array_equal(np.diag(optimum.R), [4, 5])
+
+
+@pytest.mark.parametrize(
+    ("text", "reference", "expected"),
+    [
+        (ROBOT, '{ elbow = "t", shoulder = "sin(t)" }', np.sin(0.5)),
+        (ROBOT, '["sin(t)", "t"]', np.sin(0.5)),
+        (SERVO, '{ "rotor angle" = "2" }', 2.0),
+    ],
+)
+def test_a_reference_by_name_is_that_in_the_order_of_the_outputs(
+    tmp_path, text, reference, expected
+) -> None:
+    law = law_of(read(tmp_path, text, f"Q = 1\nR = 1\nreference = {reference}"))
+    values = law.coordinates.reference(0.5, law.parameters.reference)
+    assert values[0] == pytest.approx(expected)
+
+
+def test_a_reference_needs_each_output(tmp_path) -> None:
+    with pytest.raises(ArgumentError, match="task: reference: elbow is missing: each of shoulder"):
+        read(tmp_path, ROBOT, 'Q = 1\nR = 1\nreference = { shoulder = "t" }')
+
+
+def test_python_that_a_reference_by_name_would_import_is_named(tmp_path) -> None:
+    """A campaign says of what its results were made."""
+    content = tomllib.loads(ROBOT.format('reference = { hinge = "own:path" }'))
+    assert named_in(CaseFile.model_validate(content)) == ["own:path"]

@@ -100,23 +100,26 @@ def in_order(
     names: Sequence[str],
     *,
     missing: float | None = None,
-) -> list[float]:
-    """Return numbers that are given by name in the order of the names.
+) -> list[Any]:
+    """Return values that are given by name in the order of the names.
 
     Args:
-        where: Key of the numbers, for messages.
-        values: The numbers by name.
+        where: Key of the values, for messages.
+        values: The values by name.
         names: All names, in order.
-        missing: Number of the names that are left out; None if each needs one.
+        missing: Value of the names that are left out; None if each needs one.
 
     Raises:
-        ArgumentError: If a name is unknown, or lacks its number.
+        ArgumentError: If a name is unknown, or lacks its value.
     """
     for name in values:
         require_known("name", name, names, f"{where}: ")
     left_out = [name for name in names if name not in values]
     if left_out and missing is None:
-        raise ArgumentError(f"{where}: {name_list(left_out)} is missing: name {name_list(names)}")
+        verb = "is" if len(left_out) == 1 else "are"
+        raise ArgumentError(
+            f"{where}: {name_list(left_out)} {verb} missing: each of {name_list(names)} needs one"
+        )
     return [values.get(name, missing) for name in names]
 
 

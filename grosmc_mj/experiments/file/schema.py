@@ -360,6 +360,17 @@ def _bounds(value: Any) -> Any:
     )
 
 
+def _formulas(value: Any) -> Any:
+    """Refuse anything but texts, in a list or by name."""
+    texts = list(value.values()) if isinstance(value, dict) else value
+    if isinstance(texts, list) and all(isinstance(text, str) for text in texts):
+        return value
+    raise ValueError(
+        f'{value_text(value)} must be formulas, in a list or by name such as {{ angle = "sin(t)" }}'
+    )
+
+
+Formulas = Annotated[Any, BeforeValidator(_formulas)]
 Weight = Annotated[Any, BeforeValidator(_weight)]
 Bounds = Annotated[Any, BeforeValidator(_bounds)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -394,8 +405,9 @@ class TaskTable(Table):
     Attributes:
         name: Name of the laws of this task together in results; the system's name by default.
         outputs: The regulated outputs.
-        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
-            ``module:name`` of a reference with its parameters.
+        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit, in a list
+            or by the outputs' names; or a list of one ``module:name`` of a reference with its
+            parameters.
         sign: 1 for the error y - y_r, -1 for y_r - y.
         Q: Weight of the error state: numbers by the names of its entries, as ``grosmc-mj list``
             prints them, and 0 for those that are left out; or a matrix, or its diagonal.
@@ -408,7 +420,7 @@ class TaskTable(Table):
 
     name: str = ""
     outputs: OutputsTable = OutputsTable()
-    reference: list[str] | None = None
+    reference: Formulas = None
     sign: Literal[1, -1] = 1
     Q: Weight = None
     R: Weight = None
