@@ -313,19 +313,35 @@ def unfailing(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[str
     """Return a line for each requirement that none of the runs could fail, with the reason."""
     lines = []
     for limit in limits:
-        reasons = [_unfailing(limit, result) for result in results if _applies(limit, result)]
-        if reasons and all(reasons):
-            lines.append(f"cannot fail: {limit.words} ({max(reasons, key=len)})")
+        reasons = [
+            why_unfailing(limit, result.controller, result.input_limits)
+            for result in results
+            if _applies(limit, result)
+        ]
+        lines += unfailing_line(limit, reasons)
     return list(dict.fromkeys(lines))
 
 
-def _unfailing(limit: Limit, result: RunResult) -> str:
-    """Return why a run that reaches its end keeps a requirement whatever it does, or nothing."""
+def unfailing_line(limit: Limit, reasons: Sequence[str]) -> list[str]:
+    """Return the line on a requirement if there is a reason for each of its runs, else none."""
+    if not reasons or not all(reasons):
+        return []
+    return [f"cannot fail: {limit.words} ({max(reasons, key=len)})"]
+
+
+def why_unfailing(limit: Limit, law: Controller, input_limits: Array) -> str:
+    """Return why a run that reaches its end keeps a requirement whatever it does, or nothing.
+
+    Args:
+        limit: The requirement.
+        law: The controller of the run.
+        input_limits: Least and largest of each input, (2, m).
+    """
     if limit.kind == "input_below":
-        largest = float(np.abs(result.input_limits).max())
+        largest = float(np.abs(input_limits).max())
         if limit.value >= largest:
             return f"the actuator gives {largest:g} {limit.unit} at most"
-    integral = isinstance(result.controller.parameters, GrosmcParameters)
+    integral = isinstance(law.parameters, GrosmcParameters)
     if limit.kind == "no_reaching_phase" and integral:
         return "an integral surface starts at zero"
     return ""

@@ -105,16 +105,10 @@ class RunResult:
     @property
     def input_limits(self) -> Array:
         """Least and largest of each input that the actuators give, (2, m); infinite for none."""
-        names = [signal.name for signal in self.trajectory.system.inputs]
-        limits = np.full((2, len(names)), [[-np.inf], [np.inf]])
-        if self.true is not None:
-            limits = np.array(self.true.input_limits)
-        if self.case.loop is not None:
-            for actuator in self.case.loop.actuators:
-                own = np.array([-actuator.limit, actuator.limit])
-                index = names.index(actuator.of)
-                limits[:, index] = np.clip(limits[:, index], *own)
-        return limits
+        if self.true is None:
+            inputs = len(self.trajectory.system.inputs)
+            return np.full((2, inputs), [[-np.inf], [np.inf]])
+        return input_limits(self.true, self.case)
 
     @property
     def saturated(self) -> float:
@@ -193,6 +187,17 @@ class RunResult:
     def status(self) -> Status:
         """Status at the end of the run."""
         return self.trajectory.status  # pyright: ignore[reportReturnType]
+
+
+def input_limits(plant: Plant, case: Case) -> Array:
+    """Return least and largest of each input by a plant and the actuators of its loop, (2, m)."""
+    limits = np.array(plant.input_limits)
+    if case.loop is not None:
+        names = [signal.name for signal in plant.system.inputs]
+        for actuator in case.loop.actuators:
+            index = names.index(actuator.of)
+            limits[:, index] = np.clip(limits[:, index], -actuator.limit, actuator.limit)
+    return limits
 
 
 def _with_unit(metric: Metric) -> str:

@@ -473,7 +473,7 @@ class ControllerTable(LawTable):
 
 
 # Quantities that may be uncertain with the unit of their values, by owner; states and the parts of
-# a loop have their own units, and a joint's numbers are written without one, as in [[edit]].
+# a loop have their own units, and a joint's numbers may be written without one, as in [[edit]].
 QUANTITIES: dict[str, dict[str, str]] = {
     "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
     "joint": {"damping": "", "friction": "", "armature": ""},
