@@ -260,7 +260,11 @@ def _gear(table: EditTable, name: str, system: System) -> float:
     force = "N m"
     if all(position.unit == "m" for position in system.positions):
         force = "N"
-    unit = "1" if input_unit == force else f"{force}/({input_unit})"
+    unit = f"{force}/{input_unit}"
+    if input_unit == force:
+        unit = "1"
+    elif " " in input_unit or "/" in input_unit:
+        unit = f"{force}/({input_unit})"
     try:
         return si_number(table.gear, unit)
     except ArgumentError as error:

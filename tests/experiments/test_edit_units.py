@@ -8,6 +8,7 @@ import pytest
 
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.physics.edits import InputEdit
 from grosmc_mj.sweep.family import family_of
 
 FILE = """
@@ -20,6 +21,15 @@ duration = "0.1 s"
 [[controller]]
 law = "lqr"
 {}
+"""
+SERVO = """
+[plant]
+system = "servo"
+compare = ["physics"]
+[run]
+duration = "0.1 s"
+[[controller]]
+law = "lqr"
 """
 
 
@@ -48,6 +58,16 @@ def test_a_joints_number_may_have_a_unit_and_is_in_si_without_one(
     experiment = read(tmp_path, f'[[edit]]\njoint = "{joint}"\n{quantity} = {written}\n')
     (edit,) = experiment.case.edits
     assert getattr(edit, quantity) == pytest.approx(number)
+
+
+@pytest.mark.parametrize("gear", ['"300 mN m/A"', '"0.3 N m/A"', "0.3"])
+def test_a_gear_may_have_a_unit(tmp_path, gear) -> None:
+    text = SERVO + f'[[edit]]\ninput = "current"\ngear = {gear}\n'
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    (edit,) = Experiment.load(path).case.edits
+    assert isinstance(edit, InputEdit)
+    assert edit.gear == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
