@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from grosmc_mj.assumptions.loads import idle_loads, unmatched_loads
+from grosmc_mj.assumptions.loads import idle_loads
+from grosmc_mj.assumptions.matching import unmatched
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import unfailing
 from grosmc_mj.experiments.runs import RunResult
@@ -25,7 +26,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
 
     notes = list(experiment.not_judged)
     notes += idle_loads(on_truest)
-    notes += unmatched_loads(on_truest)
+    notes += unmatched(experiment, on_truest)
     notes += unfailing(experiment.limits, results)
     notes += _weights_by_order(experiment, on_truest)
     if experiment.nominal.robot is not None:

@@ -11,7 +11,8 @@ from case_texts import LEG_MODEL
 from mjcf import TREE
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.loads import idle_loads, unmatched_loads
+from grosmc_mj.assumptions.loads import idle_loads
+from grosmc_mj.assumptions.matching import unmatched
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.physics.wrenches import generalized_forces, joint_axes
@@ -22,11 +23,12 @@ MOTOR = """
 import sympy as sp
 import grosmc_mj as gm
 q, w, i = sp.symbols("angle speed current")
+k, R = sp.symbols("k R")
 def motor():
     return gm.affine_plant(
         "motor", states={"angle": "rad", "speed": "rad/s", "current": "A"},
-        inputs={"voltage": "V"}, f=[w, 5 * i - w, -50 * i - 3 * w], g=[0, 0, 50], h=[q],
-        parameters={},
+        inputs={"voltage": "V"}, f=[w, k * i - w, -R * i - 3 * w], g=[0, 0, 50], h=[q],
+        parameters={"k": 5, "R": 50},
     )
 """
 OWN = """
@@ -40,7 +42,6 @@ Q = [100, 1, 1]
 R = 1
 [[controller]]
 law = "{law}"
-[[disturbance]]
 {load}
 """
 SERVO = """
@@ -101,8 +102,9 @@ def lines(folder: Path, text: str) -> tuple[list[str], list[str]]:
     (folder / "leg.xml").write_text(LEG_MODEL, encoding="utf-8")
     path = folder / "mine.toml"
     path.write_text(text, encoding="utf-8")
-    runs = list(Experiment.load(path).runs())
-    return idle_loads(runs), unmatched_loads(runs)
+    experiment = Experiment.load(path)
+    runs = list(experiment.runs())
+    return idle_loads(runs), unmatched(experiment, runs)
 
 
 ACTS = 'torque = ["0 N m", "0.1 N m", "0 N m"]'
@@ -184,9 +186,9 @@ def test_axes_of_joints_turn_with_their_bodies() -> None:
     np.testing.assert_allclose(axes["lift"], [np.sin(turn), -np.cos(turn), 0], atol=1e-12)
 
 
-LOAD_ON_SPEED = 'state = "speed"\namplitude = "4 rad/s^2"'
-LOAD_ON_CURRENT = 'state = "current"\namplitude = "4 A/s"'
-LOAD_ON_INPUT = 'input = "voltage"\namplitude = "1 V"'
+LOAD_ON_SPEED = '[[disturbance]]\nstate = "speed"\namplitude = "4 rad/s^2"'
+LOAD_ON_CURRENT = '[[disturbance]]\nstate = "current"\namplitude = "4 A/s"'
+LOAD_ON_INPUT = '[[disturbance]]\ninput = "voltage"\namplitude = "1 V"'
 
 
 @pytest.mark.parametrize("law", ["lqr", "fl-lqr"])
@@ -207,9 +209,20 @@ LOAD_ON_INPUT = 'input = "voltage"\namplitude = "1 V"'
 def test_a_load_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     tmp_path, law, load, expected
 ) -> None:
-    idle, unmatched = lines(tmp_path, OWN.format(law=law, load=load))
+    idle, not_matched = lines(tmp_path, OWN.format(law=law, load=load))
     assert idle == []
-    assert unmatched == expected
+    assert not_matched == expected
+
+
+@pytest.mark.parametrize(("parameter", "matched"), [("R", True), ("k", False)])
+def test_a_change_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
+    tmp_path, parameter, matched
+) -> None:
+    """The winding's resistance acts where the voltage does; the torque constant on the speed."""
+    edit = f'[run.start]\ncurrent = "1 A"\n[[edit]]\nparameter = "{parameter}"\nscale = 1.1'
+    _, not_matched = lines(tmp_path, OWN.format(law="fl-lqr", load=edit))
+    change = "the difference of the plant from the one that laws know is unmatched"
+    assert [line.partition(":")[0] for line in not_matched] == [change] * (not matched)
 
 
 @pytest.mark.parametrize(
@@ -223,10 +236,10 @@ def test_a_load_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
 def test_a_force_on_the_pole_is_matched_for_its_angle_and_not_for_all_states(
     tmp_path, law, body, matched
 ) -> None:
-    _, unmatched = lines(tmp_path, CART.format(law=law, body=body))
-    assert (unmatched == []) == matched
+    _, not_matched = lines(tmp_path, CART.format(law=law, body=body))
+    assert (not_matched == []) == matched
 
 
 def test_a_load_on_a_robot_with_a_torque_at_each_joint_is_matched(tmp_path) -> None:
-    _, unmatched = lines(tmp_path, LEG.format(wrench='force = ["0 N", "0 N", "1 N"]'))
-    assert unmatched == []
+    _, not_matched = lines(tmp_path, LEG.format(wrench='force = ["0 N", "0 N", "1 N"]'))
+    assert not_matched == []
