@@ -16,7 +16,7 @@ from grosmc_mj.physics.wrenches import generalized_forces
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.trajectory import Trajectory
 
-# A run is looked at so many instants.
+# So many instants of a run are looked at.
 _INSTANTS = 40
 _COMPONENTS = tuple(f"{kind} {axis}" for kind in ("force along", "torque about") for axis in "xyz")
 
@@ -136,8 +136,7 @@ def _idle(body: str, effects: Array, wrench: Array) -> list[str]:
 
     # Components may also cancel, such as a force along a link that turns about its end.
     forces = np.abs(matrix_vector(effects, wrench)).max(axis=-1)
-    scale = matrix_vector(sizes, np.abs(wrench)).max(axis=-1)
-    if np.all(forces <= ROUNDING * np.maximum(scale, 1.0)):
+    if np.all(forces <= ROUNDING * np.abs(wrench).sum(axis=-1)):
         names = [_COMPONENTS[i] for i in np.flatnonzero(acting)]
         return [f"{_subject(names, body)} no joint: the disturbance does nothing"]
 

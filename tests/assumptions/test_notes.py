@@ -137,8 +137,14 @@ def test_a_robot_s_weights_in_a_list_are_told_by_name(tmp_path) -> None:
 
 
 def test_a_robot_s_weights_by_name_need_no_note(tmp_path) -> None:
-    found = notes(tmp_path, LEG.format(Q='{ hip = 1, knee = 3, "knee rate" = 4 }'))
-    assert not any(line.startswith("weights") for line in found)
+    weights = '{ hip = 1, "hip rate" = 0, knee = 3, "knee rate" = 4 }'
+    found = notes(tmp_path, LEG.format(Q=weights))
+    assert not any(line.startswith(("Q of", "weights of")) for line in found)
+
+
+def test_names_that_Q_leaves_out_are_told(tmp_path) -> None:
+    found = notes(tmp_path, LEG.format(Q="{ hip = 1, knee = 3 }"))
+    assert found[0] == "Q of lqr leaves out 'hip rate', 'knee rate': weight 0"
 
 
 def test_the_tables_of_a_run_have_weights_and_gains_by_name(tmp_path) -> None:
