@@ -45,7 +45,14 @@ def _document(kind: str, **parts: Any) -> dict[str, Any]:
 
 RUN = _document(
     "run",
-    answers=[Answer(question="Run of servo", verdict="not kept", words="1 of 2 are not kept")],
+    answers=[
+        Answer(
+            question="Run of servo",
+            verdict="not kept",
+            words="1 of 2 are not kept",
+            notes=["the load on <b>rotor</b> is unmatched"],
+        )
+    ],
     standings=[
         StudyVerdict(case="servo/case1", law="lqr", breaks_at="physics", words="3 of 2.0e-3 rad"),
         StudyVerdict(case="servo/case1", law="grosmc", words="1 of 2.0e-3 rad"),

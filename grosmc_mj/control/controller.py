@@ -272,12 +272,20 @@ def named_gains(**matrices: Array) -> dict[str, float]:
     """Gains by their symbols: K1, K2 ... or, of several inputs, K11, K12 ... row by row."""
     gains: dict[str, float] = {}
     for symbol, matrix in matrices.items():
-        for i, j in np.ndindex(*matrix.shape):
-            row = ""
-            if len(matrix) > 1:
-                row = str(i + 1)
-            gains[f"{symbol}{row}{j + 1}"] = float(matrix[i, j])
+        for (i, j), key in gain_keys(symbol, *matrix.shape).items():
+            gains[key] = float(matrix[i, j])
     return gains
+
+
+def gain_keys(symbol: str, rows: int, columns: int) -> dict[tuple[int, int], str]:
+    """Keys of the entries of a gain matrix by their indices, see ``named_gains``."""
+    keys: dict[tuple[int, int], str] = {}
+    for i, j in np.ndindex(rows, columns):
+        row = ""
+        if rows > 1:
+            row = str(i + 1)
+        keys[i, j] = f"{symbol}{row}{j + 1}"
+    return keys
 
 
 # Cached, so that controllers of one law have one wrapper, which is compiled once.

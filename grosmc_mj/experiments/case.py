@@ -19,7 +19,7 @@ from grosmc_mj.experiments.file.parts import (
     run_of_file,
 )
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.units import number_in, numbers_of
+from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
@@ -227,15 +227,48 @@ def edits_of(file: CaseFile, system: System, *, known: bool) -> tuple[Edit, ...]
 def _edit(table: EditTable, system: System) -> Edit:
     """Return one edit of the model."""
     if table.joint is not None:
-        return JointEdit(table.joint, table.damping, table.friction, table.armature, table.tilt)
+        numbers = _joint_numbers(table, table.joint, system)
+        return JointEdit(table.joint, **numbers, tilt=table.tilt)
     if table.input is not None:
-        return InputEdit(in_model(table.input, "input", system), table.gear or 0.0)
+        actuator = in_model(table.input, "input", system)
+        return InputEdit(actuator, _gear(table, table.input, system))
     assert table.body is not None
     if table.added_mass is not None:
         x, y, z = table.at
         return AddedMass(table.body, table.added_mass, (x, y, z))
     inertia: Any = table.inertia and tuple(table.inertia)
     return BodyEdit(table.body, table.mass_scale, table.length_scale, table.mass, inertia)
+
+
+def _joint_numbers(table: EditTable, joint: str, system: System) -> dict[str, float]:
+    """Return damping, friction and armature of an edit, as far as it has them."""
+    numbers = {}
+    mistakes = Mistakes()
+    for name, unit in system.joint_units(joint).items():
+        value = getattr(table, name)
+        if value is not None:
+            with mistakes.gathered(f"edit of {joint!r}: {name}: "):
+                numbers[name] = si_number(value, unit)
+    mistakes.refuse()
+    return numbers
+
+
+def _gear(table: EditTable, name: str, system: System) -> float:
+    """Return the gear of an edit, in the joint's force or torque for one unit of the input."""
+    (input_unit,) = [signal.unit for signal in system.inputs if signal.name == name]
+    # A system does not say which joint an input drives: a slide where it has slides alone.
+    force = "N m"
+    if all(position.unit == "m" for position in system.positions):
+        force = "N"
+    unit = f"{force}/{input_unit}"
+    if input_unit == force:
+        unit = "1"
+    elif " " in input_unit or "/" in input_unit:
+        unit = f"{force}/({input_unit})"
+    try:
+        return si_number(table.gear, unit)
+    except ArgumentError as error:
+        raise ArgumentError(f"edit of {name!r}: gear: {error}") from None
 
 
 # Keys of the shipped profiles.

@@ -15,6 +15,7 @@ from grosmc_mj.experiments.tables import (
     requirements_table,
     results_table,
 )
+from grosmc_mj.experiments.weights import named_gains, named_weights
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -39,6 +40,7 @@ def experiment_document(
     judgements: Sequence[Judgement],
     *,
     complete: bool,
+    notes: Sequence[str] = (),
     premises: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return the content of a run's JSON file.
@@ -48,6 +50,7 @@ def experiment_document(
         results: Its runs, in order.
         judgements: Judgements of these runs.
         complete: Whether all its runs are done.
+        notes: What the verdict does not say by itself, in a line each.
         premises: Premises of its laws, as plain values; left out if there are none.
     """
     target = f"{experiment.case.system}/{experiment.case.name}"
@@ -70,7 +73,7 @@ def experiment_document(
         },
         seed=seed_of(experiment.case),
         complete=complete,
-        answers=[_answer(target, results, judgements, complete=complete)],
+        answers=[_answer(target, results, judgements, notes, complete=complete)],
         standings=standings(target, results, judgements, complete=complete),
         sheets=[ReportTable(table=table) for table in tables],
         values=[*_judged_values(target, results, judgements), *run_values(results)],
@@ -85,6 +88,7 @@ def _answer(
     target: str,
     results: Sequence[RunResult],
     judgements: Sequence[Judgement],
+    notes: Sequence[str],
     *,
     complete: bool,
 ) -> Answer:
@@ -111,7 +115,13 @@ def _answer(
     if judgements:
         nearest = max(judgements, key=lambda item: item.share)
         tightest = f"tightest: {_measured(nearest)} by {nearest.controller} on {nearest.plant}"
-    return Answer(question=f"Run of {target}", verdict=verdict, words=words, more=tightest)
+    return Answer(
+        question=f"Run of {target}",
+        verdict=verdict,
+        words=words,
+        more=tightest,
+        notes=notes,
+    )
 
 
 def standings(
@@ -214,6 +224,7 @@ def run_document(result: RunResult) -> dict[str, Any]:
         "controller": result.controller.name,
         "equations": design.source,
         "gains": dict(design.gains),
+        "named_gains": named_gains(design),
         "declared": design.declared,
         "switching": design.switching,
         "weights": _weights(result),
@@ -231,5 +242,6 @@ def _weights(result: RunResult) -> dict[str, Any]:
     return {
         "Q": optimum.Q.tolist(),
         "R": optimum.R.tolist(),
+        "by_name": named_weights(result.controller.designed),
         "poles": [[pole.real, pole.imag] for pole in poles],
     }

@@ -19,7 +19,7 @@ from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, Mistakes, MistakesError
 from grosmc_mj.experiments.case import Case, case_of, edits_of
-from grosmc_mj.experiments.file.numbers import uncertainty
+from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
 from grosmc_mj.experiments.file.shipped import find_file
@@ -323,8 +323,11 @@ class Experiment:
     @property
     def region(self) -> tuple[float, ...] | None:
         """Bounds of |z1|, |z2| ... that the file declares, itself or for the gains of a law."""
-        if self.file.task.region is not None:
-            return tuple(self.file.task.region)
+        bounds = self.file.task.region
+        if isinstance(bounds, dict):
+            bounds = in_order("task: region", bounds, self._error_names(self._declared[0]))
+        if bounds is not None:
+            return tuple(bounds)
         if self.uncertainty is None:
             return None
         return self.uncertainty.region
@@ -336,8 +339,15 @@ class Experiment:
             declared = self.file.law(name).numbers.get("uncertainty", {})
             # The uncertainties of laws on the linearization have no region.
             if "region" in declared:
-                return uncertainty(declared)
+                names: Sequence[str] = ()
+                if isinstance(declared["region"], dict):
+                    names = self._error_names(name)
+                return uncertainty(declared, names=names)
         return None
+
+    def _error_names(self, law: str) -> Sequence[str]:
+        """Names of the entries of the error state of a law."""
+        return self.law(self.plant_names[0], law).designed.error.names
 
     @property
     def slope(self) -> float:

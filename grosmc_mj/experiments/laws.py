@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates, error_names
 from grosmc_mj.control.design import (
     computed_torque_pd,
     linear_grosmc,
@@ -35,7 +35,7 @@ from grosmc_mj.control.task import NoNumbers, Task, state_task
 from grosmc_mj.errors import ArgumentError, PremiseError, name_list, unknown_name, value_text
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
-from grosmc_mj.experiments.file.numbers import law_number, weight
+from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
@@ -152,8 +152,16 @@ def _packaged_controller(request: _Request) -> Controller:
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
-    task = _state_task(request) if of_states else _task(request)
-    return maker(task, **_arguments(table, maker, of_states=of_states))
+    task = _state_task(request) if of_states else _task(request, maker)
+    names = task.error.names
+    return maker(task, **_arguments(table, maker, names, of_states=of_states))
+
+
+def _linearizes(maker: Maker) -> bool:
+    """Whether a law of outputs goes through feedback linearization, so that R weighs v."""
+    if isinstance(maker, partial):
+        return maker.keywords.get("linearizing", True)
+    return maker not in (linear_lqr, linear_grosmc)
 
 
 def _further_controller(request: _Request, maker: Callable[..., Controller]) -> Controller:
@@ -170,8 +178,21 @@ def _further_controller(request: _Request, maker: Callable[..., Controller]) -> 
     return maker(nominal.equations(request.plant), linear_model)
 
 
-def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict[str, Any]:
-    """Return the numbers of a table as arguments of a law of the package."""
+def _arguments(
+    table: ControllerTable,
+    maker: Maker,
+    names: Sequence[str],
+    *,
+    of_states: bool,
+) -> dict[str, Any]:
+    """Return the numbers of a table as arguments of a law of the package.
+
+    Args:
+        table: Law and numbers of the controller.
+        maker: The function that designs the law.
+        names: Names of the error state's entries.
+        of_states: Whether the law is designed on the linearization.
+    """
     numbers = {name: value for name, value in table.numbers.items() if name not in _WEIGHTS}
     _, *parameters = inspect.signature(maker).parameters.values()
     parameters = [parameter for parameter in parameters if parameter.name not in _NO_NUMBERS]
@@ -188,7 +209,9 @@ def _arguments(table: ControllerTable, maker: Maker, *, of_states: bool) -> dict
     for name, value in numbers.items():
         if name not in {"G", "uncertainty"} and isinstance(value, list):
             raise ArgumentError(f"{name} = {value_text(value)} must be a number")
-    return {name: law_number(name, value, of_states=of_states) for name, value in numbers.items()}
+    return {
+        name: law_number(name, value, names, of_states=of_states) for name, value in numbers.items()
+    }
 
 
 def laws_of(nominal: NominalPlant) -> Laws:
@@ -206,7 +229,7 @@ def _users_controller(request: _Request) -> Controller:
     value = load_named(table.law, request.folder)
     # A function that numba has compiled stands for its source.
     value = getattr(value, "py_func", value)
-    numbers = {name: law_number(name, number) for name, number in table.numbers.items()}
+    numbers = _users_numbers(table)
 
     if isinstance(value, Controller):
         _refuse_memory(table)
@@ -220,6 +243,17 @@ def _users_controller(request: _Request) -> Controller:
         return _custom_law(request, value, numbers)
     _refuse_memory(table)
     return _made_by_function(request, value, numbers)
+
+
+def _users_numbers(table: ControllerTable) -> dict[str, Any]:
+    """Return the numbers of a user's own law; weights by name are for the optimum beside it."""
+    numbers = {}
+    for name, value in table.numbers.items():
+        if name in _WEIGHTS and isinstance(value, dict):
+            numbers[name] = value
+        else:
+            numbers[name] = law_number(name, value)
+    return numbers
 
 
 def _linear_system(request: _Request, system: Any, numbers: dict[str, Any]) -> Controller:
@@ -255,6 +289,11 @@ def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any])
     """Call a function that makes a controller."""
     nominal = request.nominal
     name = request.table.law
+    by_name = [key for key in numbers if isinstance(numbers[key], dict)]
+    if by_name:
+        raise ArgumentError(
+            f"{name} is a function of your own: give it {' and '.join(by_name)} as a list or rows"
+        )
     arguments = []
     if _required_parameters(function):
         # A robot itself, the equations of any other plant.
@@ -309,14 +348,14 @@ def _required_parameters(function: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _weight(name: str, request: _Request, size: int) -> Array:
-    """Return Q or R of a law, its own or the task's, (size, size)."""
+def _weight(name: str, request: _Request, names: Sequence[str]) -> Array:
+    """Return Q or R of a law, its own or the task's, (n, n) of n names."""
     if name in request.table.numbers:
-        return weight(name, request.table.numbers[name], size)
+        return weight(name, request.table.numbers[name], names)
     value = getattr(request.file.task, name)
     if value is None:
         raise ArgumentError(f"task: {name} is missing: a plant of your own needs weights Q and R")
-    return weight(f"task: {name}", value, size)
+    return weight(f"task: {name}", value, names)
 
 
 def _state_task(request: _Request) -> Task:
@@ -328,12 +367,12 @@ def _state_task(request: _Request) -> Task:
             f"task: reference, outputs and sign: under {request.table.law} all states are held at "
             "the operating point: name that with [plant] at"
         )
-    Q = _weight("Q", request, len(nominal.system.states))
-    R = _weight("R", request, len(nominal.system.inputs))
+    Q = _weight("Q", request, [state.name for state in nominal.system.states])
+    R = _weight("R", request, [signal.name for signal in nominal.system.inputs])
     return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
 
 
-def _task(request: _Request) -> Task:
+def _task(request: _Request, maker: Maker) -> Task:
     """Return the task of a law that follows outputs."""
     if request.nominal.robot is not None:
         return _robot_task(request, request.nominal.robot)
@@ -343,13 +382,15 @@ def _task(request: _Request) -> Task:
     equations = nominal.equations(request.plant)
     outputs = _outputs(task.outputs, nominal, request.folder)
     try:
-        degrees = feedback_linearization(equations.system.equations, outputs).relative_degree
+        chains = feedback_linearization(equations.system.equations, outputs)
     except PremiseError as error:
         raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
 
-    formulas = task.reference
+    names = error_names(chains, equations.system)
+    formulas = _formulas(task.reference, [names[row] for row in chains.first_rows])
     if not formulas and nominal.at is not None:
         formulas = _outputs_at(nominal.at, equations, outputs)
+    degrees = chains.relative_degree
     moving, parameters = _reference(formulas, degrees, equations, request.folder)
 
     guess = None
@@ -357,8 +398,8 @@ def _task(request: _Request) -> Task:
         guess = state_of(task.outputs.guess, equations.system, "task: outputs: guess", nominal.rest)
     unit = task.outputs.unit if outputs else ""
     error = _coordinates(equations.system, moving, task.sign, outputs, guess, unit)
-    Q = _weight("Q", request, error.size)
-    R = _weight("R", request, error.inputs)
+    Q = _weight("Q", request, error.names)
+    R = _weight("R", request, error.input_names(linearizing=_linearizes(maker)))
     return Task(equations, error, parameters, Q, R)
 
 
@@ -368,13 +409,23 @@ def _robot_task(request: _Request, robot: Robot) -> Task:
     if not task.outputs.own or task.sign != 1:
         raise ArgumentError("task: outputs and sign: a robot's are its joint angles and 1")
     n = robot.joints
-    formulas = task.reference
+    formulas = _formulas(task.reference, robot.plant.system.joints)
     if not formulas and request.nominal.at is not None:
         formulas = [repr(angle) for angle in request.nominal.at.x[:n].tolist()]
     moving, parameters = _reference(formulas, (2,) * n, robot, request.folder)
-    Q = _weight("Q", request, 2 * n)
-    R = _weight("R", request, n)
+    error = robot.coordinates(moving)
+    Q = _weight("Q", request, error.names)
+    R = _weight("R", request, error.input_names(linearizing=True))
     return robot.task(moving, parameters, Q, R)
+
+
+def _formulas(
+    reference: list[str] | dict[str, str] | None, names: Sequence[str]
+) -> list[str] | None:
+    """Return the formulas of a reference in the order of the outputs."""
+    if isinstance(reference, dict):
+        return in_order("task: reference", reference, names)
+    return reference
 
 
 def _outputs_at(

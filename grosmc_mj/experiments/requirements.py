@@ -10,6 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.task import GrosmcParameters
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.file.units import number_in
@@ -121,7 +122,7 @@ class Judgement(NamedTuple):
         measured: Measured value in the limit's unit; None if nothing could be measured.
         margin: Limit less measured value; None without one.
         kept: Whether the run keeps it.
-        note: Reason why nothing was measured.
+        note: Reason why nothing was measured; of an input its time at the actuators' limit.
     """
 
     limit: Limit
@@ -300,10 +301,50 @@ def judge(limit: Limit, result: RunResult) -> Judgement:
     if measured is not None:
         margin = limit.value - measured
         kept = margin >= 0
+    if completed and limit.kind == "input_below" and np.any(np.isfinite(result.input_limits)):
+        note = f"at the actuator's limit {100 * result.saturated:.2g} % of the time"
     if completed and limit.kind == "settles_within" and not kept:
         optimum = f"its nominal optimum itself: {_settling_of_optimum(limit, result)}"
         note = f"{note}; {optimum}" if note else optimum
     return Judgement(limit, result.controller.name, result.plant, measured, margin, kept, note)
+
+
+def unfailing(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[str]:
+    """Return a line for each requirement that none of the runs could fail, with the reason."""
+    lines = []
+    for limit in limits:
+        reasons = [
+            why_unfailing(limit, result.controller, result.input_limits)
+            for result in results
+            if _applies(limit, result)
+        ]
+        lines += unfailing_line(limit, reasons)
+    return list(dict.fromkeys(lines))
+
+
+def unfailing_line(limit: Limit, reasons: Sequence[str]) -> list[str]:
+    """Return the line on a requirement if there is a reason for each of its runs, else none."""
+    if not reasons or not all(reasons):
+        return []
+    return [f"cannot fail: {limit.words} ({max(reasons, key=len)})"]
+
+
+def why_unfailing(limit: Limit, law: Controller, input_limits: Array) -> str:
+    """Return why a run that reaches its end keeps a requirement whatever it does, or nothing.
+
+    Args:
+        limit: The requirement.
+        law: The controller of the run.
+        input_limits: Least and largest of each input, (2, m).
+    """
+    if limit.kind == "input_below":
+        largest = float(np.abs(input_limits).max())
+        if limit.value >= largest:
+            return f"the actuator gives {largest:g} {limit.unit} at most"
+    integral = isinstance(law.parameters, GrosmcParameters)
+    if limit.kind == "no_reaching_phase" and integral:
+        return "an integral surface starts at zero"
+    return ""
 
 
 def _settling_of_optimum(limit: Limit, result: RunResult) -> str:

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+import numpy as np
+
 from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import DivergenceError
@@ -101,6 +104,23 @@ class RunResult:
         return self.experiment.case
 
     @property
+    def input_limits(self) -> Array:
+        """Least and largest of each input that the actuators give, (2, m); infinite for none."""
+        if self.true is None:
+            inputs = len(self.trajectory.system.inputs)
+            return np.full((2, inputs), [[-np.inf], [np.inf]])
+        return input_limits(self.true, self.case)
+
+    @property
+    def saturated(self) -> float:
+        """Share of the time in which the law asks an actuator for its limit or more."""
+        low, high = self.input_limits
+        command = self.trajectory.command
+        command = command.reshape(len(command), -1)
+        at_limit = (command <= low) | (command >= high)
+        return float(at_limit.any(axis=1).mean())
+
+    @property
     def requirements(self) -> list[Judgement]:
         """Judgements of this run by the experiment's requirements."""
         from grosmc_mj.experiments.requirements import judge_all
@@ -168,6 +188,17 @@ class RunResult:
     def status(self) -> Status:
         """Status at the end of the run."""
         return self.trajectory.status  # pyright: ignore[reportReturnType]
+
+
+def input_limits(plant: Plant, case: Case) -> Array:
+    """Return least and largest of each input by a plant and the actuators of its loop, (2, m)."""
+    limits = np.array(plant.input_limits)
+    if case.loop is not None:
+        names = [signal.name for signal in plant.system.inputs]
+        for actuator in case.loop.actuators:
+            index = names.index(actuator.of)
+            limits[:, index] = np.clip(limits[:, index], -actuator.limit, actuator.limit)
+    return limits
 
 
 def _with_unit(metric: Metric) -> str:

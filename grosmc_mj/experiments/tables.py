@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from grosmc_mj.experiments.metrics import Metric, has_cart
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 
@@ -24,8 +25,6 @@ _COLUMNS = (
     ("var. of\nu per s", "total_variation"),
     ("max\n|u|", "max_input"),
 )
-# Names of a matrix's entries are at least as long: K11, K110.
-_MATRIX = 3
 _CART = ("cart\n[m]", "cart_travel")
 
 
@@ -96,7 +95,7 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
             unit = item.limit.unit if item.limit.unit != "1" else ""
             measured = f"{number(item.measured)} {unit}".strip()
         verdict = "kept" if item.kept else "FAILED"
-        if item.note and not item.kept:
+        if item.note:
             verdict += f": {item.note}"
         margin = number(item.margin)
         rows.append((item.controller, item.plant, item.limit.words, measured, margin, verdict))
@@ -110,8 +109,8 @@ def endings(results: Sequence[RunResult]) -> list[str]:
 
 
 def gains_table(results: Sequence[RunResult]) -> Table:
-    """Return the table of the gains of each controller, with its equations in the chapter."""
-    columns = [*words("system", "designed on", "law", "equations"), *text("gains")]
+    """Return the table of weights and gains of each controller, with its equations."""
+    columns = [*words("system", "designed on", "law", "equations"), *text("weights and gains")]
     rows = {}
     for result in results:
         key = (result.case.system, _designed_on(result), result.controller.name)
@@ -130,14 +129,9 @@ def _designed_on(result: RunResult) -> str:
 
 
 def _gains_in_words(result: RunResult) -> str:
-    """Return the gains of a run's controller; of a matrix the entries that are not zero."""
+    """Return weights and gains of a run's controller by name."""
     design = result.controller.designed
-    gains = [
-        f"{name} = {value:.4g}"
-        for name, value in design.gains.items()
-        if value or len(name) < _MATRIX
-    ]
-    line = ", ".join(gains)
+    parts = [weights_in_words(design), gains_in_words(design)]
     if design.declared:
-        line += f"; computed for {design.declared}"
-    return line
+        parts.append(f"computed for {design.declared}")
+    return "; ".join(filter(None, parts))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import sympy as sp
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ModelError, value_text
 from grosmc_mj.fields import Finite, Items, Name, Positive, checked
 from grosmc_mj.plants.equations import Equations, NoEquations
@@ -114,6 +115,17 @@ class System:
     def positions(self) -> tuple[Signal, ...]:
         """Coordinates of the model."""
         return self.states[: self.degrees_of_freedom]
+
+    def joint_units(self, joint: str) -> dict[str, str]:
+        """Units of a joint's damping, dry friction and armature: of a hinge or of a slide.
+
+        Raises:
+            ModelError: If there is no such joint.
+        """
+        require_known("joint", joint, self.joints, error=ModelError)
+        if self.states[self.joints.index(joint)].unit == "m":
+            return {"damping": "N s/m", "friction": "N", "armature": "kg"}
+        return {"damping": "N m s/rad", "friction": "N m", "armature": "kg m^2"}
 
     @property
     def rate_positions(self) -> dict[int, int]:

@@ -50,12 +50,15 @@ class Answer(Part):
         verdict: One of ``VERDICTS``.
         words: The answer.
         more: Next sentence, such as the requirement that is nearest to its limit.
+        notes: What the verdict does not say by itself, in a line each: loads that do nothing, or
+            that no input matches; requirements that cannot fail.
     """
 
     question: Text
     verdict: Literal["not kept", "not decided", "measured", "kept"]
     words: Text
     more: Text = ""
+    notes: Sequence[Text] = ()
 
 
 class StudyVerdict(Part):

@@ -56,6 +56,11 @@ class RobotCoordinates(OutputCoordinates):
         return tuple(signal.unit for signal in self.system.positions)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints' states, joint by joint."""
+        return tuple(self.system.states[index].name for index in self._order)
+
+    @property
     def _order(self) -> tuple[int, ...]:
         """Index in the state x of each entry of z: q_1, q_1', q_2, ..."""
         n = self.inputs

@@ -117,7 +117,11 @@ class Robot:
                 "joints cannot all be led: take a state_task"
             )
         nominal = AnalyticPlant(system, InWorkspace())
-        return Task(nominal, _coordinates(self, reference), parameters, Q, R)
+        return Task(nominal, self.coordinates(reference), parameters, Q, R)
+
+    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
+        """Errors of all joints from a reference."""
+        return _coordinates(self, reference)
 
 
 # Made once for a reference, so that its laws are compiled once.

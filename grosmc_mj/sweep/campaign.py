@@ -27,8 +27,11 @@ from grosmc_mj.experiments.requirements import (
     require_initial_error,
     required,
     transient,
+    unfailing_line,
+    why_unfailing,
     windows,
 )
+from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.fields import Range, checked
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
@@ -349,6 +352,25 @@ class Campaign:
             for disturbance in self.experiment.case.disturbances
             if _onset(disturbance, self.family)[0] >= self.duration
         ]
+
+    @property
+    def notes(self) -> list[str]:
+        """What its rates do not say by themselves, in a line each."""
+        lines = list(self.not_judged)
+        late = f"never acts: runs end at {self.duration:g} s, before it begins."
+        lines += [f"{name} {late}" for name in self.idle]
+        for limit in self.requirements:
+            reasons = [why_unfailing(limit, self.laws[law], self._input_limits) for law in limit.of]
+            lines += unfailing_line(limit, reasons)
+        return list(dict.fromkeys(lines))
+
+    @property
+    def _input_limits(self) -> Array:
+        """Least and largest of each input, (2, m); infinite where a limit is uncertain."""
+        limits = input_limits(self.plant, self.experiment.case)
+        if any(number.owner in ("actuator", "motor") for number in self.family.quantities):
+            limits[:] = [[-np.inf], [np.inf]]
+        return limits
 
     def points(
         self,

@@ -23,7 +23,7 @@ from grosmc_mj.experiments.file.schema import (
     DistributionTable,
     UncertainTable,
 )
-from grosmc_mj.experiments.file.units import numbers_of
+from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.machine.part import MOST
 from grosmc_mj.plants import Plant
@@ -379,6 +379,8 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
     of = table.of
     quantity = table.quantity
     unit = Parameter(owner, of, quantity).unit_on(plant.system)
+    if owner == "joint" and of in plant.system.joints:
+        table = _in_si(table, plant.system.joint_units(of)[quantity])
     if owner in MACHINE_PARTS:
         of = in_model(of, MACHINE_PARTS[owner].owner, plant.system)
 
@@ -406,6 +408,29 @@ def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
                 f"{number.bounds.wanted}: cut the distribution off with {end}"
             )
     return replace(number, nominal=nominal)
+
+
+def _in_si(table: UncertainTable, unit: str) -> UncertainTable:
+    """Return the table of a joint's number with its quantities as numbers in an SI unit."""
+    quantity = table.quantity
+    spread = getattr(table, quantity)
+    changes: dict[str, Any] = {}
+    mistakes = Mistakes()
+    if isinstance(spread, DistributionTable):
+        numbers = {}
+        for name, value in spread.model_dump(exclude_unset=True).items():
+            if isinstance(value, str) and name not in ("distribution", "spread"):
+                with mistakes.gathered(f"{name}: "):
+                    numbers[name] = number_in(value, unit)
+        changes[quantity] = spread.model_copy(update=numbers)
+    else:
+        with mistakes.gathered():
+            changes[quantity] = [si_number(value, unit) for value in spread]
+    if table.nominal is not None:
+        with mistakes.gathered("nominal: "):
+            changes["nominal"] = si_number(table.nominal, unit)
+    mistakes.refuse()
+    return table.model_copy(update=changes)
 
 
 def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Array:

@@ -613,4 +613,5 @@ def _answer(campaign: Campaign, findings: Findings) -> Answer:
         verdict=verdict,
         words="; ".join(sentences),
         more=screening_sentences(findings.judges),
+        notes=campaign.notes,
     )

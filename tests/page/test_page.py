@@ -393,3 +393,11 @@ def test_the_page_has_its_own_command(reported: Reported) -> None:
 def write_text(path: Path, text: str) -> Path:
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_notes_on_a_verdict_stand_under_the_verdicts(tmp_path: Path) -> None:
+    write_document(tmp_path / "run.json", RUN)
+    text = page_of(tmp_path).text
+    note = "<li>Run of servo: the load on &lt;b&gt;rotor&lt;/b&gt; is unmatched</li>"
+    assert note in text
+    assert text.index(note) < text.index("<summary>All answers</summary>")

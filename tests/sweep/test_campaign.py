@@ -261,6 +261,32 @@ def test_a_disturbance_after_the_end_of_all_runs_is_idle(
     assert campaign(text, **options).idle == labels
 
 
+WITHIN = """
+[[requirement]]
+input_below = "{}"
+"""
+AMPLIFIER = """
+[[actuator]]
+of = "current"
+limit = "4 A"
+"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "uncertain", "expected"),
+    [
+        ("3 A", "", []),
+        ("4 A", "", ["cannot fail: input below 4 A (the actuator gives 4 A at most)"]),
+        ("4 A", of("actuator", "current", 'limit = ["2 A", "6 A"]'), []),
+    ],
+)
+def test_a_requirement_that_no_plant_can_fail_is_named(
+    limit: str, uncertain: str, expected: list[str]
+) -> None:
+    declared = campaign(plain(scale("[1, 2]") + uncertain + AMPLIFIER + WITHIN.format(limit)))
+    assert declared.notes == expected
+
+
 OWN = """
 [plant]
 plant = "own:pendulum"

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from grosmc_mj.arrays import Array
     from grosmc_mj.plants import Plant
     from grosmc_mj.plants.system import Signal
 
-# Units of a joint's numbers.
-_HINGE_UNITS = {"damping": "N m s/rad", "friction": "N m", "armature": "kg m^2"}
-_SLIDE_UNITS = {"damping": "N s/m", "friction": "N", "armature": "kg"}
+# An axis of the world within rounding of a joint's frame.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class ListCommand(Command):
     """List the systems with their cases and controllers, and the case files of the package.
 
     Of one target the names, too, by which case files call its states, inputs, bodies and joints,
-    with their units, and the nominal numbers of its plant.
+    with their units, the joints' axes, the weights and gains of its laws by name, and the nominal
+    numbers of its plant.
 
     Attributes:
         target: A system, a case of the package or a case file.
@@ -101,6 +102,7 @@ def _say_everything(console: Console) -> None:
 def _say_target(console: Console, target: str) -> None:
     """Print the cases, laws and plants of a target, and the names and numbers of its parts."""
     from grosmc_mj.experiments.catalogue import find_experiments
+    from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
     from grosmc_mj.results.tables import names, table, text
 
     experiments = find_experiments(target)
@@ -119,9 +121,15 @@ def _say_target(console: Console, target: str) -> None:
     _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
     _say(console, "inputs", f"{_with_units(plant.system.inputs)}  (of [[actuator]])")
     if plant.kind == "physics":
-        _say_model(console, plant)
+        _say_model(console, plant, first.case.x0)
     else:
         _say(console, "parameters", f"{', '.join(vars(plant.parameters))}  (of [[edit]])")
+
+    for law in first.controllers:
+        design = first.law(first.nominal.truest, law).design
+        if design is not None:
+            numbers = f"{weights_in_words(design)}; {gains_in_words(design)}"
+            _say(console, "weights", f"{law}: {numbers.rstrip('; ')}")
 
     columns = [*names("nominal"), *text("numbers that are not zero")]
     console.print(table("", columns, _nominal_numbers(first.nominal.plant).items()))
@@ -132,18 +140,35 @@ def _with_units(signals: Sequence[Signal]) -> str:
     return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
 
 
-def _say_model(console: Console, plant: Plant) -> None:
-    """Print the bodies and joints of a model, those of the system with their units."""
+def _say_model(console: Console, plant: Plant, x0: Sequence[float]) -> None:
+    """Print the bodies and joints of a model, those of the system with their units and axes."""
     from grosmc_mj.physics.files import body_names, joint_names
+    from grosmc_mj.physics.wrenches import joint_axes
 
     system = plant.system
-    texts = {
-        name: f"{name} [{position.unit}]"
-        for name, position in zip(system.joints, system.positions, strict=True)
-    }
+    axes = joint_axes(plant, x0)
+    texts = {}
+    for name, position in zip(system.joints, system.positions, strict=True):
+        way = "along" if position.unit == "m" else "about"
+        texts[name] = f"{name} [{position.unit}] {way} {_axis_in_words(axes[name])}"
     joints = [texts.get(name, name) for name in joint_names(plant.model)]
-    _say(console, "bodies", f"{', '.join(body_names(plant.model))}  (body of [[edit]])")
+
+    bodies = ", ".join(body_names(plant.model))
+    _say(console, "bodies", f"{bodies}  (body of [[edit]])")
     _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
+    pushed = ", ".join(system.bodies)
+    axes_in_words = "of joints, as the first case starts, and of wrenches are those of the world"
+    _say(console, "axes", f"{axes_in_words}; body of [[disturbance]]: {pushed}")
+
+
+def _axis_in_words(axis: Array) -> str:
+    """Return a unit vector as ``y`` or ``-y`` or, if it is oblique, by its components."""
+    for name, part in zip("xyz", axis, strict=True):
+        if abs(part) > 1 - _ROUNDING:
+            return f"-{name}" if part < 0 else name
+    # No component reads as -0.
+    components = ", ".join(f"{part:.3g}" for part in axis.round(4) + 0.0)
+    return f"({components})"
 
 
 class _Numbers:
@@ -194,8 +219,6 @@ def _note_parameters(numbers: _Numbers, plant: Plant) -> None:
 
 def _note_model(numbers: _Numbers, plant: Plant) -> None:
     """Note the numbers of the bodies and joints of a model."""
-    from mujoco import mjtJoint
-
     model = plant.model
     numbers.note("world", "gravity", model.opt.gravity, "m/s^2")
     for index in range(1, model.nbody):
@@ -206,9 +229,7 @@ def _note_model(numbers: _Numbers, plant: Plant) -> None:
 
     for index in range(model.njnt):
         joint = model.joint(index)
-        units = _HINGE_UNITS
-        if joint.type[0] == mjtJoint.mjJNT_SLIDE:
-            units = _SLIDE_UNITS
+        units = plant.system.joint_units(joint.name)
         numbers.note(joint.name, "damping", joint.damping, units["damping"])
         numbers.note(joint.name, "friction", joint.frictionloss, units["friction"])
         numbers.note(joint.name, "armature", joint.armature, units["armature"])

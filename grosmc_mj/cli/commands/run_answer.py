@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from grosmc_mj.assumptions.audit import Audit
+from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
 from grosmc_mj.cli import screen
 from grosmc_mj.experiments.document import experiment_document
@@ -46,6 +47,11 @@ class RunAnswer:
         return self.content["answers"][0]["verdict"] == KEPT
 
     @property
+    def notes(self) -> Sequence[str]:
+        """What the verdict does not say by itself, in a line each."""
+        return self.content["answers"][0]["notes"]
+
+    @property
     def words(self) -> str:
         """Verdict as a sentence, without its full stop."""
         return self.content["answers"][0]["words"]
@@ -65,6 +71,7 @@ def judge(
         results,
         judgements,
         complete=complete,
+        notes=notes_on(experiment, results),
         premises=[audit_document(audit) for audit in premises],
     )
     return RunAnswer(experiment, results, premises, judgements, content)
@@ -82,8 +89,6 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
     screen.say_lines(console, _loop_lines(experiment), "dim", full=verbose)
     screen.say_lines(console, _machine_lines(experiment), "dim", full=verbose)
     screen.say_lines(console, _rest_lines(experiment), "dim", full=verbose)
-    if experiment.nominal.robot is not None:
-        screen.say_lines(console, experiment.nominal.robot.notes, "dim", full=verbose)
 
 
 def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
@@ -102,9 +107,10 @@ def _print_verdict(
     *,
     verbose: bool,
 ) -> None:
-    """Print the verdict, what is wrong, and how many premises of each law hold."""
+    """Print the verdict, notes, what is wrong, and how many premises of each law hold."""
     screen.say_verdict(console, words, good=answer.kept)
     screen.say_lines(console, list(_mistakes(answer)), full=verbose)
+    screen.say_lines(console, answer.notes, "yellow", full=verbose)
     for audit in answer.premises:
         count = len(audit.premises)
         held = count - len(audit.failed())
@@ -119,8 +125,7 @@ def print_tables(answer: RunAnswer) -> None:
 
 
 def _mistakes(answer: RunAnswer) -> Iterator[str]:
-    """Yield a line for each requirement not judged, run that ended early and failed premise."""
-    yield from answer.experiment.not_judged
+    """Yield a line for each run that ended early and each premise that fails."""
     yield from endings(answer.results)
     for audit in answer.premises:
         for premise in audit.failed():
@@ -204,7 +209,7 @@ def _requirements_table(judgements: Sequence[Judgement]) -> Table:
     for judgement in sorted(judgements, key=lambda judgement: judgement.kept):
         limit = judgement.limit
         verdict = "kept" if judgement.kept else "FAILED"
-        if judgement.note and not judgement.kept:
+        if judgement.note:
             verdict += f": {judgement.note}"
         rows.append(
             (

@@ -100,6 +100,19 @@ class Coordinates(ABC):
 
     @property
     @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Name of each entry of z, by which Q and gains are told."""
+
+    def input_names(self, *, linearizing: bool) -> tuple[str, ...]:
+        """Name of each entry of a law's v, by which R and gains are told.
+
+        Args:
+            linearizing: Whether v goes through feedback linearization, eqs. (23) and (44).
+        """
+        return tuple(signal.name for signal in self.system.inputs)
+
+    @property
+    @abstractmethod
     def output_rows(self) -> tuple[int, ...]:
         """Entries of z that a run is judged by."""
 
@@ -243,6 +256,12 @@ class OutputCoordinates(Coordinates):
     @abstractmethod
     def output_units(self) -> tuple[str, ...]:
         """Unit of each output, m of them."""
+
+    def input_names(self, *, linearizing: bool) -> tuple[str, ...]:
+        """Names of the inputs or, as v_i = z_i^(r_i) after linearization, of the outputs."""
+        if linearizing:
+            return tuple(self.names[row] for row in self.output_rows)
+        return super().input_names(linearizing=linearizing)
 
     @cached_property
     @abstractmethod

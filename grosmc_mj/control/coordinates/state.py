@@ -55,6 +55,11 @@ class StateCoordinates(Coordinates):
         return tuple(signal.unit for signal in self.system.states)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return tuple(signal.name for signal in self.system.states)
+
+    @property
     def output_rows(self) -> tuple[int, ...]:
         """Entries of z that a run is judged by."""
         return self.system.controlled

@@ -24,7 +24,7 @@ from grosmc_mj.control.coordinates.feedback_linearization import (
 from grosmc_mj.control.matrices import divide, solve
 from grosmc_mj.errors import ArgumentError, GainError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
-from grosmc_mj.plants import Plant
+from grosmc_mj.plants import Plant, System
 
 # A rate that rounding could be, in the unit of z per second.
 _AT_REST = 1e-9
@@ -72,6 +72,11 @@ class ErrorCoordinates(OutputCoordinates):
         units = [state.unit for state in self.system.states]
         unit_of_state = dict(zip(chains.equations.x, units, strict=True))
         return tuple(unit_of_state.get(output, self.unit) for output in chains.h)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states that z consists of; other entries are named by their output."""
+        return error_names(self.linearization, self.system)
 
     @cached_property
     def state(self) -> StateMap:
@@ -304,6 +309,37 @@ class ErrorCoordinates(OutputCoordinates):
                 "name an operating point with [plant] at, or linearize by feedback"
             )
         return slope_of_T, slope_of_K[:, outer]
+
+
+def error_names(chains: FeedbackLinearization, system: System) -> tuple[str, ...]:
+    """Name of each entry of T(x): of a state, or of an output by its number.
+
+    Args:
+        chains: Feedback linearization of the outputs.
+        system: The system with the states.
+    """
+    names_of_states = [state.name for state in system.states]
+    name_of_state = dict(zip(chains.equations.x, names_of_states, strict=True))
+
+    names: list[str] = []
+    for index, degree in enumerate(chains.relative_degree):
+        output = f"output {index + 1}"
+        for order in range(degree):
+            entry = chains.T[len(names)]
+            name = name_of_state.get(entry, _derivative_name(output, order))
+            if order == 0:
+                output = name
+            names.append(name)
+    return tuple(names)
+
+
+def _derivative_name(output: str, order: int) -> str:
+    """Name of a derivative of an output that is no state."""
+    if order == 0:
+        return output
+    if order == 1:
+        return f"{output} rate"
+    return f"{output} rate {order}"
 
 
 def _along(

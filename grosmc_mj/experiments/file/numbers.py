@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -11,18 +12,25 @@ import numpy as np
 from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, value_text
+from grosmc_mj.errors import ArgumentError, GrosmcError, name_list, value_text
 from grosmc_mj.experiments.file.units import is_number, number_in
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
 
 
-def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
+def law_number(
+    name: str,
+    value: Any,
+    names: Sequence[str] = (),
+    *,
+    of_states: bool = False,
+) -> Any:
     """Return a number, a matrix, an uncertainty or the name of a body.
 
     Args:
         name: Key of the number.
         value: Value in the file.
+        names: Names of the error state's entries, if the law has some.
         of_states: Whether the law is designed on the linearization, with an uncertainty of states.
 
     Raises:
@@ -30,8 +38,8 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     """
     if name == "uncertainty":
         if of_states:
-            return uncertainty(value, StateUncertainty)
-        return uncertainty(value)
+            return uncertainty(value, StateUncertainty, names)
+        return uncertainty(value, names=names)
     if name == "body":
         if not isinstance(value, str):
             raise ArgumentError(f"body = {value_text(value)} must be a name")
@@ -42,6 +50,8 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
         except ValueError as error:
             raise ArgumentError(f"{name}: {error}") from None
 
+    if name == "G" and isinstance(value, dict):
+        value = [in_order(name, value, names, missing=0.0)]
     entries = np.ravel(np.asarray(value, object)).tolist()
     if not all(map(is_number, entries)):
         raise ArgumentError(
@@ -54,12 +64,17 @@ def law_number(name: str, value: Any, *, of_states: bool = False) -> Any:
     return np.array(value, float)
 
 
-def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
+def uncertainty(
+    value: Any,
+    kind: type[Declared] = Uncertainty,
+    names: Sequence[str] = (),
+) -> Declared:
     """Return a declared uncertainty.
 
     Args:
         value: Value in the file.
         kind: Class for laws on outputs or, for laws on the linearization, on states.
+        names: Names of the error state's entries, by which ``region`` may be given.
 
     Raises:
         ArgumentError: If a key is missing, unknown or has a wrong value.
@@ -71,18 +86,60 @@ def uncertainty(value: Any, kind: type[Declared] = Uncertainty) -> Declared:
         )
     for key in value:
         require_known("key", key, keys, where="uncertainty: ")
+    if isinstance(value.get("region"), dict):
+        value = {**value, "region": in_order("uncertainty: region", value["region"], names)}
     try:
         return kind(**value)
     except GrosmcError as error:
         raise ArgumentError(f"uncertainty: {error}") from None
 
 
-def weight(name: str, value: Any, size: int) -> Array:
-    """Return a weight as a matrix, (size, size), from a number, a diagonal or rows.
+def in_order(
+    where: str,
+    values: dict[str, Any],
+    names: Sequence[str],
+    *,
+    missing: float | None = None,
+) -> list[Any]:
+    """Return values that are given by name in the order of the names.
+
+    Args:
+        where: Key of the values, for messages.
+        values: The values by name.
+        names: All names, in order.
+        missing: Value of the names that are left out; None if each needs one.
+
+    Raises:
+        ArgumentError: If a name is unknown, or lacks its value.
+    """
+    for name in values:
+        require_known("name", name, names, f"{where}: ")
+    left_out = [name for name in names if name not in values]
+    if left_out and missing is None:
+        verb = "is" if len(left_out) == 1 else "are"
+        raise ArgumentError(
+            f"{where}: {name_list(left_out)} {verb} missing: each of {name_list(names)} needs one"
+        )
+    return [values.get(name, missing) for name in names]
+
+
+def weight(name: str, value: Any, names: Sequence[str]) -> Array:
+    """Return a weight as a matrix, from a number, numbers by name, a diagonal or rows.
+
+    Args:
+        name: Key of the weight; names that Q leaves out weigh nothing, R needs all.
+        value: Value in the file.
+        names: Names of the n entries that it weighs.
+
+    Returns:
+        (n, n).
 
     Raises:
         ArgumentError: If it does not fit.
     """
+    size = len(names)
+    if isinstance(value, dict):
+        value = in_order(name, value, names, missing=0.0 if name.endswith("Q") else None)
     matrix = reals(value)
     if matrix.ndim == 0:
         matrix = matrix * np.eye(size)
@@ -90,6 +147,7 @@ def weight(name: str, value: Any, size: int) -> Array:
         matrix = np.diag(matrix)
     if matrix.shape != (size, size) or not np.all(np.isfinite(matrix)):
         raise ArgumentError(
-            f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix"
+            f"{name} = {value} must be a number, {size} numbers or a {size} x {size} matrix, or "
+            f"numbers by name: {name_list(names)}"
         )
     return matrix

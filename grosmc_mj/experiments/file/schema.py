@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
@@ -170,12 +171,13 @@ class EditTable(Table):
         added_mass: A point mass on the body [kg].
         at: Place of the added mass in the body's frame [m], (3,).
         joint: A joint of the model.
-        damping: Damping of the joint [N m s/rad or N s/m].
-        friction: Dry friction of the joint [N m or N].
-        armature: Armature of the joint [kg m^2 or kg].
+        damping: Damping of the joint, ``"0.1 N m s/rad"`` or ``"2 N s/m"``; here and below a number
+            without a unit is in SI units.
+        friction: Dry friction of the joint, ``"0.5 N m"`` or ``"5 N"``.
+        armature: Armature of the joint, ``"0.1 kg m^2"`` or ``"1 kg"``.
         tilt: Angle by which the joint's axis turns towards the z-axis of its body [rad].
         input: An input of the model.
-        gear: Torque or force at the joint for one unit of the input.
+        gear: Torque or force at the joint for one unit of the input, such as ``"0.3 N m/A"``.
         parameter: A parameter of a user's own analytic plant.
         scale: Factor on the parameter.
     """
@@ -189,12 +191,12 @@ class EditTable(Table):
     added_mass: Kilograms | None = None
     at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
     joint: str | None = None
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
+    damping: Any = None
+    friction: Any = None
+    armature: Any = None
     tilt: Radians | None = None
     input: str | None = None
-    gear: float | None = None
+    gear: Any = None
     parameter: str | None = None
     scale: float | None = None
 
@@ -330,18 +332,47 @@ class ClaimTable(RequirementTable):
 
 
 def _weight(value: Any) -> Any:
-    """Refuse anything but a number, a diagonal or the rows of a matrix."""
+    """Refuse anything but a number, numbers by name, a diagonal or the rows of a matrix."""
+    if isinstance(value, dict) and value and all(map(is_number, value.values())):
+        return value
     rows = value if isinstance(value, list) else [value]
     for row in rows:
         entries = row if isinstance(row, list) else [row]
         if not all(map(is_number, entries)):
             raise ValueError(
-                f"{value_text(value)} must be a number, a list of numbers or a list of rows"
+                f"{value_text(value)} must be a number, numbers by name such as {{ angle = 1 }}, a "
+                "list of numbers or a list of rows"
             )
     return value
 
 
+def _bounds(value: Any) -> Any:
+    """Refuse anything but positive numbers, in a list or by name."""
+    numbers = value
+    if isinstance(value, dict):
+        numbers = list(value.values())
+    if isinstance(numbers, list) and all(
+        is_number(number) and 0 < number < math.inf for number in numbers
+    ):
+        return value
+    raise ValueError(
+        f"{value_text(value)} must be positive bounds, in a list or by name such as {{ angle = 1 }}"
+    )
+
+
+def _formulas(value: Any) -> Any:
+    """Refuse anything but texts, in a list or by name."""
+    texts = list(value.values()) if isinstance(value, dict) else value
+    if isinstance(texts, list) and all(isinstance(text, str) for text in texts):
+        return value
+    raise ValueError(
+        f'{value_text(value)} must be formulas, in a list or by name such as {{ angle = "sin(t)" }}'
+    )
+
+
+Formulas = Annotated[Any, BeforeValidator(_formulas)]
 Weight = Annotated[Any, BeforeValidator(_weight)]
+Bounds = Annotated[Any, BeforeValidator(_bounds)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -374,23 +405,26 @@ class TaskTable(Table):
     Attributes:
         name: Name of the laws of this task together in results; the system's name by default.
         outputs: The regulated outputs.
-        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit; or one
-            ``module:name`` of a reference with its parameters.
+        reference: y_r(t) of each output, a formula in t in seconds, in the output's unit, in a list
+            or by the outputs' names; or a list of one ``module:name`` of a reference with its
+            parameters.
         sign: 1 for the error y - y_r, -1 for y_r - y.
-        Q: Weight of the error state, a matrix or its diagonal.
-        R: Weight of the input, a number, a matrix or its diagonal.
+        Q: Weight of the error state: numbers by the names of its entries, as ``grosmc-mj list``
+            prints them, and 0 for those that are left out; or a matrix, or its diagonal.
+        R: Weight of the input: a number, numbers by name, a matrix or its diagonal.
         region: Region in which the premises are checked: bounds of |z1|, |z2| ..., each in its
-            unit; by default the region that the gains are declared for, or that the run spans.
+            unit, as a list or by name; by default the region that the gains are declared for, or
+            that the run spans.
         slope: L of the super-twisting law, in the unit of s per second squared.
     """
 
     name: str = ""
     outputs: OutputsTable = OutputsTable()
-    reference: list[str] | None = None
+    reference: Formulas = None
     sign: Literal[1, -1] = 1
     Q: Weight = None
     R: Weight = None
-    region: list[Positive] | None = None
+    region: Bounds = None
     slope: Positive | None = None
 
 
@@ -439,7 +473,7 @@ class ControllerTable(LawTable):
 
 
 # Quantities that may be uncertain with the unit of their values, by owner; states and the parts of
-# a loop have their own units, and a joint's numbers are written without one, as in [[edit]].
+# a loop have their own units, and a joint's numbers may be written without one, as in [[edit]].
 QUANTITIES: dict[str, dict[str, str]] = {
     "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
     "joint": {"damping": "", "friction": "", "armature": ""},

@@ -112,6 +112,21 @@ def number_in(value: Any, unit: str) -> float:
         raise ArgumentError(f'"{text}"{error}: write it as in "{example}"') from None
 
 
+def si_number(value: Any, unit: str) -> float:
+    """Return a value as a number in an SI unit, which a number without a unit is in already.
+
+    Args:
+        value: A number, or a string of a number and its unit.
+        unit: The unit wanted; ``1`` or nothing for a pure number.
+
+    Raises:
+        ArgumentError: If the unit is unknown or does not fit.
+    """
+    if is_number(value):
+        return float(value)
+    return number_in(value, unit)
+
+
 class _UnitError(Exception):
     """The end of a message about a unit that pint cannot convert."""
 

@@ -34,9 +34,12 @@ def named_in(file: CaseFile) -> list[str]:
     if file.design:
         texts.append(file.design.plant)
     texts += [table.profile for table in file.disturbance]
+    reference = file.task.reference or []
+    if isinstance(reference, dict):
+        reference = list(reference.values())
     # Several references are formulas.
-    if file.task.reference and len(file.task.reference) == 1:
-        texts += file.task.reference
+    if len(reference) == 1:
+        texts += reference
     texts.append(file.task.outputs.of)
     texts += [table.law for table in (*file.controller, *file.laws.values())]
     return list(dict.fromkeys(filter(is_named, texts)))

@@ -17,16 +17,14 @@ from grosmc_mj.sweep.worst import WorstPlant, worst
 
 
 def notices(campaign: Campaign) -> list[str]:
-    """Return lines on another integrator, requirements not judged and loads that do not act."""
+    """Return the notes on a campaign, and a line on another integrator."""
     lines: list[str] = []
     if campaign.plant.restepped:
         lines.append(
             f"Steps by {campaign.experiment.settings.integrator} instead of the model's own "
             "integrator, which may judge some plants otherwise."
         )
-    lines.extend(campaign.not_judged)
-    late = f"never acts: runs end at {campaign.duration:g} s, before it begins."
-    lines.extend(f"{name} {late}" for name in campaign.idle)
+    lines.extend(campaign.notes)
     return lines
 
 

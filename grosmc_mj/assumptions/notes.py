@@ -1,0 +1,75 @@
+"""One-line notes on the runs of an experiment: what its verdict does not say by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from grosmc_mj.assumptions.loads import idle_loads
+from grosmc_mj.assumptions.matching import unmatched
+from grosmc_mj.errors import name_list
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements import unfailing
+from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.weights import weights_in_words
+
+
+def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
+    """Return the notes on an experiment's runs, the weightiest first.
+
+    The loads are looked at on the truest plant that was run.
+
+    Args:
+        experiment: The experiment.
+        results: Its runs.
+    """
+    truest = max(experiment.plant_names, key=experiment.nominal.names.index)
+    on_truest = [result for result in results if result.plant == truest]
+
+    notes = list(experiment.not_judged)
+    notes += idle_loads(on_truest)
+    notes += unmatched(experiment, on_truest)
+    notes += unfailing(experiment.limits, results)
+    notes += _names_left_out(experiment, on_truest)
+    notes += _weights_by_order(experiment, on_truest)
+    if experiment.nominal.robot is not None:
+        notes += experiment.nominal.robot.notes
+    return notes
+
+
+def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:
+    """Yield a line for the names that a Q by name leaves out."""
+    laws: dict[str, list[str]] = {}
+    for result in results:
+        law = result.controller
+        Q = _weight(experiment, law.name, "Q")
+        if law.design is None or not isinstance(Q, dict):
+            continue
+        left_out = [name for name in law.design.error.names if name not in Q]
+        if left_out:
+            laws.setdefault(name_list(left_out), []).append(law.name)
+    for names, of_laws in laws.items():
+        yield f"Q of {', '.join(of_laws)} leaves out {names}: weight 0"
+
+
+def _weight(experiment: Experiment, law: str, key: str) -> Any:
+    """Return Q or R of a law as the file has it."""
+    numbers = experiment.file.law(law).numbers
+    return numbers.get(key, getattr(experiment.file.task, key))
+
+
+def _weights_by_order(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:
+    """Yield the weights of a robot's laws by name where the file gives them in a list.
+
+    Nobody but the model knows in which order its joints are.
+    """
+    if experiment.nominal.robot is None:
+        return
+    laws: dict[str, list[str]] = {}
+    for result in results:
+        law = result.controller
+        weights = [_weight(experiment, law.name, key) for key in ("Q", "R")]
+        if law.design is not None and any(isinstance(weight, list) for weight in weights):
+            laws.setdefault(weights_in_words(law.design), []).append(law.name)
+    for words, names in laws.items():
+        yield f"weights of {', '.join(names)}, by the order of the list: {words}"

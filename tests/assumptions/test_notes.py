@@ -1,0 +1,204 @@
+"""Notes on runs: requirements that cannot fail, time at a limit, weights by name; their places."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from case_texts import LEG_MODEL
+from commands import Patch, Screen, run
+
+from grosmc_mj.assumptions.notes import notes_on
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements import judge_all
+from grosmc_mj.experiments.tables import gains_table, requirements_table
+
+# A law that asks for 5 A in the first half of the run, and for 1 A in the second.
+LAW = """
+def half(t, x, memory, p):
+    return 5.0 if t < 0.0095 else 1.0
+"""
+CASE = """
+[plant]
+system = "servo"
+compare = ["{plant}"]
+[run]
+start = {{ "rotor angle" = "0.1 rad" }}
+duration = "0.02 s"
+engine = "python"
+[[controller]]
+law = "{law}"
+[[requirement]]
+{requirement}
+"""
+LIMITED = """
+[[actuator]]
+of = "current"
+limit = "4 A"
+[[estimator]]
+of = "rotor speed"
+"""
+LEG = """
+[plant]
+model = "leg.xml"
+[run]
+start = {{ hip = "10 deg" }}
+duration = "0.01 s"
+engine = "python"
+[task]
+Q = {Q}
+R = 1
+[[controller]]
+law = "lqr"
+"""
+
+
+def read(folder: Path, text: str) -> Experiment:
+    (folder / "own.py").write_text(LAW, encoding="utf-8")
+    (folder / "leg.xml").write_text(LEG_MODEL, encoding="utf-8")
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return Experiment.load(path)
+
+
+def case(requirement: str, law: str = "lqr", plant: str = "physics") -> str:
+    return CASE.format(plant=plant, law=law, requirement=requirement)
+
+
+def notes(folder: Path, text: str) -> list[str]:
+    experiment = read(folder, text)
+    return notes_on(experiment, list(experiment.runs()))
+
+
+AT_LIMIT = "cannot fail: input below 4 A (the actuator gives 4 A at most)"
+
+
+@pytest.mark.parametrize("plant", ["corrected", "physics"])
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [("3.9 A", []), ("4 A", [AT_LIMIT]), ("5 A", [AT_LIMIT.replace("below 4", "below 5")])],
+)
+def test_an_input_cannot_exceed_the_limit_of_its_actuator(tmp_path, plant, limit, expected) -> None:
+    text = case(f'input_below = "{limit}"', plant=plant) + LIMITED
+    assert notes(tmp_path, text) == expected
+
+
+def test_an_input_without_limit_may_fail(tmp_path) -> None:
+    assert notes(tmp_path, case('input_below = "1 MA"')) == []
+
+
+def test_the_limit_of_a_model_s_own_actuator_counts(tmp_path) -> None:
+    model = LEG_MODEL.replace('joint="hip" gear="10"', 'joint="hip" ctrlrange="-3 3"')
+    (tmp_path / "arm.xml").write_text(
+        model.replace('kp="50"', 'kp="50" forcerange="-2 2"'), encoding="utf-8"
+    )
+    text = LEG.format(Q="{ hip = 1, knee = 1 }").replace("leg.xml", "arm.xml")
+    found = notes(tmp_path, text + '[[requirement]]\ninput_below = "3 N m"\n')
+    assert found[0] == "cannot fail: input below 3 N m (the actuator gives 3 N m at most)"
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [("grosmc", ["an integral surface starts at zero"]), ("lqr", [])],
+)
+def test_an_integral_surface_has_no_reaching_phase_by_its_definition(
+    tmp_path, law, expected
+) -> None:
+    requirement = f'stays_within = "1 rad"\nno_reaching_phase = {str(law == "grosmc").lower()}'
+    found = notes(tmp_path, case(requirement, law))
+    assert [line.partition(" (")[2].rstrip(")") for line in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("loop", "limit", "words"),
+    [
+        (LIMITED, "4.5 A", "kept: at the actuator's limit 50 % of the time"),
+        (LIMITED, "3 A", "FAILED: at the actuator's limit 50 % of the time"),
+        ("", "6 A", "kept"),
+    ],
+)
+def test_the_time_at_the_limit_stands_beside_the_largest_input(
+    tmp_path, loop, limit, words
+) -> None:
+    """The law asks for more than the limit of 4 A in ten of twenty samples."""
+    experiment = read(tmp_path, case(f'input_below = "{limit}"', "own:half") + loop)
+    judgements = judge_all(experiment.limits, list(experiment.runs()))
+    (row,) = requirements_table(judgements).rows
+    assert row[-1] == words
+
+
+def test_a_robot_s_weights_in_a_list_are_told_by_name(tmp_path) -> None:
+    found = notes(tmp_path, LEG.format(Q="[1, 2, 3, 4]"))
+    assert found[0] == (
+        "weights of lqr, by the order of the list: Q: hip 1, hip rate 2, knee 3, knee rate 4; R: "
+        "hip 1, knee 1"
+    )
+
+
+def test_a_robot_s_weights_by_name_need_no_note(tmp_path) -> None:
+    weights = '{ hip = 1, "hip rate" = 0, knee = 3, "knee rate" = 4 }'
+    found = notes(tmp_path, LEG.format(Q=weights))
+    assert not any(line.startswith(("Q of", "weights of")) for line in found)
+
+
+def test_names_that_Q_leaves_out_are_told(tmp_path) -> None:
+    found = notes(tmp_path, LEG.format(Q="{ hip = 1, knee = 3 }"))
+    assert found[0] == "Q of lqr leaves out 'hip rate', 'knee rate': weight 0"
+
+
+def test_the_tables_of_a_run_have_weights_and_gains_by_name(tmp_path) -> None:
+    """On two integrators K = [sqrt(q), sqrt(2 sqrt(q))] for the weight q of the angle and R = 1."""
+    experiment = read(tmp_path, LEG.format(Q="{ hip = 16, knee = 81 }"))
+    (row,) = gains_table(list(experiment.runs())).rows
+    assert row[-1] == (
+        "Q: hip 16, hip rate 0, knee 81, knee rate 0; R: hip 1, knee 1; "
+        "K of hip: hip 4, hip rate 2.828; K of knee: knee 9, knee rate 4.243"
+    )
+
+
+UNPLANNED = case('input_below = "9 A"\nno_reaching_phase = true', "grosmc") + LIMITED
+SAID = [
+    "the torque about z on rotor moves no joint: the disturbance does nothing",
+    "cannot fail: input below 9 A (the actuator gives 4 A at most)",
+    "cannot fail: no reaching phase: s(0) = 0 (an integral surface starts at zero)",
+]
+
+
+@pytest.fixture
+def answered(tmp_path: Path, monkeypatch: Patch, capsys: Screen) -> tuple[str, dict]:
+    """Output and document of a run about which there is much to say."""
+    monkeypatch.chdir(tmp_path)
+    load = '[[disturbance]]\nbody = "rotor"\ntorque = ["0 N m", "0 N m", "1 N m"]\n'
+    (tmp_path / "mine.toml").write_text(UNPLANNED + load, encoding="utf-8")
+    run("run", "mine.toml", "--no-figures")
+    content = json.loads((tmp_path / "renders" / "mine.json").read_text(encoding="utf-8"))
+    return capsys.readouterr().out, content
+
+
+def test_notes_stand_under_the_verdict_on_the_terminal(answered) -> None:
+    output, _ = answered
+    assert output.splitlines()[1:4] == SAID
+
+
+def test_notes_stand_beside_the_verdict_in_the_document(answered) -> None:
+    _, content = answered
+    assert content["answers"][0]["notes"] == SAID
+
+
+def test_the_document_has_weights_and_gains_by_name(answered) -> None:
+    _, content = answered
+    (ran,) = content["runs"]
+    assert ran["weights"]["by_name"] == {
+        "Q": {"rotor angle": 1, "rotor speed": 1},
+        "R": {"current": 1},
+    }
+    assert ran["named_gains"]["K of current, rotor angle"] == ran["gains"]["K1"]
+    assert ran["named_gains"]["eta"] == ran["gains"]["eta"]
+
+
+def test_list_prints_weights_and_gains_by_name(tmp_path, capsys) -> None:
+    read(tmp_path, LEG.format(Q="{ hip = 16, knee = 81 }"))
+    run("list", tmp_path / "mine.toml")
+    words = " ".join(capsys.readouterr().out.split())
+    assert "lqr: Q: hip 16, hip rate 0, knee 81, knee rate 0; R: hip 1, knee 1; K of hip:" in words
