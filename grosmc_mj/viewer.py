@@ -131,7 +131,7 @@ def _advance(
     wrench = np.zeros(len(pull))
     for step in range(loop.steps, steps):
         acting = packed(disturbances, system.bodies, range(step, step + 1), timestep)
-        push(*acting, 0, step * timestep, wrench)
+        push(*acting, 0, step * timestep, timestep, wrench)
         status = loop.advance_under(wrench + pull)
         if status is not Status.COMPLETED:
             reached = loop.steps * timestep

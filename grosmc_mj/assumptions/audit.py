@@ -169,7 +169,7 @@ def run_audit(result: RunResult) -> Audit:
     if run.sliding is not None:
         premises.append(_gain(law, region, along))
         premises.append(initial_surface(run.sliding))
-    premises.append(_region_kept(run, law))
+    premises.append(_region_kept(result))
     return Audit(result.case, law.name, tuple(premises), signals(along))
 
 
@@ -454,11 +454,12 @@ def initial_surface(sliding: Array | None) -> Premise:
     )
 
 
-def _region_kept(run: Trajectory, law: Controller) -> Premise:
+def _region_kept(result: RunResult) -> Premise:
     """No singular state was met and the actuator gave what it was asked for."""
-    system = law.designed.error.system
+    run = result.trajectory
+    system = result.controller.designed.error.system
     singular = float(np.mean([not system.linearizable(x) for x in run.state[::_EVERY]]))
-    saturated = float(np.mean(run.command != run.input))
+    saturated = float(np.mean(result.cut))
     ended_early = float(run.status is not Status.COMPLETED)
 
     violated = max(singular, saturated, ended_early)

@@ -12,6 +12,8 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements import unfailing
 from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.weights import weights_in_words
+from grosmc_mj.physics.dry_friction import creeping_joints
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 
 def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
@@ -32,8 +34,34 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes += unfailing(experiment.limits, results)
     notes += _names_left_out(experiment, on_truest)
     notes += _weights_by_order(experiment, on_truest)
+    notes += notes_on_plant(experiment)
     if experiment.nominal.robot is not None:
         notes += experiment.nominal.robot.notes
+    return notes
+
+
+def notes_on_plant(experiment: Experiment) -> list[str]:
+    """Return what the plant and the loop of an experiment leave out, a line each."""
+    notes: list[str] = []
+    loop = experiment.case.loop
+    if loop is not None:
+        exact = loop.exact_rates(experiment.nominal.system)
+        if exact:
+            verb = "is" if len(exact) == 1 else "are"
+            notes.append(f"ideal: {', '.join(exact)} {verb} known exactly")
+
+    plant = experiment.plant(experiment.nominal.truest)
+    if isinstance(plant, MujocoPlant):
+        creeping = creeping_joints(plant.model)
+        if creeping:
+            units = dict(zip(plant.system.joints, plant.system.positions, strict=True))
+            joint, way = max(creeping.items(), key=lambda item: item[1])
+            unit = units[joint].unit if joint in units else ""
+            notes.append(
+                f"the model's own dry friction of {name_list(creeping)} does not hold: under half "
+                f"of it {joint} creeps by {way:.2g} {unit} in 10 s; set it by an [[edit]] with "
+                "friction, which holds"
+            )
     return notes
 
 

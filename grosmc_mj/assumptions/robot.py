@@ -217,9 +217,8 @@ def _torque(result: RunResult, plant: Any) -> Premise:
     run = result.trajectory
     # A trajectory of one joint has no axis for its inputs.
     command = run.command.reshape(len(run.command), -1)
-    applied = run.input.reshape(len(run.input), -1)
-    shares = _shares(command, plant.input_limits)
-    cut = command != applied
+    shares = _shares(command, result.input_limits)
+    cut = result.cut
 
     joints = []
     for i, joint in enumerate(_driven(result)):

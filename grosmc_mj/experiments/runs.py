@@ -112,6 +112,17 @@ class RunResult:
         return input_limits(self.true, self.case)
 
     @property
+    def cut(self) -> Array:
+        """Whether a sample's command of an input is beyond what its actuator gives, (N, m).
+
+        Late, smoothed or rounded is not cut: the command is compared with the limits.
+        """
+        low, high = self.input_limits
+        command = self.trajectory.command
+        command = command.reshape(len(command), -1)
+        return (command < low) | (command > high)
+
+    @property
     def saturated(self) -> float:
         """Share of the time in which the law asks an actuator for its limit or more."""
         low, high = self.input_limits

@@ -21,6 +21,9 @@ VALUES = 3.0
 # Numbers of a disturbance: body, course, a, b, c, force (3), torque (3).
 PUSH = 11
 
+# Timesteps in a period of a sine, at least: held over a quarter of it, a sine keeps 90 % of its
+# amplitude; with fewer than two it is another, slower one.
+_STEPS_A_PERIOD = 4
 # An instant counts as reached when it is this close [s]: k times h is not exact in binary.
 _INSTANT = 1e-9
 
@@ -32,17 +35,29 @@ def course(
     a: float,
     b: float,
     c: float,
+    h: float,
 ) -> float:
-    """Value at t [s] of the formula of this kind with its numbers."""
+    """Value of the formula of this kind with its numbers, held from t to t + h [s].
+
+    An edge between the two counts with its share of the time, so that a pulse has its area; with
+    h = 0 it is the value at t.
+    """
     if kind == PULSE:
-        if a - _INSTANT <= t < b - _INSTANT:
-            return 1.0
-        return 0.0
+        return _share(t, h, a) - _share(t, h, b)
     if kind == SINE:
-        if t < b - _INSTANT:
-            return 0.0
-        return math.sin(a * t + c)
+        # It begins with its value at the onset.
+        return _share(t, h, b) * math.sin(a * max(t, b - _INSTANT) + c)
     return 1.0
+
+
+@jitable
+def _share(t: float, h: float, edge: float) -> float:
+    """Share of the time from t to t + h [s] that comes after an edge; all of it from t on."""
+    if edge - _INSTANT <= t:
+        return 1.0
+    if edge + _INSTANT >= t + h:
+        return 0.0
+    return (t + h - edge) / h
 
 
 @jitable
@@ -51,15 +66,17 @@ def push(
     values: Array,
     step: int,
     t: float,
+    h: float,
     wrenches: Array,
 ) -> None:
-    """Write the wrenches of disturbances at t [s].
+    """Write the wrenches of disturbances that are held through a timestep.
 
     Args:
         pushes: Numbers of the disturbances, (count, PUSH), see ``packed``.
         values: Values of courses without a formula, (count, steps).
-        step: Number of the timestep that begins at t.
-        t: [s].
+        step: Number of the timestep.
+        t: Its begin [s].
+        h: Its length [s].
         wrenches: Wrench on each body, flat, (6 * bodies,).
     """
     for i in range(len(wrenches)):
@@ -70,7 +87,7 @@ def push(
         if kind == VALUES:
             value = values[int(a), step]
         else:
-            value = course(kind, t, a, pushes[k, 3], pushes[k, 4])
+            value = course(kind, t, a, pushes[k, 3], pushes[k, 4], h)
         first = 6 * int(pushes[k, 0])
         for i in range(6):
             wrenches[first + i] += value * pushes[k, 5 + i]
@@ -90,7 +107,7 @@ class _Formula:
     def __call__(self, t: float) -> float:
         """Value at t [s]."""
         kind, a, b, c = self.numbers
-        return course(kind, t, a, b, c)
+        return course(kind, t, a, b, c, 0.0)
 
 
 @checked()
@@ -142,7 +159,8 @@ class Disturbance:
     """A wrench on a body, times a profile of t.
 
     It reaches physics through ``xfrc_applied``: at the body's centre of mass, in world axes,
-    sampled at the start of each timestep and held through it.
+    sampled at the start of each timestep and held through it. A pulse that begins or ends between
+    two timesteps counts with its share of the one around that instant.
 
     Attributes:
         body: Name of the body.
@@ -186,8 +204,8 @@ def packed(
         Numbers, (count, PUSH), and values, (count, steps).
 
     Raises:
-        ArgumentError: If a body is not among ``bodies``, or a profile gives a value that is not
-            a finite number.
+        ArgumentError: If a body is not among ``bodies``, a profile gives a value that is not a
+            finite number, or a sine is too fast for the timestep.
     """
     pushes = np.zeros((len(disturbances), PUSH))
     values: list[Array] = []
@@ -200,12 +218,27 @@ def packed(
         if isinstance(profile, _Formula) and type(profile) in (Constant, Pulse, SineFrom):
             # A formula that is finite at both ends is so between them.
             _values(disturbance, np.array([steps[0], steps[-1]]) * timestep)
+            _refuse_fast(disturbance, timestep)
             numbers = profile.numbers
         else:
             numbers = VALUES, len(values), 0.0, 0.0
             values.append(_values(disturbance, np.array(steps) * timestep))
         row[:] = bodies.index(body), *numbers, *disturbance.wrench
     return pushes, np.array(values).reshape(len(values), len(steps))
+
+
+def _refuse_fast(disturbance: Disturbance, timestep: float) -> None:
+    """Refuse a sine of fewer timesteps a period than are told from a slower one."""
+    profile = disturbance.profile
+    if not isinstance(profile, SineFrom):
+        return
+    longest = 2 * math.pi / (_STEPS_A_PERIOD * max(abs(profile.frequency), 1e-300))
+    if timestep > longest * (1 + 1e-9):
+        raise ArgumentError(
+            f"sine of the disturbance on {disturbance.body!r}: {abs(profile.frequency):.4g} rad/s "
+            f"has fewer than {_STEPS_A_PERIOD} timesteps of {timestep:g} s a period: take a "
+            f"timestep of {longest:.3g} s or less"
+        )
 
 
 def _values(disturbance: Disturbance, time: Array) -> Array:

@@ -185,7 +185,7 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                     r.given[j] = u[j]
 
             if len(r.pushes) > 0:
-                push(r.pushes, r.values, i, i * r.h, w)
+                push(r.pushes, r.values, i, i * r.h, r.h, w)
                 for k in range(len(r.bodies)):
                     for j in range(6):
                         r.forces[r.bodies[k], j] = w[6 * k + j]

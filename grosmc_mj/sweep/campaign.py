@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.notes import notes_on_plant
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
@@ -362,6 +363,7 @@ class Campaign:
         for limit in self.requirements:
             reasons = [why_unfailing(limit, self.laws[law], self._input_limits) for law in limit.of]
             lines += unfailing_line(limit, reasons)
+        lines += notes_on_plant(self.experiment)
         return list(dict.fromkeys(lines))
 
     @property

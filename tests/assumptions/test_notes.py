@@ -202,3 +202,30 @@ def test_list_prints_weights_and_gains_by_name(tmp_path, capsys) -> None:
     run("list", tmp_path / "mine.toml")
     words = " ".join(capsys.readouterr().out.split())
     assert "lqr: Q: hip 16, hip rate 0, knee 81, knee rate 0; R: hip 1, knee 1; K of hip:" in words
+
+
+# What the plant and the loop leave out
+
+ENCODER = '[[sensor]]\nof = "rotor angle"\nresolution = "1 mrad"\n'
+EXACT = '[[sensor]]\nof = "rotor speed"\nexact = true\n'
+OWN_FRICTION = LEG_MODEL.replace('name="hip" axis', 'name="hip" frictionloss="1" axis')
+
+
+def test_a_rate_that_is_exact_on_purpose_is_told(tmp_path: Path) -> None:
+    text = CASE.format(plant="corrected", law="lqr", requirement='deviation_below = "1 rad"')
+    experiment = read(tmp_path, text + ENCODER + EXACT)
+    notes = notes_on(experiment, list(experiment.runs()))
+    assert "ideal: rotor speed is known exactly" in notes
+
+
+@pytest.mark.parametrize(("edit", "told"), [("", True), ('friction = "1 N m"', False)])
+def test_dry_friction_of_a_model_that_creeps_is_told(edit: str, told: bool, tmp_path: Path) -> None:
+    """An edit with the same friction is the cure."""
+    text = LEG.format(Q=[1, 0, 1, 0])
+    if edit:
+        text += f'[[edit]]\njoint = "hip"\n{edit}\n'
+    read(tmp_path, text)
+    (tmp_path / "leg.xml").write_text(OWN_FRICTION, encoding="utf-8")
+    experiment = Experiment.load(tmp_path / "mine.toml")
+    notes = notes_on(experiment, list(experiment.runs()))
+    assert any("dry friction of 'hip' does not hold" in note for note in notes) is told

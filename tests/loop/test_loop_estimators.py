@@ -12,7 +12,7 @@ import scipy.linalg
 from looped import ANGLE, CURRENT, SPEED, H, played, scripted, seen, servo
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import GainError
+from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
 from grosmc_mj.loop.estimators import levant
 from grosmc_mj.loop.kalman import kalman_gain
@@ -286,3 +286,49 @@ def test_a_filter_waits_for_the_first_measurement_after_the_start() -> None:
 def test_a_filter_that_cannot_be_is_refused(noise: float, load: float, of: str) -> None:
     with pytest.raises(GainError, match="kalman: no steady filter"):
         gain_of(noise, load, of)
+
+
+# Rates that nothing is said of
+
+ENCODER = Sensor(ANGLE, 1e-3)
+ROTOR = np.sin(np.arange(60) / 5.0)
+
+
+def seen_speeds(*sensors: Sensor, estimators: tuple[Estimator, ...] = ()) -> Array:
+    """Speeds that the law gets in a loop with these parts."""
+    return seen(played(ROTOR, Loop(sensors=sensors, estimators=estimators)))[:, 1]
+
+
+def test_the_rate_of_a_measured_position_is_differenced() -> None:
+    differenced = seen_speeds(ENCODER, estimators=(Estimator((SPEED,), "difference"),))
+    np.testing.assert_array_equal(seen_speeds(ENCODER), differenced)
+
+
+def test_an_exact_sensor_gives_the_rate_itself() -> None:
+    sensors = (ENCODER, Sensor(SPEED, exact=True))
+    run = played(ROTOR, Loop(sensors=sensors))
+    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
+
+
+def test_the_rate_of_a_position_without_a_sensor_is_known_exactly() -> None:
+    run = played(ROTOR, Loop(Computing(delay=H)))
+    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("loop", "names"),
+    [
+        (Loop(), []),
+        (Loop(sensors=(ENCODER,)), []),
+        (Loop(sensors=(ENCODER, Sensor(SPEED, exact=True))), [SPEED]),
+        (Loop(sensors=(ENCODER, Sensor(SPEED))), [SPEED]),
+        (Loop(sensors=(ENCODER, Sensor(SPEED, noise=1.0))), []),
+    ],
+)
+def test_a_loop_tells_which_rates_are_known_exactly(loop: Loop, names: list[str]) -> None:
+    assert loop.completed(SERVO).exact_rates(SERVO) == names
+
+
+def test_an_exact_sensor_has_no_other_number() -> None:
+    with pytest.raises(ArgumentError, match="exact = true is an ideal sensor: leave its other"):
+        Sensor(ANGLE, resolution=1e-3, exact=True)

@@ -16,7 +16,15 @@ import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom, packed, push
+from grosmc_mj.simulation.disturbances import (
+    Constant,
+    Disturbance,
+    Pulse,
+    SineFrom,
+    course,
+    packed,
+    push,
+)
 from grosmc_mj.simulation.simulate import simulate
 
 PUSH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
@@ -87,20 +95,63 @@ def test_wrenches_add_up_in_the_columns_of_their_bodies() -> None:
     for i, profile in enumerate(PROFILES):
         column = i % 2
         values = [profile(t) for t in times]
+        if type(profile) in (Pulse, SineFrom):
+            values = [course(*profile.numbers[:1], t, *profile.numbers[1:], 1e-3) for t in times]
         expected[:, column] += np.outer(values, PUSH)
         disturbances.append(Disturbance(bodies[column], PUSH, profile))
 
     pushes, values = packed(disturbances, bodies, range(1000), 1e-3)
     row = np.ones(12)
     for i, t in enumerate(times):
-        push(pushes, values, i, t, row)
+        push(pushes, values, i, t, 1e-3, row)
         np.testing.assert_array_equal(row, expected[i].ravel())
+
+
+@pytest.mark.parametrize(
+    ("start", "stop"),
+    # Within a step, over an edge, over several, from edge to edge, from before the run.
+    [(0.0012, 0.0017), (0.0017, 0.0022), (0.0012, 0.0091), (0.003, 0.007), (-1.0, 0.0005)],
+)
+def test_a_pulse_has_its_area_wherever_its_edges_lie(start: float, stop: float) -> None:
+    pulse = Disturbance("rotor", PUSH, Pulse(start, stop))
+    run = simulate(
+        MujocoPlant.load("servo"), held(0.0), [1.0, 0.0], duration=0.01, disturbances=[pulse]
+    )
+    assert run.wrench is not None
+    area = run.wrench[:, 0].sum() * 1e-3
+    assert area == pytest.approx(PUSH[0] * (stop - max(start, 0.0)), rel=1e-9)
+
+
+def test_a_pulse_from_step_to_step_acts_in_full() -> None:
+    values = [course(*Pulse(0.3, 0.4).numbers[:1], 0.1 * k, 0.3, 0.4, 0.0, 0.1) for k in range(6)]
+    assert values == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+
+
+def test_a_sine_begins_with_its_share_of_the_step_of_its_onset() -> None:
+    sine = SineFrom(2.0, 0.00025, phase=1.0)
+    value = course(*sine.numbers[:1], 0.0, *sine.numbers[1:], 1e-3)
+    assert value == pytest.approx(0.75 * math.sin(2.0 * 0.00025 + 1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "carried"), [(1570.0, True), (-1570.0, True), (1572.0, False)]
+)
+def test_a_sine_of_fewer_than_four_timesteps_a_period_is_refused(
+    frequency: float, carried: bool
+) -> None:
+    """6282 rad/s would act as -1 rad/s at 1 ms."""
+    sine = Disturbance("rotor", PUSH, SineFrom(frequency))
+    if carried:
+        packed([sine], ["rotor"], range(10), 1e-3)
+        return
+    with pytest.raises(ArgumentError, match=r"take a timestep of 0\.000999 s or less"):
+        packed([sine], ["rotor"], range(10), 1e-3)
 
 
 def test_without_disturbances_the_wrench_is_zero() -> None:
     pushes, values = packed([], ("hub", "link"), range(9), 1e-3)
     row = np.ones(12)
-    push(pushes, values, 0, 0.0, row)
+    push(pushes, values, 0, 0.0, 1e-3, row)
     assert not row.any()
 
 

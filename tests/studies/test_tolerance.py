@@ -41,7 +41,10 @@ MOST = tolerance.MOST
 FILE = f"""
 plant = {{ system = "servo" }}
 computing = {{ delay = "{DELAY} s" }}
-sensor = [{{ of = "rotor angle", delay = "0.1 s", resolution = "0.1 rad" }}]
+sensor = [
+  {{ of = "rotor angle", delay = "0.1 s", resolution = "0.1 rad" }},
+  {{ of = "rotor speed", exact = true }},
+]
 controller = [{{ law = "lqr" }}]
 requirement = [{{ stays_within = "0.5 rad", after = "50 s" }}]
 [run]

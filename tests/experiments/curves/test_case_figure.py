@@ -153,6 +153,7 @@ noise = "0.1 rad/s"
 of = "elbow rate"
 noise = "1 rad/s"
 """
+EXACT_SPEED = '[[sensor]]\nof = "rotor speed"\nexact = true\n'
 ESTIMATED_RATE = '[[estimator]]\nof = "shoulder rate"\n'
 SERVO = CASE.format("servo", "rotor angle", "1 rad", "0.1 s") + LATE
 BENT_ARM = CASE.format("two_link_arm", "elbow angle", "1 rad", "0.1 s") + LATE
@@ -174,7 +175,8 @@ def rates(figure: Figure) -> dict[str, Axes]:
     ("text", "names"),
     [
         (SERVO + ESTIMATED_SPEED, ["rotor speed"]),
-        (SERVO + NOISY_ANGLE, []),
+        (SERVO + NOISY_ANGLE, ["rotor speed"]),
+        (SERVO + NOISY_ANGLE + EXACT_SPEED, []),
         (BENT_ARM + NOISY_RATES, ["elbow rate"]),
         (STRAIGHT_ARM + ESTIMATED_RATE, ["shoulder rate"]),
     ],
