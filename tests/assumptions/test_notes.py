@@ -228,4 +228,4 @@ def test_dry_friction_of_a_model_that_creeps_is_told(edit: str, told: bool, tmp_
     (tmp_path / "leg.xml").write_text(OWN_FRICTION, encoding="utf-8")
     experiment = Experiment.load(tmp_path / "mine.toml")
     notes = notes_on(experiment, list(experiment.runs()))
-    assert any("dry friction of 'hip' does not hold" in note for note in notes) is told
+    assert any("dry friction of hip does not hold" in note for note in notes) is told
