@@ -21,7 +21,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import Parameters
-from grosmc_mj.identify.replay import Predictor, starts_of
+from grosmc_mj.identify.replay import Predictor, likely_slip, starts_of, unexplained_share
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.sweep.family import Quantity
 
@@ -434,6 +434,30 @@ def _unseen_words(name: str, alike: Sequence[str], same_sign: bool) -> str:
         f"{listed}: only {relation} is visible in this log; {name} is held at its value in the "
         "case. A run with a known load, or a measurement of one of them, tells them apart"
     )
+
+
+def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> str:
+    """Return the sign or unit of a column that would explain a log far better than its fit does.
+
+    Args:
+        fit: Parameters fitted to the log.
+        log: The log.
+        plant: The case's plant.
+        horizon: Length of a window [s].
+        timestep: Of the prediction [s].
+
+    Returns:
+        A line on that column; empty where the fit explains the log.
+    """
+    predictor = Predictor.of(log, horizon, timestep)
+    parameters = fit.parameters
+    unexplained = unexplained_share(
+        predictor,
+        parameters.plant(fit.values, plant),
+        parameters.input_delay(fit.values),
+        partial(parameters.sensor, values=fit.values),
+    )
+    return likely_slip(predictor, plant, unexplained)
 
 
 def residuals(

@@ -265,37 +265,31 @@ def _samples_around(log: Log, sample: int) -> slice:
     return slice(max(sample - _AROUND, piece.start), min(sample + _AROUND, piece.stop))
 
 
-def require_matching(
-    log: Log,
-    plant: Plant,
-    horizon: float,
-    timestep: float,
-) -> None:
-    """Refuse a log that another sign or unit of one of its columns would explain far better.
+def likely_slip(predictor: Predictor, plant: Plant, unexplained: float) -> str:
+    """Return the sign or unit of a column that would explain a log far better than its fit does.
 
     Args:
-        log: The log.
+        predictor: The log in windows.
         plant: The case's plant.
-        horizon: Length of a prediction [s].
-        timestep: Of the prediction [s].
+        unexplained: Share of the motion that the fitted plant leaves, see ``unexplained_share``.
 
-    Raises:
-        ArgumentError: With the column and the factor.
+    Returns:
+        A line on the first such column; empty where the fit explains the log.
     """
-    predictor = Predictor.of(log, horizon, timestep)
-    unexplained = _unexplained(predictor, plant)
     if unexplained <= _POOR:
-        return
+        return ""
 
     inputs = [signal.name for signal in plant.system.inputs]
-    for name in (*log.outputs, *inputs):
+    for name in (*predictor.log.outputs, *inputs):
         for factor, words in _SLIPS:
-            mended = replace(predictor, log=_scaled(log, name, factor, inputs))
-            if _unexplained(mended, plant) < unexplained / _BETTER:
-                raise ArgumentError(
-                    f"{log.name}: {name} seems to {words}: the case's plant explains it far "
-                    "better then; say so in the unit of its header, or in the case file's [log]"
+            mended = replace(predictor, log=_scaled(predictor.log, name, factor, inputs))
+            if unexplained_share(mended, plant) < unexplained / _BETTER:
+                return (
+                    f"{name} seems to {words}: the fit leaves {unexplained:.0%} of the motion "
+                    "unexplained, and the case's plant far less then; if so, say it in the unit "
+                    "of its header, or in the case file's [log]"
                 )
+    return ""
 
 
 def _scaled(
@@ -311,19 +305,33 @@ def _scaled(
     return replace(log, inputs=log.inputs * scale)
 
 
-def _unexplained(predictor: Predictor, plant: Plant) -> float:
-    """The share of the error that the inputs leave, of the state of which they leave most."""
+def unexplained_share(
+    predictor: Predictor,
+    plant: Plant,
+    delay: float = 0.0,
+    sensor: Callable[[str, str], float] = ideal,
+) -> float:
+    """Return the share of a log's motion that its inputs leave, of the state with the largest one.
+
+    Args:
+        predictor: The log in windows.
+        plant: The plant.
+        delay: Of the inputs [s].
+        sensor: From a state and ``scale``, ``delay`` or ``bias`` to that of its sensor.
+    """
     log = predictor.log
     without_inputs = replace(predictor, log=replace(log, inputs=0.0 * log.inputs))
-    driven = _error_norms(predictor, plant)
-    still = _error_norms(without_inputs, plant)
+    driven = _error_norms(predictor, plant, delay, sensor)
+    still = _error_norms(without_inputs, plant, delay, sensor)
     shares = driven / np.maximum(still, 1e-12)
     return float(np.nan_to_num(np.max(shares), nan=np.inf))
 
 
-def _error_norms(predictor: Predictor, plant: Plant) -> Array:
+def _error_norms(
+    predictor: Predictor, plant: Plant, delay: float, sensor: Callable[[str, str], float]
+) -> Array:
     """Norm of the prediction error of each measured state."""
     starts = starts_of(predictor.log, predictor.windows, plant.system)
-    (states,) = predictor.states([plant], [starts], [0.0])
-    errors = predictor.errors(states, plant.system)
+    (states,) = predictor.states([plant], [starts], [delay])
+    errors = predictor.errors(states, plant.system, sensor)
     return np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors.values()])

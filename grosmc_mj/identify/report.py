@@ -77,6 +77,7 @@ def identification(
     log: str,
     horizon: float,
     hold_out: float,
+    notes: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The content of the result's JSON file."""
     path = fit.parameters.experiment.path
@@ -88,6 +89,7 @@ def identification(
         words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
         f"{worst.state} of the held-out part predicted to {100 * worst.fit:.3g} %",
         more="; ".join(row.words for row in fit.unseen),
+        notes=notes,
     )
 
     parameters = []

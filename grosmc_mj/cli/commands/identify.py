@@ -78,7 +78,7 @@ class IdentifyCommand(_OfLog):
     def execute(self) -> int:
         """Read the logs, fit the parameters, write and print the result."""
         from grosmc_mj.identify.case_file import write_case
-        from grosmc_mj.identify.fit import fit, quality, residuals
+        from grosmc_mj.identify.fit import fit, quality, residuals, slip
         from grosmc_mj.identify.parameters import parameters_of
         from grosmc_mj.identify.report import draw_residuals, identification
 
@@ -102,10 +102,13 @@ class IdentifyCommand(_OfLog):
             advance("fitted")
 
         rows = quality(errors, held_out, plant.system)
-        document = identification(best, rows, log.name, self.horizon, self.hold_out)
+        notes = [f"{parameter.words}." for parameter in best.unseen]
+        unit_or_sign = slip(best, fitted, plant, **steps)
+        if unit_or_sign:
+            notes.insert(0, unit_or_sign)
+        document = identification(best, rows, log.name, self.horizon, self.hold_out, notes)
         path = self._path("identification", experiment)
-        unseen = [f"{parameter.words}." for parameter in best.unseen]
-        screen.say_result(document, path, unseen, full=self.verbose, brief=2)
+        screen.say_result(document, path, notes, full=self.verbose, brief=2)
 
         figure = path.with_suffix(".png")
         draw_residuals(errors, held_out, plant.system, figure)
@@ -126,9 +129,8 @@ class IdentifyCommand(_OfLog):
         Raises:
             ArgumentError: If the plant has other inputs or states, or a part is too short.
         """
-        from grosmc_mj.identify.replay import Predictor, require_matching
+        from grosmc_mj.identify.replay import Predictor
 
-        require_matching(log, plant, **steps)
         fitted = log.between(0, 1 - self.hold_out)
         held_out = log.between(1 - self.hold_out, 1)
         # Making a predictor refuses a part that is too short, before the work.
