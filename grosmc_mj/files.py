@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from grosmc_mj.errors import SetupError
+from grosmc_mj.errors import ArgumentError, SetupError, value_text
 
 _CACHE_NAME = "grosmc_mj"
 # Mode of a folder that only its owner may enter.
@@ -19,6 +20,43 @@ _PRIVATE = 0o700
 _WRITABLE_BY_OTHERS = 0o022
 # Errors of a full or broken disk; the system raises them without the name of a file.
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+
+
+# Largest files that are read: a text or a model, and a log or a table [bytes].
+LARGEST_TEXT = 256 << 20
+LARGEST_TABLE = 4 << 30
+
+
+def require_regular(path: Path, largest: int = LARGEST_TEXT) -> None:
+    """Refuse a file that reading would not end with, or that does not fit into the memory.
+
+    Where there is no file, nothing is refused: whoever reads it says so.
+
+    Args:
+        path: The file.
+        largest: Its size at most [bytes].
+
+    Raises:
+        ArgumentError: If it is a folder, a pipe, a socket or a device, or too large.
+    """
+    try:
+        status = path.stat()
+    except OSError:
+        return
+    name = value_text(str(path), str)
+    if not stat.S_ISREG(status.st_mode):
+        raise ArgumentError(
+            f"{name} is a folder, a pipe, a socket or a device: give a regular file"
+        )
+    if status.st_size > largest:
+        raise ArgumentError(
+            f"{name} has {status.st_size >> 20} MB: at most {largest >> 20} MB are read"
+        )
+
+
+def name_in_files(name: str) -> str:
+    """Return a name as it stands in the names of files: letters, digits and ``_+-.``."""
+    return re.sub(r"[^\w.+-]+", "_", name)
 
 
 @contextlib.contextmanager

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from commands import Patch
 
-from grosmc_mj.errors import SetupError
-from grosmc_mj.files import atomic_write, private_cache
+from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.files import LARGEST_TEXT, atomic_write, private_cache, require_regular
 
 # The number of no user.
 NOBODY = 4_000_000_000
@@ -161,3 +161,20 @@ def test_without_a_home_there_is_no_cache(tmp_path: Path, monkeypatch: Patch) ->
     monkeypatch.setattr(os, "getuid", lambda: NOBODY)
     assert private_cache() is None
     assert not list(tmp_path.iterdir())
+
+
+def test_a_pipe_is_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ArgumentError, match="pipe is a folder, a pipe, a socket or a device"):
+        require_regular(tmp_path / "pipe")
+
+
+def test_a_file_larger_than_what_is_read_is_refused_unread(tmp_path: Path) -> None:
+    with (tmp_path / "sparse").open("wb") as file:
+        file.truncate(LARGEST_TEXT + 1)
+    with pytest.raises(ArgumentError, match="has 256 MB: at most 256 MB are read"):
+        require_regular(tmp_path / "sparse")
+
+
+def test_a_file_that_is_not_there_is_left_to_its_reader(tmp_path: Path) -> None:
+    require_regular(tmp_path / "none")

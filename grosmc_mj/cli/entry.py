@@ -11,6 +11,7 @@ import functools
 import gc
 import logging
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -32,6 +33,8 @@ from grosmc_mj.errors import (
 _DEBUG = "--debug"
 # Characters of the one line; a message may list valid names, or have somebody's text in it.
 _LONGEST = 1000
+# Columns that help is written for, at least.
+_NARROWEST = 40
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -74,6 +77,10 @@ def _exit_code(arguments: Sequence[str], debug: bool) -> int:
     except GrosmcError as error:
         _trace(debug)
         return _complain(str(error))
+    except (FileExistsError, NotADirectoryError) as error:
+        _trace(debug)
+        name = value_text(error.filename or "output", str)
+        return _complain(f"{name} is a file, and a folder is needed: name another one")
     except OSError as error:
         _trace(debug)
         return _complain(
@@ -122,6 +129,11 @@ def _tune_process() -> None:
     gc.set_threshold(100_000, 50, 100)
     atexit.register(gc.freeze)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Figures are files: no window is opened for them, and no backend is asked for.
+    os.environ["MPLBACKEND"] = "agg"
+    # Help in columns of a letter never ends.
+    if shutil.get_terminal_size().columns < _NARROWEST:
+        os.environ["COLUMNS"] = str(_NARROWEST)
 
 
 @contextlib.contextmanager

@@ -37,6 +37,7 @@ from grosmc_mj.experiments.requirements import (
     transient,
 )
 from grosmc_mj.experiments.runs import RunResult, Settings, run_on
+from grosmc_mj.files import name_in_files
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
@@ -560,6 +561,8 @@ def _refuse_inconsistent(experiment: Experiment) -> None:
     loop = experiment.case.loop
     settings = experiment.settings
     mistakes = Mistakes()
+    with mistakes.gathered():
+        stride_of(settings.control_period, settings.timestep)
     if loop is not None:
         with mistakes.gathered():
             loop.require_fits(nominal.system, settings.timestep, settings.control_period)
@@ -571,6 +574,14 @@ def _refuse_inconsistent(experiment: Experiment) -> None:
             )
         if experiment.controllers.count(table.called) > 1:
             mistakes.note(f"two controllers are called {table.called!r}: give one another name")
+    by_file: dict[str, str] = {}
+    for name in dict.fromkeys(experiment.controllers):
+        other = by_file.setdefault(name_in_files(name), name)
+        if other != name:
+            mistakes.note(
+                f"controllers {other!r} and {name!r} would share the file of "
+                f"{name_in_files(name)}: give one another name"
+            )
     predicting = [table for table in file.controller if file.law(table.called).predict]
     if file.known_loop is not None and not predicting:
         mistakes.note("known_loop: no controller has predict = true, so none knows its loop")

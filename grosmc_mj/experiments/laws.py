@@ -32,7 +32,15 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi, pid
 from grosmc_mj.control.rivals.observer import adrc
 from grosmc_mj.control.task import NoNumbers, Task, state_task
-from grosmc_mj.errors import ArgumentError, PremiseError, name_list, unknown_name, value_text
+from grosmc_mj.errors import (
+    ArgumentError,
+    GrosmcError,
+    PremiseError,
+    name_list,
+    one_line,
+    unknown_name,
+    value_text,
+)
 from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
 from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
@@ -148,6 +156,11 @@ def _packaged_controller(request: _Request) -> Controller:
             raise ArgumentError(
                 f"law {table.law!r} does not fit {nominal.system.name}, a model in MuJoCo without "
                 f"equations in symbols: take {name_list(valid)}"
+            )
+        owners = [system for system, names in FURTHER.items() if table.law in names]
+        if owners:
+            raise ArgumentError(
+                f"law {table.law!r} is there for {name_list(owners)} alone: take {name_list(valid)}"
             )
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
@@ -304,8 +317,16 @@ def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any])
         raise ArgumentError(
             f"{name} cannot be called with {list(numbers) or 'no numbers'}: {error}"
         ) from None
-    with blamed(request.folder):
-        controller = function(*arguments, **numbers)
+    try:
+        with blamed(request.folder):
+            controller = function(*arguments, **numbers)
+    except GrosmcError:
+        raise
+    # A function of another library takes no plant, and says so in its own way.
+    except Exception as error:
+        raise ArgumentError(
+            f"{name} makes no controller: {type(error).__name__}: {one_line(str(error))[:200]}"
+        ) from error
     if not isinstance(controller, Controller):
         raise ArgumentError(
             f"{name} returned a {type(controller).__name__}, must return a Controller"

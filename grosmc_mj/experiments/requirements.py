@@ -179,11 +179,11 @@ def _limit(
     duration: float,
 ) -> Limit:
     """Return one requirement of a table."""
-    of = tuple(table.of or ())
-    if not of and kind in _OF_SURFACE:
-        of = tuple(law.name for law in controllers if law.designed.sliding_unit)
-    elif not of:
-        of = tuple(law.name for law in controllers)
+    of = tuple(table.of or [law.name for law in controllers])
+    if kind in _OF_SURFACE:
+        # Nothing can be asked of the surface of a law that has none.
+        with_surface = {law.name for law in controllers if law.designed.sliding_unit}
+        of = tuple(name for name in of if name in with_surface)
     _refuse_undefined(kind, controllers[0].designed.error, of)
 
     units = _units(controllers, table.of)
@@ -231,7 +231,7 @@ def _refuse_undefined(kind: str, error: Any, of: Sequence[str]) -> None:
     """Refuse a limit of a quantity that these laws or this plant do not have."""
     _, unit = _KINDS[kind]
     if kind in _OF_SURFACE and not of:
-        raise ArgumentError("no law has a surface")
+        raise ArgumentError("no law that it is asked of has a surface")
     if kind == "cart_travel_below" and not has_cart(error.system):
         raise ArgumentError(f"{error.system.name} has no cart")
 
@@ -303,10 +303,19 @@ def judge(limit: Limit, result: RunResult) -> Judgement:
         kept = margin >= 0
     if completed and limit.kind == "input_below" and np.any(np.isfinite(result.input_limits)):
         note = f"at the actuator's limit {100 * result.saturated:.2g} % of the time"
-    if completed and limit.kind == "settles_within" and not kept:
+    if completed and limit.kind == "settles_within" and not kept and _has_nominal_error(result):
         optimum = f"its nominal optimum itself: {_settling_of_optimum(limit, result)}"
         note = f"{note}; {optimum}" if note else optimum
     return Judgement(limit, result.controller.name, result.plant, measured, margin, kept, note)
+
+
+def _has_nominal_error(result: RunResult) -> bool:
+    """Whether the error of the law's nominal loop is that of its design: of K z, with more or not.
+
+    Laws with an integrator of their own and a user's laws are only compared with an optimum.
+    """
+    law = result.controller
+    return law.designed.follows_optimum or hasattr(law.parameters, "K")
 
 
 def unfailing(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[str]:

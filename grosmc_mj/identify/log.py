@@ -20,6 +20,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError, one_line
 from grosmc_mj.experiments.file.schema import ColumnTable, LogTable
 from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.files import LARGEST_TABLE, require_regular
 from grosmc_mj.plants import Signal, System
 
 # A log of fewer samples tells nothing.
@@ -219,6 +220,7 @@ def _columns(path: Path) -> dict[str, _Column]:
     allowed = "name a file that ends in .csv, .parquet or .mcap"
     if not path.is_file():
         raise ArgumentError(f"there is no such file: {allowed}")
+    require_regular(path, LARGEST_TABLE)
     kind = path.suffix.lower()
     if kind not in (".csv", ".parquet", ".mcap"):
         raise ArgumentError(f"is no log: {allowed}")

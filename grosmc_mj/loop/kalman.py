@@ -67,7 +67,7 @@ def kalman_gain(
     noise = np.diag(variances)
     try:
         P = scipy.linalg.solve_discrete_are(A.T, C.T, load**2 * B @ B.T, noise)
-    except (np.linalg.LinAlgError, ValueError) as error:
+    except (np.linalg.LinAlgError, ValueError, OverflowError) as error:
         raise GainError(
             "kalman: no steady filter: what has a [[sensor]] does not determine the other states; "
             f"measure another one ({one_line(str(error))})"

@@ -12,6 +12,7 @@ import numpy as np
 
 from grosmc_mj.arguments import require_each, require_known
 from grosmc_mj.errors import ModelError, one_line
+from grosmc_mj.files import require_regular
 from grosmc_mj.physics.files import compile_spec, joint_names
 from grosmc_mj.robots.actuators import TorqueInput, torque_input
 
@@ -36,13 +37,28 @@ def read_spec(model: Any) -> mujoco.MjSpec:
         if isinstance(model, str) and model.lstrip().startswith("<"):
             return spec.from_string(model)
         if isinstance(model, (str, Path)):
-            return spec.from_file(str(model))
+            return spec.from_file(_checked_path(Path(model)))
     except ValueError as error:
         raise ModelError(f"the MJCF cannot be read: {one_line(str(error))}") from error
     raise ModelError(
         f"a {type(model).__name__} cannot be edited: give the path of an MJCF file, XML text, an "
         "MjSpec or an MJCF element of dm_control"
     )
+
+
+def _checked_path(path: Path) -> str:
+    """Return the path of an MJCF file; MuJoCo would wait for a pipe, and take any bytes for names.
+
+    Raises:
+        ValueError: If it is no text in UTF-8; as ArgumentError, if it is no regular file.
+    """
+    require_regular(path)
+    if path.is_file():
+        try:
+            path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise ValueError(f"{path} is no text in UTF-8") from None
+    return str(path)
 
 
 def robot_specs(

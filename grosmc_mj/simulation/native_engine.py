@@ -10,13 +10,14 @@ from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
+import numba
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import compile_c
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, innermost
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
 from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
@@ -71,6 +72,11 @@ def run_native(problem: Problem) -> Record:
             f"{controller.name} runs in Python only: use engine='python', not 'native'"
         )
     refuse_foreign_callback()
+    if numba.config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
+        raise SetupError(
+            "NUMBA_DISABLE_JIT is set, and the native engine runs compiled laws: unset it, or take "
+            'engine = "python"'
+        )
 
     with np.errstate(all="ignore"):
         if is_users_function(innermost(controller.law)):

@@ -17,7 +17,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, one_line, unknown_name, value_text
 from grosmc_mj.fields import Is, checked_call
-from grosmc_mj.files import atomic_write
+from grosmc_mj.files import LARGEST_TABLE, atomic_write, require_regular
 from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
 from grosmc_mj.plants.equations import NoEquations
@@ -303,6 +303,7 @@ def load_trajectory(path: Annotated[Any, Is((str, Path), "the path of a file")])
     file = Path(path)
     if not file.is_file():
         raise ArgumentError(f"there is no file {value_text(str(path), str)}")
+    require_regular(file, LARGEST_TABLE)
     if file.suffix != _PARQUET:
         raise ArgumentError(
             f"{file}: a run is read from {_PARQUET} alone: run it again and save it as {_PARQUET}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.assumptions.audit import Audit
@@ -109,7 +109,7 @@ class RunCommand(Command):
         if self.save:
             folder = self.out / "trajectories"
             for result in results:
-                law = re.sub(r"[^\w.+-]+", "_", result.controller.name)
+                law = name_in_files(result.controller.name)
                 result.save(folder / f"{name}.{result.plant}.{law}.{self.save}")
             console.print(f"{len(results)} trajectories in {folder}", soft_wrap=True)
         screen.say_files(console, *files)

@@ -18,8 +18,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.errors import ArgumentError, together, unknown_name, value_text
-from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import base_file
+from grosmc_mj.files import require_regular
 
 Content = dict[str, Any]
 _EXTENDS = "extends"
@@ -37,6 +38,9 @@ _TYPES = {
     "model_attributes_type": "a table",
 }
 # Beginning of pydantic's sentences about bounds.
+# Line of an error of TOML, and a number with a unit that begins a value without quotes.
+_LINE = re.compile(r"\(at line (\d+), ")
+_BARE_QUANTITY = re.compile(r"=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-z%][\w^*/% ]*)")
 _SHOULD = "Input should be "
 
 
@@ -93,6 +97,7 @@ def read_text(path: Path) -> str:
     Raises:
         ArgumentError: If it cannot be read.
     """
+    require_regular(path)
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -118,7 +123,11 @@ def parse_case_file(text: str, path: Path) -> CaseFile:
         raise ArgumentError(f"{path}: {together(_in_words(error))}") from None
     if file.name:
         return file
-    return file.model_copy(update={"name": path.stem})
+    try:
+        name = file_name(path.stem)
+    except ValueError as error:
+        raise ArgumentError(f"{path}: the file's name: {error}, or give name = ...") from None
+    return file.model_copy(update={"name": name})
 
 
 def _content(text: str, path: Path) -> Content:
@@ -126,12 +135,26 @@ def _content(text: str, path: Path) -> Content:
     try:
         content = tomllib.loads(text)
         _refuse_odd(content)
+    except tomllib.TOMLDecodeError as error:
+        raise ArgumentError(f"{path}: no valid TOML: {error}{_hint(text, error)}") from error
     except RecursionError:
         raise ArgumentError(f"{path}: no valid TOML: it is nested too deep") from None
     # TOML's own errors, and one about integers of thousands of digits.
     except ValueError as error:
         raise ArgumentError(f"{path}: no valid TOML: {error}") from error
     return content
+
+
+def _hint(text: str, error: tomllib.TOMLDecodeError) -> str:
+    """Return what to write for a number with a unit that has no quotes; empty for other errors."""
+    place = _LINE.search(str(error))
+    if place is None:
+        return ""
+    line = text.splitlines()[int(place[1]) - 1]
+    bare = _BARE_QUANTITY.search(line)
+    if bare is None:
+        return ""
+    return f': a number with a unit is a text: write "{bare[1]}"'
 
 
 def _refuse_odd(value: Any) -> None:
@@ -292,7 +315,7 @@ def _line(mistake: Any) -> str:
         case "extra_forbidden":
             return where + unknown_name("key", key, keys)
         case "missing":
-            return f"{where}{key} is missing; it may have the keys {', '.join(keys)}"
+            return where + _missing(key, mistake["loc"], keys)
         case "literal_error":
             choices = mistake["ctx"]["expected"].replace(" or ", ", ").split(",")
             return where + unknown_name(key, value, [choice.strip("' ") for choice in choices])
@@ -309,6 +332,18 @@ def _line(mistake: Any) -> str:
         written = repr(value)
     allowed = _TYPES.get(kind) or message.removeprefix(_SHOULD)
     return f"{where}{key} = {written} must be {allowed}"
+
+
+def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:
+    """Return the words on a missing key: how a table is written, or which keys there may be."""
+    field = CaseFile.model_fields.get(key)
+    table = _model_in(field.annotation) if field is not None and len(loc) == 1 else None
+    if table is None:
+        return f"{key} is missing; it may have the keys {', '.join(keys)}"
+    header = f"[{key}]"
+    if "list" in str(getattr(field, "annotation", "")):
+        header = f"[[{key}]]"
+    return f"there is no {header}: it has the keys {', '.join(table.model_fields)}"
 
 
 def _place(loc: Sequence[Any]) -> tuple[list[str], list[str]]:

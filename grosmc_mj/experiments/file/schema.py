@@ -30,6 +30,7 @@ from grosmc_mj.experiments.file.units import (
     Metres,
     NewtonMetres,
     Newtons,
+    PositiveSeconds,
     Radians,
     RadiansPerSecond,
     Seconds,
@@ -116,9 +117,9 @@ class RunTable(Table):
     """
 
     start: dict[str, Any] = {}
-    duration: Seconds
-    control_period: Seconds | None = None
-    timestep: Seconds | None = None
+    duration: PositiveSeconds
+    control_period: PositiveSeconds | None = None
+    timestep: PositiveSeconds | None = None
     integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = None
     engine: Literal["native", "python"] = "native"
 
@@ -691,7 +692,7 @@ class LogTable(Table):
     """
 
     time: str = ""
-    sampling: Seconds | None = None
+    sampling: PositiveSeconds | None = None
     columns: dict[str, ColumnTable] = {}
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 
@@ -41,6 +41,7 @@ _KNOWN = {
     ("kN/m", "N/m"): 1e3,
     ("kN m/rad", "N m/rad"): 1e3,
 }
+_PERCENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 
 
@@ -77,11 +78,14 @@ def number_in(value: Any, unit: str) -> float:
     """
     if unit in {"", "1", "%"}:
         if not is_number(value):
-            raise ArgumentError(f"{value_text(value)} must be a number without a unit")
+            raise ArgumentError(
+                f"{value_text(value)} must be a number without a unit{_share_hint(value)}"
+            )
         return _finite(float(value), value)
 
     example = _EXAMPLES.get(unit, f"1 {unit}")
     if is_number(value):
+        _finite(float(value), value)
         raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')
     if not isinstance(value, str):
         raise ArgumentError(
@@ -110,6 +114,14 @@ def number_in(value: Any, unit: str) -> float:
         return _finite(_converted(number, written, unit), value)
     except _UnitError as error:
         raise ArgumentError(f'"{text}"{error}: write it as in "{example}"') from None
+
+
+def _share_hint(value: Any) -> str:
+    """Return the number to write for a text in per cent; empty for anything else."""
+    match = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
+    if match is None:
+        return ""
+    return f": write {float(match[1]) / 100:.12g}"
 
 
 def si_number(value: Any, unit: str) -> float:
@@ -145,6 +157,13 @@ def _converted(number: float, written: str, unit: str) -> float:
         raise _UnitError(f": {value_text(written)} is no unit") from None
 
 
+def _positive(seconds: float) -> float:
+    """Return a time, and refuse one that is not above zero."""
+    if not seconds > 0:
+        raise ArgumentError(f"{seconds:g} s must be above 0 s")
+    return seconds
+
+
 def _finite(number: float, value: Any) -> float:
     """Return a number, and refuse one that is not finite."""
     if not math.isfinite(number):
@@ -153,6 +172,8 @@ def _finite(number: float, value: Any) -> float:
 
 
 Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
+# No default stands for a time of 0 s that somebody has written.
+PositiveSeconds = Annotated[Seconds, AfterValidator(_positive)]
 Kilograms = Annotated[float, BeforeValidator(partial(number_in, unit="kg"))]
 KilogramMetresSquared = Annotated[float, BeforeValidator(partial(number_in, unit="kg m^2"))]
 Metres = Annotated[float, BeforeValidator(partial(number_in, unit="m"))]

@@ -16,6 +16,7 @@ from typing import Any
 
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.files import require_regular
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -66,6 +67,7 @@ def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
             continue
         visited.add(module)
         for name, file in _files(module, folder):
+            require_regular(file)
             content = file.read_bytes()
             hashes[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
             pending += _imports(content, name, package=file.name == "__init__.py")
