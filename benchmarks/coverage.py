@@ -1,11 +1,10 @@
 """How often the intervals of ``identify`` contain the true values, of machines of one's own making.
 
-    python -m benchmarks.coverage FILE.jsonl [--machines 200]
+    python -m benchmarks.coverage FILE.jsonl [--machines 200] [--counts 256]
 
 Servos with another inertia, viscous friction and delay are simulated by an integrator of this file,
 which shares nothing with the package; a line for each is added to the file, so that an interrupted
-measurement goes on where it was. Dry friction is not among them: MuJoCo's is softened where the
-motion reverses, so that the inertia of a machine with Coulomb's is off by half a per cent.
+measurement goes on where it was. With counts the angle is an encoder's, without noise.
 """
 
 from __future__ import annotations
@@ -59,8 +58,13 @@ def case(folder: Path) -> Experiment:
     return experiment_of(parse_case_file(CASE, path), path)
 
 
-def machine(number: int) -> tuple[Array, Log]:
-    """A servo by its number: the true values of ``NAMES``, and a log of it, exact to 50 us."""
+def machine(number: int, counts: int = 0) -> tuple[Array, Log]:
+    """A servo by its number: the true values of ``NAMES``, and a log of it, exact to 50 us.
+
+    Args:
+        number: Number of the servo.
+        counts: Steps of its encoder in a turn; 0 for noise in their place.
+    """
     random = np.random.default_rng([7, number])
     scale = random.uniform(0.6, 2.5)
     damping = random.uniform(0.004, 0.03)
@@ -71,7 +75,11 @@ def machine(number: int) -> tuple[Array, Log]:
     late = round(delay / FINE)
 
     angles = simulated_angles(u, scale * INERTIA, damping, late)
-    measured = angles + NOISE * random.standard_normal(samples)
+    if counts:
+        step = 2 * np.pi / counts
+        measured = step * np.round(angles / step)
+    else:
+        measured = angles + NOISE * random.standard_normal(samples)
     log = Log(
         f"servo {number}",
         np.arange(samples) * SAMPLING,
@@ -82,7 +90,9 @@ def machine(number: int) -> tuple[Array, Log]:
     return np.array([scale, damping, late * FINE]), log
 
 
-def simulated_angles(u: Array, inertia: float, damping: float, late: int) -> Array:
+def simulated_angles(
+    u: Array, inertia: float, damping: float, late: int, coulomb: float = 0.0
+) -> Array:
     """Angle of a servo at each measurement, from rest, exact while the input is held.
 
     Args:
@@ -90,6 +100,7 @@ def simulated_angles(u: Array, inertia: float, damping: float, late: int) -> Arr
         inertia: [kg m^2].
         damping: Viscous friction [N m s/rad].
         late: Delay of the input in timesteps.
+        coulomb: Dry friction [N m]: it holds the servo at rest, where each reversal ends first.
     """
     every = round(SAMPLING / FINE)
     fades = np.exp(-damping * FINE / inertia)
@@ -99,10 +110,16 @@ def simulated_angles(u: Array, inertia: float, damping: float, late: int) -> Arr
     for k in range(round(SECONDS / FINE)):
         if k % every == 0:
             angles[k // every] = angle
+        torque = TORQUE * u[max(k - late, 0) // every]
+        if rate == 0 and abs(torque) <= coulomb:
+            continue
+        direction = np.sign(rate) or np.sign(torque)
         # The rate at which friction balances the input.
-        end = TORQUE * u[max(k - late, 0) // every] / damping
+        end = (torque - direction * coulomb) / damping
         angle += end * FINE + (rate - end) * (1 - fades) * inertia / damping
         rate = end + (rate - end) * fades
+        if coulomb and rate * direction < 0:
+            rate = 0.0
     return angles
 
 
@@ -144,6 +161,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
     parser.add_argument("--machines", type=int, default=200)
+    parser.add_argument("--counts", type=int, default=0)
     options = parser.parse_args()
 
     lines = []
@@ -153,7 +171,7 @@ def main() -> None:
     experiment = case(options.file.parent)
     with options.file.open("a", encoding="utf-8") as file:
         for number in range(len(lines), options.machines):
-            true, log = machine(number)
+            true, log = machine(number, options.counts)
             line = json.dumps(estimates(true, fitted(experiment, log)))
             print(line, file=file, flush=True)
             lines.append(line)

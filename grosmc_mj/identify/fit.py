@@ -1,8 +1,7 @@
 """Least squares of a log: values with intervals, and the parameters that the log does not show.
 
 The prediction begins anew in windows whose starts are fitted with the parameters: a plant that is
-not stable, or is hit by something once, does not spoil the rest. ``mujoco.sysid`` does the fitting
-and the intervals.
+not stable, or is hit by something once, does not spoil the rest. ``mujoco.sysid`` does the fitting.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.identify.intervals import covariance, half_widths
 from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor, likely_slip, starts_of, unexplained_share
@@ -190,6 +190,12 @@ class _Residual:
         """Samples of each window."""
         return np.array([window.length for window in self.predictor.windows])
 
+    @property
+    def pieces(self) -> list[slice]:
+        """Entries of the residual that follow each other in time, of a state and a window each."""
+        ends = np.cumsum(np.tile(self._lengths, len(self.scales))).tolist()
+        return [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
+
     def errors(self, x: Array) -> dict[str, list[Array]]:
         """The residual at a point in the units of the states, by state and window."""
         (residual,) = self.of([x])
@@ -315,14 +321,15 @@ def _fit_at(
     """The fit at a point of least squares, in the units of the parameters."""
     values, _ = residual.parts(x)
     width = residual.width
-    count = len(width)
-    covariance, half = _sysid().calculate_intervals(residual.of([x]), jacobian)
+    (errors,) = residual.of([x])
+    scaled = covariance(jacobian, errors, len(width), residual.pieces)
+    samples, unknowns = jacobian.shape
     return Fit(
         parameters=residual.parameters,
         fitted=residual.free,
         values=values,
-        covariance=covariance[:count, :count] * np.outer(width, width),
-        half=half[:count] * width,
+        covariance=scaled * np.outer(width, width),
+        half=half_widths(scaled, samples - unknowns) * width,
         unseen=unseen,
         scales=residual.scales,
     )

@@ -67,7 +67,7 @@ def quality_table(rows: Sequence[Quality]) -> Table:
         cells,
         legend="Fit: 1 - |residual| / |deviation from the mean|. In steps of the sensor, or in "
         "standard deviations of its noise. A residual that is correlated in time means that the "
-        "model lacks something, and that the intervals are too narrow.",
+        "model lacks something; the intervals count that, but not a bias by it.",
     )
 
 

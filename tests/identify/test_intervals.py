@@ -1,0 +1,62 @@
+"""Intervals of a fit contain the truth as often as they say, whatever the residual is like."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.identify.intervals import covariance, half_widths
+
+SAMPLES = 2000
+REPETITIONS = 400
+T = np.linspace(0.0, 1.0, SAMPLES)
+# A slope that is asked for, and an offset that is fitted with it.
+J = np.column_stack([T, np.ones(SAMPLES)])
+HALVES = [slice(0, 1000), slice(1000, 2000)]
+
+
+def white(random: np.random.Generator) -> Array:
+    return random.standard_normal(SAMPLES)
+
+
+def correlated(random: np.random.Generator) -> Array:
+    """A noise of first order: 0.8 of a sample is left in the next one."""
+    noise = random.standard_normal(SAMPLES)
+    for i in range(1, SAMPLES):
+        noise[i] += 0.8 * noise[i - 1]
+    return noise
+
+
+def rounded(random: np.random.Generator) -> Array:
+    """The error of an encoder on a slow ramp of another slope each time."""
+    angle = random.uniform(50, 150) * T + random.uniform()
+    return np.round(angle) - angle
+
+
+def coverage(noise: object) -> float:
+    """Share of intervals of the slope that contain it."""
+    inside = 0
+    for seed in range(REPETITIONS):
+        error = noise(np.random.default_rng(seed))  # pyright: ignore[reportCallIssue]
+        solution = np.linalg.lstsq(J, error, rcond=None)[0]
+        residual = error - J @ solution
+        cov = covariance(J, residual, 1, HALVES)
+        (half,) = half_widths(cov, SAMPLES - 2)
+        inside += abs(solution[0]) <= half
+    return inside / REPETITIONS
+
+
+@pytest.mark.parametrize(("noise", "least"), [(white, 0.92), (correlated, 0.90), (rounded, 0.92)])
+def test_an_interval_contains_the_truth_as_often_as_it_says(noise: object, least: float) -> None:
+    """Of 400 intervals that contain it in 95 %, 92 % or more do; the lags cost some."""
+    assert least <= coverage(noise)
+
+
+def test_white_residuals_have_the_textbooks_interval() -> None:
+    """S = sigma^2 J'J, so that the sandwich is sigma^2 (J'J)^-1."""
+    residual = white(np.random.default_rng(3))
+    residual -= J @ np.linalg.lstsq(J, residual, rcond=None)[0]
+    variance = residual @ residual / (SAMPLES - 2)
+    textbook = variance * np.linalg.inv(J.T @ J)[0, 0]
+    assert covariance(J, residual, 1, HALVES)[0, 0] == pytest.approx(textbook, rel=0.15)
