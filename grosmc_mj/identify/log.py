@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,8 +17,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, SetupError, one_line
+from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, SetupError, one_line
 from grosmc_mj.experiments.file.schema import ColumnTable, LogTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.files import LARGEST_TABLE, require_regular
@@ -38,6 +40,9 @@ _LISTED = 12
 _QUOTED = 160
 # Of an input: the largest share of samples at its largest or smallest value before it saturates.
 _SATURATED = 0.5
+_BYTE_ORDER_MARK = "\ufeff"
+# A sampling of so many seconds is more likely one of milliseconds.
+_LONG_STEP = 0.5
 
 
 class _Column(NamedTuple):
@@ -142,6 +147,9 @@ def _log_of(
     table: LogTable,
 ) -> Log:
     """The log that columns of numbers are."""
+    signals = [signal.name for signal in (*system.inputs, *system.states)]
+    for named in table.columns:
+        require_known("signal", named, signals, "[log.columns]: ")
     inputs = [_signal(columns, signal, table) for signal in system.inputs]
     states = {state.name: _signal(columns, state, table) for state in system.states}
     for signal, column in zip(system.inputs, inputs, strict=True):
@@ -231,9 +239,13 @@ def _columns(path: Path) -> dict[str, _Column]:
         elif kind == ".parquet":
             columns = _number_columns(pq.read_table(path))
         else:
-            columns = _number_columns(pyarrow.csv.read_csv(path))
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise ArgumentError(f"cannot be read: {one_line(str(error))[:_QUOTED]}") from None
+            columns = _number_columns(_csv_table(path))
+    except GrosmcError:
+        raise
+    # Damaged files make the readers of each kind fail in ways of their own.
+    except Exception as error:
+        reason = one_line(str(error))[:_QUOTED] or type(error).__name__
+        raise ArgumentError(f"cannot be read: {reason}") from None
 
     rows = max((len(column.values) for column in columns.values()), default=0)
     if rows < _FEWEST:
@@ -245,13 +257,48 @@ def _columns(path: Path) -> dict[str, _Column]:
 
 def _number_columns(table: pa.Table) -> dict[str, _Column]:
     """The columns of a table that are numbers."""
-    columns = {}
-    for name in table.column_names:
-        kind = table[name].type
-        if pa.types.is_integer(kind) or pa.types.is_floating(kind):
-            values = table[name].to_numpy(zero_copy_only=False)
-            columns[name] = _Column(np.asarray(values, float))
+    columns: dict[str, _Column] = {}
+    for header, column in zip(table.column_names, table.columns, strict=True):
+        name = header.removeprefix(_BYTE_ORDER_MARK).strip()
+        numbers = pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
+        # Spreadsheets end each line with empty columns.
+        if not numbers or not name:
+            continue
+        if name in columns:
+            raise ArgumentError(f"two columns are called {name!r}: rename or remove one")
+        columns[name] = _Column(np.asarray(column.to_numpy(zero_copy_only=False), float))
     return columns
+
+
+def _csv_table(path: Path) -> pa.Table:
+    """The table of a CSV file, whose columns are parted by commas, semicolons or tabs.
+
+    Lines with # before the header are left out. Where semicolons or tabs part the columns, numbers
+    may have a decimal comma.
+    """
+    comments = 0
+    header = ""
+    first = ""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for line in file:
+            if header:
+                first = line
+                break
+            if line.startswith("#"):
+                comments += 1
+            else:
+                header = line
+
+    delimiter = max(",;\t", key=header.count)
+    decimal_point = "."
+    if delimiter != "," and "," in first and "." not in first:
+        decimal_point = ","
+    return pyarrow.csv.read_csv(
+        path,
+        read_options=pyarrow.csv.ReadOptions(skip_rows=comments),
+        parse_options=pyarrow.csv.ParseOptions(delimiter=delimiter),
+        convert_options=pyarrow.csv.ConvertOptions(decimal_point=decimal_point),
+    )
 
 
 def _messages(path: Path) -> dict[str, _Column]:
@@ -323,6 +370,8 @@ def _time(columns: Mapping[str, _Column], table: LogTable) -> Array:
         if header in names or name.lower() in names:
             time = column.values * _factor(unit, "s", "")
             _require_rising(time)
+            if not unit:
+                _doubt_seconds(header, time)
             return time
 
     if table.sampling is None:
@@ -332,6 +381,18 @@ def _time(columns: Mapping[str, _Column], table: LogTable) -> Array:
         )
     rows = len(next(iter(columns.values())).values)
     return np.arange(rows) * table.sampling
+
+
+def _doubt_seconds(header: str, time: Array) -> None:
+    """Warn of instants without a unit whose steps are long for seconds."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if step >= _LONG_STEP:
+        warnings.warn(
+            f"{header}: it has no unit, and its steps are {step:.3g}: they are taken for seconds; "
+            f'write "{header} [ms]" for milliseconds',
+            ImplausibleWarning,
+            stacklevel=2,
+        )
 
 
 def _require_rising(time: Array) -> None:

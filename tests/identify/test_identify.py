@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from benchmarks import coverage
 from benchmarks import logs as logs_made
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
@@ -528,3 +529,75 @@ def test_a_machine_with_dry_friction_lies_within_its_intervals(tmp_path: Path) -
     assert (np.abs(found.values - true) < 1.3 * found.half).all(), (
         found.values - true
     ) / found.half
+
+
+# Logs as other programs write them
+
+
+def table_text(log: Log, comma: str = ",", point: str = ".", header: str = HEADER) -> str:
+    """A log as text, with other signs between columns and in numbers."""
+    lines = [header.replace(",", comma)]
+    for row in columns(log).tolist():
+        numbers = [f"{value:.9f}".replace(".", point) for value in row]
+        lines += [comma.join(numbers)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    "text_of",
+    [
+        lambda log: table_text(log, ";"),
+        lambda log: table_text(log, ";", ","),
+        lambda log: table_text(log, "\t"),
+        lambda log: table_text(log, "\t", ","),
+        lambda log: "\ufeff" + table_text(log),
+        lambda log: "# a comment\n# and another one\n" + table_text(log),
+        lambda log: table_text(log).replace("\n", ",,\n") + ",,",
+        lambda log: table_text(log).replace("\n", "\r\n"),
+    ],
+)
+def test_a_csv_file_of_another_program_is_read(
+    text_of: Callable[[Log], str], tmp_path: Path, log: Log
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(text_of(log).encode("utf-8"))
+    read = read_log(path, SERVO, None)
+    assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"], abs=1e-8)
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path, log: Log) -> None:
+    header = "time [s],current [A],current [A]"
+    path = csv(tmp_path / "log.csv", columns(log), header)
+    with pytest.raises(ArgumentError, match=r"two columns are called 'current \[A\]'"):
+        read_log(path, SERVO, None)
+
+
+def test_a_misspelt_signal_in_a_case_is_named(tmp_path: Path, log: Log) -> None:
+    table = LogTable.model_validate({"columns": {"curent": {"column": "current [A]", "sign": -1}}})
+    path = csv(tmp_path / "log.csv", columns(log))
+    with pytest.raises(ArgumentError, match=r"\[log.columns\]: unknown signal 'curent': did you"):
+        read_log(path, SERVO, table)
+
+
+def test_instants_of_milliseconds_without_a_unit_are_doubted(tmp_path: Path, log: Log) -> None:
+    rows = columns(log)
+    rows[:, 0] *= 1e3
+    path = csv(tmp_path / "log.csv", rows, "time,current [A],rotor angle [rad]")
+    with pytest.warns(ImplausibleWarning, match=r'write "time \[ms\]" for milliseconds'):
+        read_log(path, SERVO, None)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_bag_is_one_line(seed: int, tmp_path: Path, log: Log) -> None:
+    """Cut off, or with other bytes here and there."""
+    path = tmp_path / "log.mcap"
+    write_bag(path, log)
+    content = bytearray(path.read_bytes())
+    random = np.random.default_rng(seed)
+    if seed % 2:
+        del content[random.integers(1, len(content)) :]
+    for place in random.integers(0, len(content), 20):
+        content[place] = random.integers(256)
+    path.write_bytes(bytes(content))
+    with contextlib.suppress(ArgumentError):
+        read_log(path, SERVO, None)
