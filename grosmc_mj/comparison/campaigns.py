@@ -29,6 +29,8 @@ from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
 # Column of the least margin of each run.
 _LEAST_MARGIN = "relative"
+# Plants that are listed by their numbers.
+_LISTED = 20
 _NO_INTERVAL = "no interval: neither the same plants nor random ones"
 
 
@@ -56,7 +58,7 @@ class CampaignRows:
         for law, columns in self.rows.items():
             for column, values in columns.items():
                 if column != "id" and not np.isnan(values).all():
-                    margins[f"{self.name} {law}: {_title(column)}"] = (law, column)
+                    margins[f"{law}: {_title(column)}"] = (law, column)
         return margins
 
 
@@ -118,6 +120,8 @@ class LawRuns(NamedTuple):
         before: Columns of the old campaign, (n,) each.
         after: Columns of the new campaign, (m,) each.
         same_plants: Whether row i is the same plant on both sides.
+        repeated: Whether row i is the same run too, with the same random numbers: what differs is
+            then no chance.
         comparable: Whether the runs allow an interval: the plants are the same ones, or random.
     """
 
@@ -125,6 +129,44 @@ class LawRuns(NamedTuple):
     after: Mapping[str, Array]
     same_plants: bool
     comparable: bool
+    repeated: bool = False
+
+
+class ChangedVerdicts(NamedTuple):
+    """Runs whose verdict differs between two campaigns that made the same runs.
+
+    Attributes:
+        lost: Numbers of the plants that newly fail.
+        won: Numbers of the plants that newly keep.
+        runs: Number of all runs.
+    """
+
+    lost: list[int]
+    won: list[int]
+    runs: int
+
+    @classmethod
+    def of(cls, ids: Array, before: NDArray[np.bool_], after: NDArray[np.bool_]) -> ChangedVerdicts:
+        """The changes between two verdicts of each run, (n,)."""
+        lost = ids[before & ~after].astype(int).tolist()
+        won = ids[~before & after].astype(int).tolist()
+        return cls(lost, won, len(ids))
+
+    @property
+    def effect(self) -> Effect:
+        """Worse if any plant newly fails: none of them does by chance."""
+        if self.lost:
+            return Effect.WORSE
+        return Effect.BETTER if self.won else Effect.NOISE
+
+    @property
+    def words(self) -> str:
+        """Numbers of the plants that newly fail, and how many newly keep."""
+        listed = ", ".join(map(str, self.lost[:_LISTED]))
+        if len(self.lost) > _LISTED:
+            listed += ", ..."
+        failing = f"newly failing of {self.runs} plants: {listed or 'none'}"
+        return f"{failing}; newly kept: {len(self.won)}"
 
 
 class ComparedNumber(NamedTuple):
@@ -135,17 +177,22 @@ class ComparedNumber(NamedTuple):
         before: Value in the old campaign; None if no run has one.
         after: Value in the new campaign; None if no run has one.
         interval: Interval of the change; None if the runs allow none.
+        verdicts: What changed from run to run, of a rate of the same runs; else None.
     """
 
     name: str
     before: float | None
     after: float | None
     interval: ChangeInterval | None
+    verdicts: ChangedVerdicts | None = None
 
     def change(self, campaign: str) -> Change:
         """Return the change, which is noise if its interval contains zero."""
         name = f"{campaign} {self.name}"
         before, after, interval = self.before, self.after, self.interval
+        if self.verdicts is not None:
+            verdicts = self.verdicts
+            return Change("campaign", name, before, after, verdicts.effect, note=verdicts.words)
         if after is None:
             return Change("campaign", name, before, after, Effect.WORSE, note=GONE)
         if before is None:
@@ -163,7 +210,10 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
     """Return the changes of pass rates and mean margins, and how many both campaigns have."""
     before = old.margins
     after = new.margins
-    changes = [one_sided_change(name, gone=name in before) for name in before.keys() ^ after.keys()]
+    changes = [
+        one_sided_change(f"{new.name} {name}", gone=name in before)
+        for name in before.keys() ^ after.keys()
+    ]
 
     compared = 0
     for name, (law, column) in before.items():
@@ -171,7 +221,9 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
             continue
         for number in _compared_numbers(_law_runs(old, new, law), law, column):
             compared += 1
-            if number.before != number.after:
+            verdicts = number.verdicts
+            changed = verdicts is not None and bool(verdicts.lost or verdicts.won)
+            if changed or number.before != number.after:
                 changes.append(number.change(new.name))
     return changes, compared
 
@@ -204,6 +256,7 @@ def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
         {name: values[in_new] for name, values in after.items()},
         same_plants=True,
         comparable=True,
+        repeated=old.basis.seed == new.basis.seed,
     )
 
 
@@ -247,6 +300,9 @@ def _rate(
 ) -> ComparedNumber:
     """Return the share of runs, (n,) before and (m,) after."""
     interval = None
+    if runs.repeated:
+        verdicts = ChangedVerdicts.of(runs.after["id"], before, after)
+        return ComparedNumber(name, float(before.mean()), float(after.mean()), None, verdicts)
     if runs.comparable:
         interval_of = same_plants_rate if runs.same_plants else other_plants_rate
         interval = interval_of(before, after)

@@ -84,6 +84,7 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
     """Return the changed values, and the number of values that both sides have."""
     before = _values(old)
     after = _values(new)
+    before = _renamed(before, after)
     shared = before.keys() & after.keys()
 
     changed = []
@@ -111,6 +112,35 @@ def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:
             for value in document.content.values:
                 values[document.kind, value.name] = value
     return values
+
+
+def _renamed(
+    before: dict[tuple[str, str], Value], after: dict[tuple[str, str], Value]
+) -> dict[tuple[str, str], Value]:
+    """Return the old values under the new name of their subject, where it is the only other one.
+
+    A subject, such as ``servo/case1``, is the first word of a value's name. A case that is copied
+    to another file, or a campaign to another folder, is still the same.
+    """
+    renamed: dict[tuple[str, str], Value] = {}
+    for kind in {kind for kind, _ in before}:
+        old_subjects = {_subject(name) for of, name in before if of == kind}
+        new_subjects = {_subject(name) for of, name in after if of == kind}
+        only_old = list(old_subjects - new_subjects)
+        only_new = list(new_subjects - old_subjects)
+        for (of, name), value in before.items():
+            if of != kind:
+                continue
+            new_name = name
+            if len(only_old) == len(only_new) == 1 and _subject(name) == only_old[0]:
+                new_name = only_new[0] + name.removeprefix(only_old[0])
+            renamed[kind, new_name] = value
+    return renamed
+
+
+def _subject(name: str) -> str:
+    """First word of a value's name."""
+    return name.partition(" ")[0]
 
 
 def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> _Conditions:

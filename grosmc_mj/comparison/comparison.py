@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,14 +74,17 @@ def compare(old: Path, new: Path) -> ResultComparison:
 
     old_campaigns = campaign_folders(old)
     new_campaigns = campaign_folders(new)
-    for key in old_campaigns.keys() & new_campaigns.keys():
-        old_rows = campaign_rows(old_campaigns[key])
-        new_rows = campaign_rows(new_campaigns[key])
+    pairs = _pairs(old_campaigns.keys(), new_campaigns.keys())
+    for old_key, new_key in pairs.items():
+        old_rows = campaign_rows(old_campaigns[old_key])
+        new_rows = campaign_rows(new_campaigns[new_key])
         in_campaign, compared_in_campaign = campaign_changes(old_rows, new_rows)
         listed += in_campaign
         compared += compared_in_campaign
-    on_one_side = old_campaigns.keys() ^ new_campaigns.keys()
-    listed += [one_sided_change(key, gone=key in old_campaigns) for key in on_one_side]
+    gone = old_campaigns.keys() - pairs.keys()
+    added = new_campaigns.keys() - set(pairs.values())
+    listed += [one_sided_change(key, gone=True) for key in gone]
+    listed += [one_sided_change(key, gone=False) for key in added]
 
     if compared == 0:
         for side in (before, after):
@@ -99,6 +102,16 @@ def compare(old: Path, new: Path) -> ResultComparison:
         sources=_source_differences(before.documents, after.documents),
         notices=[*before.notices, *after.notices],
     )
+
+
+def _pairs(old: Set[str], new: Set[str]) -> dict[str, str]:
+    """Return which campaign is compared with which: those of one name, and the only other two."""
+    pairs = {key: key for key in old & new}
+    only_old = list(old - new)
+    only_new = list(new - old)
+    if len(only_old) == len(only_new) == 1:
+        pairs[only_old[0]] = only_new[0]
+    return pairs
 
 
 def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:

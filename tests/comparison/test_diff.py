@@ -172,6 +172,29 @@ def test_other_sources_are_named(tmp_path: Path) -> None:
     assert any("configuration.engine" in line for line in sources)
 
 
+@pytest.mark.parametrize("names", [("x: a", "x: a"), ("s/v1 lqr: a", "s/v2 lqr: a")])
+def test_a_case_in_a_file_of_another_name_is_compared(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    """A case that is copied to v2.toml is still the only one."""
+    for folder, name, value in (("old", names[0], 1.0), ("new", names[1], 2.0)):
+        document = valued([Value(name=name, value=value, better=-1)])
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "run.json").write_text(json.dumps(document), encoding="utf-8")
+    compared = compare(tmp_path / "old", tmp_path / "new")
+    assert compared.compared == 1
+    assert [change.name for change in compared.worse] == [names[1]]
+
+
+def test_two_cases_are_not_taken_for_two_others(tmp_path: Path) -> None:
+    for folder, number in (("old", 1), ("new", 3)):
+        names = [f"s/v{number} lqr: a", f"s/v{number + 1} lqr: a", "s/both lqr: a"]
+        document = valued([Value(name=name, value=1.0) for name in names])
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "run.json").write_text(json.dumps(document), encoding="utf-8")
+    assert compare(tmp_path / "old", tmp_path / "new").compared == 1
+
+
 def test_a_campaign_that_is_gone_is_worse(tmp_path: Path) -> None:
     old = written(tmp_path / "old", run_document())
     new = written(tmp_path / "new", run_document())
@@ -223,11 +246,13 @@ def test_a_path_without_results_is_refused(path: str, words: str, tmp_path: Path
 # Campaigns.
 
 
-def rows(margins: Array, plants: Array = PLANTS, sampler: str = "random") -> CampaignRows:
-    """Return a campaign of one law with one requirement; other plants have another seed."""
+def rows(
+    margins: Array, plants: Array = PLANTS, sampler: str = "random", seed: int = 0
+) -> CampaignRows:
+    """Return a campaign of one law with one requirement."""
     ids = np.arange(len(margins), dtype=float)
     columns = {"id": ids, "relative": margins, "margin settles_within": margins}
-    basis = SampledRuns(len(margins), len(margins), sampler, int(1e6 * plants[0, 0]))
+    basis = SampledRuns(len(margins), len(margins), sampler, seed)
     return CampaignRows("servo", {"grosmc": columns}, {"grosmc": plants}, basis)
 
 
@@ -239,9 +264,9 @@ def changes_of(old: CampaignRows, new: CampaignRows) -> dict[str, Change]:
 
 
 def random_rows(random: np.random.Generator, plants: Array, sampler: str) -> CampaignRows:
-    """Return a campaign whose margins depend on the plant, and on chance."""
+    """Return a campaign whose margins depend on the plant, and on chance: each has its seed."""
     margins = 0.3 - 0.5 * plants[:, 0] ** 2 + 0.1 * random.standard_normal(RUNS)
-    return rows(margins, plants, sampler)
+    return rows(margins, plants, sampler, seed=int(random.integers(2**53)))
 
 
 def random_plants(random: np.random.Generator) -> Array:
@@ -311,7 +336,8 @@ def test_pass_rates_of_the_same_plants_are_compared_by_those_that_changed(
     after = np.full(RUNS, 0.1)
     after[:lost] = -0.1
     before[lost:changed] = -0.1
-    changes = changes_of(rows(before, PLANTS, sampler), rows(after, PLANTS, sampler))
+    old = rows(before, PLANTS, sampler, seed=1)
+    changes = changes_of(old, rows(after, PLANTS, sampler, seed=2))
     rates = [change for name, change in changes.items() if name.endswith("pass rate")]
     assert len(rates) == (0 if effect is None else 2)
     for change in rates:
@@ -345,7 +371,7 @@ MEAN_MARGINS = ("least margin, mean margin", "settles_within, mean margin")
 def changes_by_early_ends(runs: int) -> dict[str, Change]:
     """Return the changes where so many of the runs end early."""
     after = np.where(np.arange(RUNS) < runs, -np.inf, MARGINS)
-    return changes_of(rows(MARGINS), rows(after))
+    return changes_of(rows(MARGINS, seed=1), rows(after, seed=2))
 
 
 def test_runs_that_end_early_change_no_mean_margin() -> None:
@@ -364,6 +390,45 @@ def test_runs_that_end_early_are_counted_as_lost(name: str) -> None:
 def test_a_mean_margin_is_gone_if_no_run_completes(name: str) -> None:
     change = changes_by_early_ends(RUNS)[name]
     assert (change.after, change.effect, change.note) == (None, WORSE, "gone")
+
+
+def verdicts(failing: list[int]) -> Array:
+    """Margins of which these plants have negative ones."""
+    margins = np.full(RUNS, 0.1)
+    margins[failing] = -0.1
+    return margins
+
+
+# Kind of pair: which runs failed before and after, same plants, same random numbers; and the effect
+# on the pass rate with a part of its note.
+DECISIONS = {
+    "the same runs, one newly fails": ([1], [1, 7], True, True, WORSE, "failing of 400 plants: 7;"),
+    "the same runs, one for another": ([1], [7], True, True, WORSE, "plants: 7; newly kept: 1"),
+    "the same runs, one newly kept": ([1, 7], [7], True, True, BETTER, "none; newly kept: 1"),
+    "same plants, other noise, one fails": ([1], [1, 7], True, False, NOISE, "1 of 400 plants lo"),
+    "same plants, other noise, many fail": ([], range(20), True, False, WORSE, "20 of 400 plants"),
+    "other plants, some fail": ([], range(8), False, False, NOISE, "400 of 400 plants before"),
+    "other plants, many fail": ([], range(60), False, False, WORSE, "340 of 400 after"),
+}
+
+
+@pytest.mark.parametrize("pair", DECISIONS)
+def test_which_pairs_of_campaigns_got_worse(pair: str) -> None:
+    failed, fails, same_plants, same_seed, effect, note = DECISIONS[pair]
+    plants = PLANTS if same_plants else -(PLANTS**3)
+    old = rows(verdicts(list(failed)), seed=1)
+    new = rows(verdicts(list(fails)), plants, seed=1 if same_seed else 2)
+    changes = [
+        change for change in campaign_changes(old, new)[0] if change.name.endswith("pass rate")
+    ]
+    for change in changes:
+        assert change.effect is effect
+        assert note in change.note
+    assert len(changes) == 2
+
+
+def test_the_same_runs_without_a_change_are_no_change() -> None:
+    assert campaign_changes(rows(verdicts([3])), rows(verdicts([3])))[0] == []
 
 
 # Most plants gain a little and some lose much: the median rises, the mean falls.
