@@ -18,7 +18,6 @@ from grosmc_mj.chapter.claims.measurements.servo import undercut
 from grosmc_mj.chapter.claims.measurements.theory import (
     reaching_time,
     slowest_approach,
-    unbounded,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.run_cache import RunCache
@@ -72,42 +71,35 @@ def test_a_kick_takes_longer_than_the_law_s_own_eta_promises() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "worst", "longer"),
+    ("system", "worst"),
     [
-        ("servo", "3 times the mass", True),
-        ("cart_pendulum", "4 times the mass, 4 times the length", True),
-        ("arm", "0.5 times the mass", False),
+        ("servo", "3 times the mass"),
+        ("cart_pendulum", "4 times the mass, 4 times the length"),
+        ("arm", "0.5 times the mass"),
     ],
 )
-def test_kicks_meet_the_extremes_of_the_declared_family(
-    system: str, worst: str, longer: bool
-) -> None:
+def test_kicks_meet_the_extremes_of_the_declared_family(system: str, worst: str) -> None:
     measured = reaching_time(LAB, "corrected", system=system)
     assert measured.value is not None
-    assert (measured.value > 1) is longer
+    assert measured.value < 1
     assert worst in measured.note
 
 
-@pytest.mark.parametrize(
-    ("system", "assumption"), [("servo", "Assumption 4"), ("cart_pendulum", "Assumption 6")]
-)
-def test_theorem_is_judged_with_the_law_s_own_eta(system: str, assumption: str) -> None:
-    """Split as the declared rate with the rest counted in the bound, the same law keeps it."""
+@pytest.mark.parametrize("system", ["servo", "cart_pendulum"])
+def test_a_theorem_holds_for_the_split_of_the_gain_that_meets_its_assumption(system: str) -> None:
+    """With all of the law's eta as eta it would not: delta has a part of u_d in it."""
     experiment = find_experiment(system, "nominal")
     eta = LAB.controller(experiment, "corrected", "grosmc").parameters.eta
     assert experiment.uncertainty is not None
     declared = experiment.uncertainty.reaching_rate
 
-    excess = slowest_approach(LAB, "corrected", system=system).value
-    split = slowest_approach(LAB, "corrected", system=system, rate=declared).value
-    assert excess is not None
-    assert split is not None
-    assert excess == pytest.approx(split + eta - declared)
-    assert split <= 1e-6 < excess
-
-    words = unbounded(LAB, system=system, assumption=assumption)
-    assert words.startswith(f"{assumption}, with u_d counted in δ")
-    assert f"restored by η = {declared:g} " in words
+    unsplit = slowest_approach(LAB, "corrected", system=system, rate=eta).value
+    split = slowest_approach(LAB, "corrected", system=system)
+    assert unsplit is not None
+    assert split.value is not None
+    assert unsplit == pytest.approx(split.value + eta - declared)
+    assert split.value <= 1e-6 < unsplit
+    assert f"η = {declared:.3g}, the other {eta - declared:.3g} of the law's" in split.note
 
 
 def test_bound_of_assumption_4_leaves_out_the_part_of_delta_that_u_d_adds() -> None:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import per_second
 from grosmc_mj.assumptions.balance import balances
 from grosmc_mj.chapter.claims.claim import WORDS, Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
@@ -120,14 +119,16 @@ def slowest_approach(
 ) -> Measured:
     """Measure the largest s' sgn(s) + eta over the declared family.
 
-    s' follows from the plant's own accelerations. For one input the value is the excess of
-    |G B delta| over (gamma0 + gamma1 |x|) |G B|, on the side on which delta pushes s away.
+    s' follows from the plant's own accelerations. A law's gain eta + gamma0 may be split in any
+    way: eta is the reaching rate that is declared, and the rest of the law's own eta is counted in
+    gamma0. For one input the value is the excess of |G B delta| over (gamma0 + gamma1 |x|) |G B|,
+    on the side on which delta pushes s away.
 
     Args:
         lab: Cache of the runs.
         plant: The plant.
         system: Its system.
-        rate: eta; the law's own by default.
+        rate: eta; the declared reaching rate by default.
         torque: Largest disturbance beyond the declared one [N m].
     """
     key = ("slowest approach", plant, system, rate, torque)
@@ -148,7 +149,7 @@ def _slowest_approach(
     random = np.random.default_rng(1)
 
     worst = -np.inf
-    eta = rate
+    own = 0.0
     for index in range(_PLANTS):
         mass = random.uniform(*family.mass)
         length = random.uniform(*family.length)
@@ -156,8 +157,7 @@ def _slowest_approach(
             mass, length = corners[index]
         case = perturbed(system, "reaching", 1.0, mass, length)
         law = lab.controller(case, plant, "grosmc")
-        if rate is None:
-            eta = law.parameters.eta
+        own = law.parameters.eta
 
         places = []
         for _ in range(_STATES):
@@ -167,12 +167,11 @@ def _slowest_approach(
         derivative = lab.plant(case, plant).derivative
         worst = max(worst, approach(law, derivative, places, wrench))
 
-    assert eta is not None
     note = f"{_PLANTS} plants x {_STATES} states"
-    if rate is None:
-        with_declared = worst + family.rate
-        note += f"; η = {eta:.3g}, with the declared {family.rate:.3g} it is {with_declared:.3g}"
-    return Measured(worst + eta, note)
+    if rate is not None:
+        return Measured(worst + rate, note)
+    note += f"; η = {family.rate:.3g}, the other {own - family.rate:.3g} of the law's counted in γ0"
+    return Measured(worst + family.rate, note)
 
 
 def approach(
@@ -222,40 +221,13 @@ def approach(
     return worst
 
 
-def unbounded(lab: RunCache, *, system: str, assumption: str) -> str:
-    """Return by how much the lumped uncertainty exceeds its bound in (12) or (37), in words.
-
-    delta contains the switching input where the input gain is uncertain. The same law can be split
-    into gains that count it, with the declared rate as eta.
-
-    Returns:
-        An empty text if delta is within its bound.
-    """
-    declared = _declared(lab, system).rate
-    law = lab.controller(find_experiment(system, "nominal"), "corrected", "grosmc")
-    eta = law.parameters.eta
-    excess = slowest_approach(lab, "corrected", system=system).value
-    if excess is None or excess <= _ROUNDING:
-        return ""
-
-    unit = per_second(law.designed.sliding_unit)
-    words = (
-        f"{assumption}, with u_d counted in δ: |δ| exceeds γ0 + γ1 |x| by up to {excess:.3g} {unit}"
-    )
-    if excess - eta + declared > _ROUNDING:
-        return words
-    return (
-        f"{words}, restored by η = {declared:.3g} {unit} with the other {eta - declared:.3g} "
-        f"{unit} of the law's η = {eta:.3g} counted in γ0 and γ1: the same law, split so that they "
-        "bound what u_d itself adds to δ"
-    )
-
-
 def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """Measure the time of s back to zero after a kick, over |s| / eta: the worst kick and plant.
 
-    eta is the law's own; where it has none, the part of epsilon that (56) leaves over the declared
-    family. The plants are the extremes of that family, under its largest wrench either way. A kick
+    eta is the declared reaching rate, see ``slowest_approach``; of a law without eta the part of
+    epsilon that (56) leaves over the declared family.
+
+    The plants are the extremes of that family, under its largest wrench either way. A kick
     lasts 20 ms and alone would change the output's rate by a tenth to a half of the declared
     region's.
 
@@ -264,8 +236,8 @@ def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """
     family = _declared(lab, system)
     nominal = find_experiment(system, "nominal")
-    eta = lab.controller(nominal, plant, "grosmc").parameters.eta
-    if not eta:
+    eta = family.rate
+    if not lab.controller(nominal, plant, "grosmc").parameters.eta:
         eta = -(slowest_approach(lab, plant, system=system, rate=0.0).value or 0.0)
     if eta <= 0:
         return Measured(None, "the switching term does not drive s back")
