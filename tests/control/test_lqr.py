@@ -9,7 +9,7 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 
-from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.control.lqr import LqrDesign, design_of_gain, lqr
 from grosmc_mj.control.surface import surface_matrix
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -184,3 +184,14 @@ def test_default_surface_matrix_is_the_pseudoinverse(column: list[float]) -> Non
     pseudoinverse = np.linalg.solve(B.T @ B, B.T)
     G = surface_matrix(None, B)
     np.testing.assert_allclose(G, pseudoinverse, rtol=0, atol=1e-12)
+
+
+def test_the_cost_of_a_given_gain_weighs_the_input_by_r() -> None:
+    """J of x' = -2 x from 1 with Q = 3, R = 5: (3 + 5 * 4)/(2 * 4), by the integral of its law."""
+    design = design_of_gain(
+        np.array([[0.0]]), np.array([[1.0]]), [[3.0]], [[5.0]], np.array([[2.0]])
+    )
+    t = np.linspace(0.0, 20.0, 200_001)
+    x = np.exp(-2.0 * t)
+    cost = np.trapezoid(0.5 * (3.0 * x**2 + 5.0 * (2.0 * x) ** 2), t)
+    assert design.optimal_cost([1.0]) == pytest.approx(cost, rel=1e-6)
