@@ -232,7 +232,7 @@ def _torque(result: RunResult, plant: Any) -> Premise:
         "the law has no bound on u",
         "no torque that the law asks for is cut: what is left of a joint's limit, as a part of it",
         "1",
-        along=_least(run, 1 - shares.max(axis=1), cut.any(axis=1)),
+        along=_least(run, 1 - shares.max(axis=1), np.asarray(cut.any(axis=1), float)),
         note=f"largest, of the joint's limit: {', '.join(joints)}",
     )
 

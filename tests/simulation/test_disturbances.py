@@ -96,7 +96,8 @@ def test_wrenches_add_up_in_the_columns_of_their_bodies() -> None:
         column = i % 2
         values = [profile(t) for t in times]
         if type(profile) in (Pulse, SineFrom):
-            values = [course(*profile.numbers[:1], t, *profile.numbers[1:], 1e-3) for t in times]
+            kind, a, b, c = profile.numbers
+            values = [course(kind, t, a, b, c, 1e-3) for t in times]
         expected[:, column] += np.outer(values, PUSH)
         disturbances.append(Disturbance(bodies[column], PUSH, profile))
 
@@ -123,13 +124,14 @@ def test_a_pulse_has_its_area_wherever_its_edges_lie(start: float, stop: float) 
 
 
 def test_a_pulse_from_step_to_step_acts_in_full() -> None:
-    values = [course(*Pulse(0.3, 0.4).numbers[:1], 0.1 * k, 0.3, 0.4, 0.0, 0.1) for k in range(6)]
+    kind, start, stop, _ = Pulse(0.3, 0.4).numbers
+    values = [course(kind, 0.1 * k, start, stop, 0.0, 0.1) for k in range(6)]
     assert values == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
 
 
 def test_a_sine_begins_with_its_share_of_the_step_of_its_onset() -> None:
-    sine = SineFrom(2.0, 0.00025, phase=1.0)
-    value = course(*sine.numbers[:1], 0.0, *sine.numbers[1:], 1e-3)
+    kind, frequency, onset, phase = SineFrom(2.0, 0.00025, phase=1.0).numbers
+    value = course(kind, 0.0, frequency, onset, phase, 1e-3)
     assert value == pytest.approx(0.75 * math.sin(2.0 * 0.00025 + 1.0), rel=1e-6)
 
 
