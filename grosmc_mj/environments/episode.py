@@ -23,7 +23,7 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.fields import Range
-from grosmc_mj.films.offscreen import BACKENDS
+from grosmc_mj.films.offscreen import BACKENDS, render_here
 from grosmc_mj.films.scene import default_camera, pose
 from grosmc_mj.loop.loop import LARGEST_SEED
 from grosmc_mj.loop.stages import observe, remember
@@ -305,6 +305,7 @@ class Episode:
             model = copy.copy(self.plant.model)
             model.vis.global_.offwidth = width
             model.vis.global_.offheight = height
+            render_here()
             try:
                 self._renderers[width, height] = mujoco.Renderer(model, height, width)
             # Each backend has errors of its own.

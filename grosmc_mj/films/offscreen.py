@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import importlib
 import os
 import subprocess
 import sys
@@ -114,6 +115,21 @@ def find_backend(wish: str | None = None) -> Probe:
     if remedies:
         message += f"; run: {remedies[0]}"
     raise SetupError(message)
+
+
+def render_here() -> None:
+    """Have MuJoCo render in this process, with the first backend that works.
+
+    MuJoCo has read MUJOCO_GL when it was imported, and without a display it would open none: its
+    module of contexts is made to read it again. A backend that the user has named stays.
+
+    Raises:
+        SetupError: If none works, as ``find_backend``.
+    """
+    if os.environ.get("MUJOCO_GL") or has_display() or sys.platform != "linux":
+        return
+    os.environ |= rendering(find_backend().backend)
+    importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
 
 
 # A trial takes a second.

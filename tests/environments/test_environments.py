@@ -510,10 +510,12 @@ environment.close()
 
 
 @pytest.mark.render
-def test_it_draws_what_it_is_at() -> None:
-    """In a process of its own: MuJoCo reads once what draws."""
-    environment = {**os.environ, "MUJOCO_GL": "egl"}
-    subprocess.run([sys.executable, "-c", DRAWN], check=True, env=environment)
+@pytest.mark.parametrize("backend", [{"MUJOCO_GL": "egl"}, {}])
+def test_it_draws_what_it_is_at(backend: dict[str, str]) -> None:
+    """In a process of its own: MuJoCo reads once what draws, and without a word nothing would."""
+    names = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in names}
+    subprocess.run([sys.executable, "-c", DRAWN], check=True, env=environment | backend)
 
 
 def advanced(action: float, steps: int) -> Episode:
