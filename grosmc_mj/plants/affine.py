@@ -22,7 +22,7 @@ from grosmc_mj.plants.system import Signal, System
 def affine_plant(
     name: Name,
     *,
-    states: Mapping[str, str],
+    states: Mapping[str, str | tuple[str, str]],
     inputs: Mapping[str, str],
     f: Expressions,
     g: Any,
@@ -36,7 +36,8 @@ def affine_plant(
 
     Args:
         name: Name of the system.
-        states: Unit of each state, by the name of its symbol.
+        states: Unit of each state by its name, which is the name of its symbol, too; or unit and
+            symbol, such as ``{"angle": ("rad", "q")}``.
         inputs: Unit of each input, by its name.
         f: Drift, one expression for each state.
         g: Input matrix, one row for each state; for one input a row may be its one entry.
@@ -54,14 +55,16 @@ def affine_plant(
         ArgumentError: If an argument is of another kind.
         ModelError: If rows are missing, or a symbol has no number or a number no symbol.
     """
-    equations = _read_equations(name, tuple(states), f, g, h, region)
+    signals = _states(states)
+    symbols = [signal.symbol for signal in signals]
+    equations = _read_equations(name, tuple(symbols), f, g, h, region)
     if not len(equations.h) == equations.inputs == len(inputs):
         raise ModelError(
             f"{name}: {len(inputs)} inputs are named, g has {equations.inputs} columns and h "
             f"{len(equations.h)} outputs: all three must be the same"
         )
 
-    _require_matching_symbols(name, equations, set(states), set(inputs), set(parameters))
+    _require_matching_symbols(name, equations, set(symbols), set(inputs), set(parameters))
     near = near or {}
     for state in near:
         require_known("state", state, states, f"{name}: near: ", ModelError)
@@ -69,8 +72,8 @@ def affine_plant(
     system = System(
         name=name,
         title=name,
-        states=_signals(states),
-        inputs=_signals(inputs),
+        states=signals,
+        inputs=tuple(Signal(symbol, symbol, unit) for symbol, unit in inputs.items()),
         equations=equations,
         region=where or str(region),
         controlled=_output_states(equations),
@@ -126,7 +129,11 @@ def _require_matching_symbols(
     problems = (
         (needed & states, "another symbol than the state: make it without assumptions"),
         (needed & inputs, "an input outside of g: make it a state and its rate the input"),
-        (without_number, f"no number, and none of {', '.join(map(str, equations.x))}"),
+        (
+            without_number,
+            f"no number, and no state has that symbol: {', '.join(map(str, equations.x))}; of a "
+            'state with another name give the symbol beside its unit: {"angle": ("rad", "q")}',
+        ),
         (parameters - needed, "a number that is in no equation"),
     )
     mistakes = [f"{', '.join(sorted(names))}: {text}" for names, text in problems if names]
@@ -134,9 +141,15 @@ def _require_matching_symbols(
         raise ModelError(f"{name}: {'; '.join(mistakes)}")
 
 
-def _signals(units: Mapping[str, str]) -> tuple[Signal, ...]:
-    """Signals that are named by their symbols."""
-    return tuple(Signal(symbol, symbol, unit) for symbol, unit in units.items())
+def _states(units: Mapping[str, str | tuple[str, str]]) -> tuple[Signal, ...]:
+    """States with their units, named by their symbols or with symbols of their own."""
+    signals = []
+    for name, unit in units.items():
+        if isinstance(unit, str):
+            signals.append(Signal(name, name, unit))
+        else:
+            signals.append(Signal(name, unit[1], unit[0]))
+    return tuple(signals)
 
 
 def _output_states(equations: Equations) -> tuple[int, ...]:

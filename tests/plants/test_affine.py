@@ -169,7 +169,7 @@ REAL_X2 = sp.Symbol("x2", real=True)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"parameters": {}}, "a: no number, and none of x1, x2"),
+        ({"parameters": {}}, "a: no number, and no state has that symbol: x1, x2; of a state"),
         ({"parameters": {"a": 1.0, "b": 2.0}}, "b: a number that is in no equation"),
         ({"parameters": {"a": np.nan}}, "a = nan must be finite"),
         ({"f": [x2]}, "f has 1 rows of 1, must have one for each of 2 states"),
@@ -237,3 +237,24 @@ def test_an_equilibrium_beyond_the_limits_of_the_input_is_refused() -> None:
 def test_an_equilibrium_of_a_leaning_pole_is_refused() -> None:
     call = partial(equilibrium, gm.MujocoPlant.load("cart_pendulum"), {1: 0.5, 3: 0.0, 2: 0.0})
     require_refused_in_one_line(call, r"rests nowhere near .* with pole angle = 0\.5")
+
+
+# Names and symbols
+
+
+def test_a_state_may_have_a_symbol_beside_its_name() -> None:
+    named = {"angle": ("rad", "x1"), "speed": ("rad/s", "x2")}
+    arguments = {**CHAIN, "states": named, "f": [x2, -a * x1], "parameters": {"a": 2.0}}
+    plant = gm.affine_plant("chain", **arguments)
+    plain = chain(x2, -a * x1, a=2.0)
+    assert [state.name for state in plant.system.states] == ["angle", "speed"]
+    np.testing.assert_array_equal(
+        plant.derivative([0.3, 0.2], 1.0), plain.derivative([0.3, 0.2], 1.0)
+    )
+
+
+def test_a_start_names_states_and_not_their_symbols() -> None:
+    named = {"angle": ("rad", "x1"), "speed": ("rad/s", "x2")}
+    arguments = {**CHAIN, "states": named, "f": [x2, 0], "parameters": {}}
+    plant = gm.affine_plant("chain", **arguments, near={"speed": 0.5})
+    assert plant.system.near == (0.0, 0.5)

@@ -782,3 +782,12 @@ def test_a_law_that_cannot_be_designed_has_its_reason(
     assert step.impossible == "there is no such law"
     assert not step.kept
     assert step.shares == {}
+
+
+def test_rows_of_two_conditions_have_keys_of_their_own() -> None:
+    """Case 1 and case 2 of a law on a rung are stored beside each other."""
+    rows = [
+        RungResult(law="lqr", rung="physics", together=True, condition=condition)
+        for condition in ("nominal", "case1", "case2")
+    ]
+    assert len({row.key for row in rows}) == 3

@@ -1,5 +1,6 @@
 """Batches of runs that are not recorded: their meters, columns and margins are recorded runs'."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -416,3 +417,20 @@ def test_a_shipped_campaign_steps_as_its_model_says(name: str) -> None:
     assert file.plant.system is not None
     assert load_model(file.plant.system).opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert file.run.integrator in (None, "RK4")
+
+
+@pytest.mark.parametrize("durations", [(0.05, 0.02), (0.02, 0.05)])
+def test_rows_of_two_durations_are_each_run_to_their_own_end(
+    durations: tuple[float, float],
+) -> None:
+    experiment = Experiment.load("servo/nominal")
+    rows = []
+    for duration in durations:
+        case = replace(experiment.case, duration=duration)
+        rows.append(Row("lqr", case=case))
+    outcomes = run_rows(experiment, rows, limits=[])
+    assert outcomes["ended"].tolist() == list(durations)
+
+    for row, duration in enumerate(durations):
+        run = experiment.varied(duration=duration).run("physics", "lqr").trajectory
+        np.testing.assert_array_equal(outcomes["last"][row], run.state[-1])
