@@ -344,7 +344,8 @@ def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
 def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     """Draw all runs of a case file on an empty figure, over time.
 
-    A panel whose requirement is not kept has a frame and names the requirement.
+    A panel whose requirement is not kept has a frame and names the requirement. Above the first
+    one stand those that no panel shows, such as a cost.
     """
     # Imported here: the document of curves needs no matplotlib.
     from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below
@@ -359,6 +360,10 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     in_common_legend = []
     for panel_axes, panel in zip(axes, panels, strict=False):
         _draw_panel(panel_axes, panel, styles, results)
+        named = failures_in(panel, results)
+        if panel is panels[0]:
+            named = failures_without_panel(panels, results) + named
+        _name_failures(panel_axes, named)
         if not panel.curves[0].name:
             in_common_legend.append(panel_axes)
 
@@ -458,7 +463,7 @@ def _mark_end(
 
 
 def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
-    """Draw the limits of a panel, and a frame with words where a limit is not kept."""
+    """Draw the limits of a panel, and a frame where a limit is not kept."""
     judgements = judged_in(panel, results)
     failed = [item for item in judgements if not item.kept]
     failed_limits = [item.limit for item in failed]
@@ -472,8 +477,36 @@ def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
     if failed:
         for side in axes.spines.values():
             side.set(visible=True, color=FAILED, linewidth=1.6)
-        lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
-        title = "\n".join(dict.fromkeys(lines))
+
+
+def failures_in(panel: Panel, results: Sequence[RunResult]) -> list[str]:
+    """Return a line for each requirement that is not kept and that a panel shows."""
+    return _failure_lines([item for item in judged_in(panel, results) if not item.kept])
+
+
+def failures_without_panel(panels: Sequence[Panel], results: Sequence[RunResult]) -> list[str]:
+    """Return a line for each requirement that is not kept and that no panel shows."""
+    shown: set[str] = set()
+    for panel in panels:
+        shown.update(panel.limits)
+    failed: list[Judgement] = []
+    for run in results:
+        failed += [
+            item for item in run.requirements if not item.kept and item.limit.kind not in shown
+        ]
+    return _failure_lines(failed)
+
+
+def _failure_lines(failed: Sequence[Judgement]) -> list[str]:
+    """Return a line for each requirement and law, once."""
+    lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
+    return list(dict.fromkeys(lines))
+
+
+def _name_failures(axes: Axes, lines: Sequence[str]) -> None:
+    """Write the requirements that are not kept above a panel."""
+    if lines:
+        title = "\n".join(lines)
         axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 

@@ -325,3 +325,26 @@ def test_a_document_has_the_levels_of_limits(document) -> None:
     deviation = document["panels"][1]
     levels = {level for limit in deviation["limits"] for level in limit["y"]}
     assert levels == {0.002, -0.002}
+
+
+ALL_FAIL = """
+[[requirement]]
+settles_within = "0.05 s"
+cost_ratio_below = 0.01
+stays_within = "1 urad"
+rms_below = "1 urad"
+after = "0.05 s"
+deviation_below = "1 nrad"
+input_below = "1 uA"
+"""
+
+
+def test_every_requirement_that_is_not_kept_is_named(tmp_path) -> None:
+    """A mean square and a cost have no panel."""
+    results = list(
+        load(tmp_path, CASE.format("servo", "rotor angle", "0 rad", "0.1 s") + ALL_FAIL).runs()
+    )
+    failed = {item.limit.words for run in results for item in run.requirements if not item.kept}
+    titles = "\n".join(axes.get_title(loc="right") for axes in figure_of(results).axes)
+    assert {words for words in failed if words in titles} == failed
+    assert len(failed) >= 5
