@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pyarrow.csv
+import pyarrow.parquet as pq
 import pytest
 from case_texts import RIVAL
 from commands import run
@@ -439,3 +441,56 @@ def test_mutated_command_lines(hostile: Trial, tmp_path: Path) -> None:
             words = mutated_line(command, rng)
             words = [places.get(word, word.replace("\0", "")) for word in words]
             hostile.run(f"{command} {index}: {words!r:.200}", *words, leaves=True)
+
+
+# Logs and results, whose bytes are changed: nobody writes them by hand.
+
+
+def with_other_bytes(content: bytes, rng: random.Random) -> bytes:
+    """A file that is cut off, or has other bytes here and there, or a part twice."""
+    changed = bytearray(content)
+    kind = rng.choice(("end", "noise", "noise", "double"))
+    if kind == "end":
+        del changed[rng.randrange(len(changed)) :]
+    elif kind == "double":
+        start = rng.randrange(len(changed))
+        changed[start:start] = changed[start : start + rng.randrange(1, 200)]
+    else:
+        for _ in range(rng.randint(1, 20)):
+            changed[rng.randrange(len(changed))] = rng.randrange(256)
+    return bytes(changed)
+
+
+def log_files(folder: Path) -> dict[str, bytes]:
+    """A short log of the servo as CSV and Parquet."""
+    text = (CASES / "logs" / "servo.csv").read_text(encoding="utf-8")
+    short = folder / "short.csv"
+    short.write_text("".join(text.splitlines(keepends=True)[:300]), encoding="utf-8")
+    pq.write_table(pyarrow.csv.read_csv(short), folder / "short.parquet")
+    return {path.suffix: path.read_bytes() for path in (short, folder / "short.parquet")}
+
+
+def test_mutated_logs(hostile: Trial, tmp_path: Path) -> None:
+    rng = random.Random(6)
+    for suffix, content in log_files(tmp_path).items():
+        file = tmp_path / f"log{suffix}"
+        for index in range(12 * TIMES):
+            file.write_bytes(with_other_bytes(content, rng))
+            name = f"{suffix} {index}"
+            hostile.run(name, "compare", file, "logs/servo", "--out", tmp_path / "out")
+
+
+def test_mutated_results(hostile: Trial, tmp_path: Path) -> None:
+    """Also the good result beside the mutated one is shown."""
+    rng = random.Random(7)
+    old = tmp_path / "old"
+    new = tmp_path / "new"
+    for folder in (old, new):
+        hostile.run("sound", "run", "servo/nominal", "--no-figures", "--out", folder)
+    (file,) = new.glob("*.json")
+    content = file.read_bytes()
+    for index in range(25 * TIMES):
+        file.write_bytes(with_other_bytes(content, rng))
+        hostile.run(f"diff {index}", "diff", old, new, "--out", tmp_path / "out")
+        page = tmp_path / "out" / "report.html"
+        hostile.run(f"report {index}", "report", new, "-o", page)
