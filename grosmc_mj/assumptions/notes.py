@@ -1,4 +1,4 @@
-"""One-line notes on the runs of an experiment: what its verdict does not say by itself."""
+"""One-line notes beside the verdict of an experiment: ideals, loads, weights."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.physics.dry_friction import creeping_joints
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import Plant
 
 
 def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
@@ -34,35 +35,51 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes += unfailing(experiment.limits, results)
     notes += _names_left_out(experiment, on_truest)
     notes += _weights_by_order(experiment, on_truest)
-    notes += notes_on_plant(experiment)
+    notes += notes_on_plant(experiment, experiment.plant(experiment.nominal.truest))
     if experiment.nominal.robot is not None:
         notes += experiment.nominal.robot.notes
     return notes
 
 
-def notes_on_plant(experiment: Experiment) -> list[str]:
-    """Return what the plant and the loop of an experiment leave out, a line each."""
-    notes: list[str] = []
-    loop = experiment.case.loop
-    if loop is not None:
-        exact = loop.exact_rates(experiment.nominal.system)
-        if exact:
-            verb = "is" if len(exact) == 1 else "are"
-            notes.append(f"ideal: {', '.join(exact)} {verb} known exactly")
+def notes_on_plant(experiment: Experiment, plant: Plant) -> list[str]:
+    """Return a line on rates that are known exactly, and one on dry friction that creeps.
 
-    plant = experiment.plant(experiment.nominal.truest)
-    if isinstance(plant, MujocoPlant):
-        creeping = creeping_joints(plant.model)
-        if creeping:
-            units = dict(zip(plant.system.joints, plant.system.positions, strict=True))
-            joint, way = max(creeping.items(), key=lambda item: item[1])
-            unit = units[joint].unit if joint in units else ""
-            notes.append(
-                f"the model's own dry friction of {name_list(creeping)} does not hold: under half "
-                f"of it {joint} creeps by {way:.2g} {unit} in 10 s; set it by an [[edit]] with "
-                "friction, which holds"
-            )
-    return notes
+    Args:
+        experiment: The experiment, with its loop.
+        plant: Its truest plant.
+    """
+    return [*_exact_rates(experiment), *_creeping_friction(plant)]
+
+
+def _exact_rates(experiment: Experiment) -> Iterator[str]:
+    """Yield a line on the rates that the loop knows exactly beside measured positions."""
+    loop = experiment.case.loop
+    exact = loop.exact_rates(experiment.nominal.system) if loop is not None else []
+    if exact:
+        verb = "is" if len(exact) == 1 else "are"
+        yield f"ideal: {', '.join(exact)} {verb} known exactly"
+
+
+def _creeping_friction(plant: Plant) -> Iterator[str]:
+    """Yield a line on the joints of a model whose own dry friction does not hold."""
+    if not isinstance(plant, MujocoPlant):
+        return
+    creeping = creeping_joints(plant.model)
+    if not creeping:
+        return
+
+    joint, distance = max(creeping.items(), key=lambda item: item[1])
+    units = {
+        name: position.unit
+        for name, position in zip(plant.system.joints, plant.system.positions, strict=True)
+    }
+    # A joint that is no coordinate of the system has no unit there.
+    unit = units.get(joint, "")
+    yield (
+        f"the model's own dry friction of {name_list(creeping)} does not hold: under half of it "
+        f"{joint} creeps by {distance:.2g} {unit} in 10 s; set it by an [[edit]] with friction, "
+        "which holds"
+    )
 
 
 def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:

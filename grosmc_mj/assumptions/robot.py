@@ -94,7 +94,7 @@ def robot_audit(result: RunResult) -> Audit:
         premises.append(_rate(result, plant, points))
         premises.append(_authority(result, points))
         premises.append(initial_surface(run.sliding))
-    premises.append(_torque(result, plant))
+    premises.append(_torque(result))
     if points is not None and isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, plant, points))
     premises.append(_joints(result, plant))
@@ -212,12 +212,10 @@ def _shares(torque: Array, limits: Array) -> Array:
     return np.where(torque == 0, 0.0, share)
 
 
-def _torque(result: RunResult, plant: Any) -> Premise:
+def _torque(result: RunResult) -> Premise:
     """The actuators give what the law asks for."""
     run = result.trajectory
-    # A trajectory of one joint has no axis for its inputs.
-    command = run.command.reshape(len(run.command), -1)
-    shares = _shares(command, result.input_limits)
+    shares = _shares(result.commands, result.input_limits)
     cut = result.cut
 
     joints = []

@@ -120,9 +120,9 @@ class LawRuns(NamedTuple):
         before: Columns of the old campaign, (n,) each.
         after: Columns of the new campaign, (m,) each.
         same_plants: Whether row i is the same plant on both sides.
-        repeated: Whether row i is the same run too, with the same random numbers: what differs is
-            then no chance.
         comparable: Whether the runs allow an interval: the plants are the same ones, or random.
+        repeated: Whether row i is the same run too, with the same random numbers: a difference is
+            then no chance.
     """
 
     before: Mapping[str, Array]
@@ -177,7 +177,7 @@ class ComparedNumber(NamedTuple):
         before: Value in the old campaign; None if no run has one.
         after: Value in the new campaign; None if no run has one.
         interval: Interval of the change; None if the runs allow none.
-        verdicts: What changed from run to run, of a rate of the same runs; else None.
+        verdicts: Changed verdicts of a pass rate of the same runs; None for other numbers.
     """
 
     name: str
@@ -189,9 +189,11 @@ class ComparedNumber(NamedTuple):
     def change(self, campaign: str) -> Change:
         """Return the change, which is noise if its interval contains zero."""
         name = f"{campaign} {self.name}"
-        before, after, interval = self.before, self.after, self.interval
-        if self.verdicts is not None:
-            verdicts = self.verdicts
+        before = self.before
+        after = self.after
+        interval = self.interval
+        verdicts = self.verdicts
+        if verdicts is not None:
             return Change("campaign", name, before, after, verdicts.effect, note=verdicts.words)
         if after is None:
             return Change("campaign", name, before, after, Effect.WORSE, note=GONE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from typing import NamedTuple
 
@@ -122,25 +122,25 @@ def _renamed(
     A subject, such as ``servo/case1``, is the first word of a value's name. A case that is copied
     to another file, or a campaign to another folder, is still the same.
     """
+    old_subjects = _subjects(before)
+    new_subjects = _subjects(after)
     renamed: dict[tuple[str, str], Value] = {}
-    for kind in {kind for kind, _ in before}:
-        old_subjects = {_subject(name) for of, name in before if of == kind}
-        new_subjects = {_subject(name) for of, name in after if of == kind}
-        only_old = list(old_subjects - new_subjects)
-        only_new = list(new_subjects - old_subjects)
-        for (of, name), value in before.items():
-            if of != kind:
-                continue
-            new_name = name
-            if len(only_old) == len(only_new) == 1 and _subject(name) == only_old[0]:
-                new_name = only_new[0] + name.removeprefix(only_old[0])
-            renamed[kind, new_name] = value
+    for (kind, name), value in before.items():
+        subject, space, rest = name.partition(" ")
+        gone = old_subjects[kind] - new_subjects.get(kind, set())
+        added = new_subjects.get(kind, set()) - old_subjects[kind]
+        if gone == {subject} and len(added) == 1:
+            (subject,) = added
+        renamed[kind, subject + space + rest] = value
     return renamed
 
 
-def _subject(name: str) -> str:
-    """First word of a value's name."""
-    return name.partition(" ")[0]
+def _subjects(values: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
+    """Return the subjects of values by the kind of their results."""
+    subjects: dict[str, set[str]] = {}
+    for kind, name in values:
+        subjects.setdefault(kind, set()).add(name.partition(" ")[0])
+    return subjects
 
 
 def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> _Conditions:

@@ -225,7 +225,7 @@ class Episode:
         refuse_foreign_callback()
         (loop,) = self.problem.loops
         if loop is not None:
-            loop = loop.changed(loop.loop, run=run)
+            loop = loop.of_run(run)
         problem = replace(self.problem, loops=(loop,), x0=x0[None])
         self._held.action[:] = 0.0
         self._closed = ClosedLoop(problem, steppers=self._steppers)

@@ -360,10 +360,12 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     in_common_legend = []
     for panel_axes, panel in zip(axes, panels, strict=False):
         _draw_panel(panel_axes, panel, styles, results)
-        named = failures_in(panel, results)
+        judgements = judged_in(panel, results)
+        _draw_limits(panel_axes, panel, judgements)
+        failed = [item for item in judgements if not item.kept]
         if panel is panels[0]:
-            named = failures_without_panel(panels, results) + named
-        _name_failures(panel_axes, named)
+            failed = failures_without_panel(panels, results) + failed
+        _name_failures(panel_axes, failed)
         if not panel.curves[0].name:
             in_common_legend.append(panel_axes)
 
@@ -388,7 +390,7 @@ def _draw_panel(
     styles: dict[str, LawStyle],
     results: Sequence[RunResult],
 ) -> None:
-    """Draw curves, reference, backlash, disturbances and limits of a panel."""
+    """Draw curves, reference, backlash and disturbances of a panel."""
     several_plants = len({curve.run.plant for curve in panel.curves}) > 1
     for curve in panel.curves:
         _draw_curve(axes, curve, styles, several_plants=several_plants)
@@ -404,7 +406,6 @@ def _draw_panel(
         axes.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
     axes.set_ylabel(panel.label)
     shade_disturbances(axes, results[0].case)
-    _mark(axes, panel, results)
 
 
 def _draw_curve(
@@ -462,11 +463,9 @@ def _mark_end(
     )
 
 
-def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
-    """Draw the limits of a panel, and a frame where a limit is not kept."""
-    judgements = judged_in(panel, results)
-    failed = [item for item in judgements if not item.kept]
-    failed_limits = [item.limit for item in failed]
+def _draw_limits(axes: Axes, panel: Panel, judgements: Sequence[Judgement]) -> None:
+    """Draw the limits of a panel, and a frame where one of them is not kept."""
+    failed_limits = [item.limit for item in judgements if not item.kept]
     for limit in dict.fromkeys(item.limit for item in judgements):
         style = {**_LIMIT, "label": "limit"}
         if limit in failed_limits:
@@ -474,18 +473,15 @@ def _mark(axes: Axes, panel: Panel, results: Sequence[RunResult]) -> None:
         for time, values in levels_of(limit, panel):
             axes.plot(time, values, **style)
 
-    if failed:
+    if failed_limits:
         for side in axes.spines.values():
             side.set(visible=True, color=FAILED, linewidth=1.6)
 
 
-def failures_in(panel: Panel, results: Sequence[RunResult]) -> list[str]:
-    """Return a line for each requirement that is not kept and that a panel shows."""
-    return _failure_lines([item for item in judged_in(panel, results) if not item.kept])
-
-
-def failures_without_panel(panels: Sequence[Panel], results: Sequence[RunResult]) -> list[str]:
-    """Return a line for each requirement that is not kept and that no panel shows."""
+def failures_without_panel(
+    panels: Sequence[Panel], results: Sequence[RunResult]
+) -> list[Judgement]:
+    """Return the requirements that are not kept and that no panel shows."""
     shown: set[str] = set()
     for panel in panels:
         shown.update(panel.limits)
@@ -494,19 +490,14 @@ def failures_without_panel(panels: Sequence[Panel], results: Sequence[RunResult]
         failed += [
             item for item in run.requirements if not item.kept and item.limit.kind not in shown
         ]
-    return _failure_lines(failed)
+    return failed
 
 
-def _failure_lines(failed: Sequence[Judgement]) -> list[str]:
-    """Return a line for each requirement and law, once."""
-    lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
-    return list(dict.fromkeys(lines))
-
-
-def _name_failures(axes: Axes, lines: Sequence[str]) -> None:
-    """Write the requirements that are not kept above a panel."""
-    if lines:
-        title = "\n".join(lines)
+def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
+    """Write the requirements that are not kept above a panel, a line for each law."""
+    if failed:
+        lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
+        title = "\n".join(dict.fromkeys(lines))
         axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 

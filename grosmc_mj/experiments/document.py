@@ -50,7 +50,7 @@ def experiment_document(
         results: Its runs, in order.
         judgements: Judgements of these runs.
         complete: Whether all its runs are done.
-        notes: What the verdict does not say by itself, in a line each.
+        notes: Notes beside the verdict, a line each.
         premises: Premises of its laws, as plain values; left out if there are none.
     """
     target = f"{experiment.case.system}/{experiment.case.name}"

@@ -258,11 +258,19 @@ class Experiment:
         self.plant(plant)
         stride_of(self.settings.control_period, self.settings.timestep)
         controller = self.law(plant, name)
-        predict = bool(self.file.law(name).predict)
         try:
-            return self.loop_around(controller, self.case.loop, predict=predict, run=self.case.run)
+            return self.loop_around(
+                controller,
+                self.case.loop,
+                predict=self.predicts(name),
+                run=self.case.run,
+            )
         except GrosmcError as error:
             raise ArgumentError(f"controller {name}: {error}") from error
+
+    def predicts(self, name: str) -> bool:
+        """Whether a controller of the file, or a law by its name, knows its loop."""
+        return bool(self.file.law(name).predict)
 
     def loop_around(
         self, controller: Controller, loop: Loop, *, predict: bool = False, run: int = 0

@@ -83,8 +83,9 @@ class RunCache:
         key = (*experiment.key, plant, controller)
         if key not in self._runs:
             law = self.controller(experiment, plant, controller)
-            predict = bool(experiment.file.law(controller).predict)
-            self._runs[key] = self.run_with(experiment, plant, law, predict=predict)
+            self._runs[key] = self.run_with(
+                experiment, plant, law, predict=experiment.predicts(controller)
+            )
         return self._runs[key]
 
     def run_misdesigned(

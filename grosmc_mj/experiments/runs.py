@@ -112,23 +112,24 @@ class RunResult:
         return input_limits(self.true, self.case)
 
     @property
+    def commands(self) -> Array:
+        """Inputs that the law asked for, (N, m); a trajectory of one input has no axis for it."""
+        return self.trajectory.command.reshape(len(self.trajectory.command), -1)
+
+    @property
     def cut(self) -> Array:
         """Whether a sample's command of an input is beyond what its actuator gives, (N, m).
 
         Late, smoothed or rounded is not cut: the command is compared with the limits.
         """
         low, high = self.input_limits
-        command = self.trajectory.command
-        command = command.reshape(len(command), -1)
-        return (command < low) | (command > high)
+        return (self.commands < low) | (self.commands > high)
 
     @property
     def saturated(self) -> float:
         """Share of the time in which the law asks an actuator for its limit or more."""
         low, high = self.input_limits
-        command = self.trajectory.command
-        command = command.reshape(len(command), -1)
-        at_limit = (command <= low) | (command >= high)
+        at_limit = (self.commands <= low) | (self.commands >= high)
         return float(at_limit.any(axis=1).mean())
 
     @property

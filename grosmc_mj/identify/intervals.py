@@ -61,7 +61,7 @@ def half_widths(covariance: Array, degrees_of_freedom: int) -> Array:
 
 
 def _without(nuisance: Array, columns: Array) -> Array:
-    """What of the columns the nuisance cannot explain."""
+    """Residuals of the columns after a least-squares fit of the nuisance to them."""
     moved = nuisance[:, np.abs(nuisance).max(axis=0) > 0]
     if not moved.size:
         return columns

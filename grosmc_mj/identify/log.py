@@ -276,22 +276,10 @@ def _csv_table(path: Path) -> pa.Table:
     Lines with # before the header are left out. Where semicolons or tabs part the columns, numbers
     may have a decimal comma.
     """
-    comments = 0
-    header = ""
-    first = ""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for line in file:
-            if header:
-                first = line
-                break
-            if line.startswith("#"):
-                comments += 1
-            else:
-                header = line
-
+    comments, header, first_row = _beginning(path)
     delimiter = max(",;\t", key=header.count)
     decimal_point = "."
-    if delimiter != "," and "," in first and "." not in first:
+    if delimiter != "," and "," in first_row and "." not in first_row:
         decimal_point = ","
     return pyarrow.csv.read_csv(
         path,
@@ -299,6 +287,17 @@ def _csv_table(path: Path) -> pa.Table:
         parse_options=pyarrow.csv.ParseOptions(delimiter=delimiter),
         convert_options=pyarrow.csv.ConvertOptions(decimal_point=decimal_point),
     )
+
+
+def _beginning(path: Path) -> tuple[int, str, str]:
+    """Number of comment lines before the header of a CSV file, the header and the first row."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        comments = 0
+        header = file.readline()
+        while header.startswith("#"):
+            comments += 1
+            header = file.readline()
+        return comments, header, file.readline()
 
 
 def _messages(path: Path) -> dict[str, _Column]:

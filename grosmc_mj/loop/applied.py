@@ -111,25 +111,15 @@ class AppliedLoop:
 
         return self.begin(seen, predicted, advance=advance).uncompiled()
 
-    def changed(self, loop: Loop, *, run: int = 0, predict: bool | None = None) -> AppliedLoop:
-        """Put another loop around the law, which knows the same loop as before.
-
-        Args:
-            loop: New loop.
-            run: Number of the run.
-            predict: Whether the law knows its loop; as before by default.
-
-        Raises:
-            ArgumentError: If a part does not fit.
-            GainError: If no filter exists.
-        """
+    def of_run(self, run: int) -> AppliedLoop:
+        """Copy for the run of another number, which has noise of its own."""
         return apply_loop(
-            loop,
+            self.loop,
             self.controller,
             self.system,
             control_period=self.period,
             timestep=self.timestep,
-            predict=self.predicts if predict is None else predict,
+            predict=self.predicts,
             run=run,
             known=self.known,
         )

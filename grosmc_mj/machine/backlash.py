@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Flag, Name, checked
-from grosmc_mj.machine.bounces import IMPEDANCE, TEETH, solref, spring_and_damper
+from grosmc_mj.machine.bounces import TEETH, solref, spring_and_damper
 from grosmc_mj.machine.part import (
     ANGLE,
     DAMPING,
@@ -24,6 +24,7 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.physics.constraints import STIFFEST
 from grosmc_mj.physics.dry_friction import set_dry_friction
 from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.physics.edits import linear_polynomial, write_inertia
@@ -132,7 +133,7 @@ class Transmission(MachinePart):
             tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
             tendon.range = [-half, half]
             tendon.solref_limit = solref(*TEETH)
-            tendon.solimp_limit = IMPEDANCE
+            tendon.solimp_limit = STIFFEST
 
     def _take_off(self, spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> None:
         """Take the motor's inertia off the model's at the joint."""

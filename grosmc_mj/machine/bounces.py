@@ -7,8 +7,6 @@ from typing import Any
 
 # A damping ratio from which a bounce is none: 1 % of the speed comes back.
 _DEAD = 5.0
-# MuJoCo's largest impedance: a constraint moves as its spring and damper say.
-IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 # Restitution and duration [s] of teeth that do not give way.
 TEETH = (0.1, 4e-3)

@@ -10,8 +10,9 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.fields import Name, Range, Vector, checked
-from grosmc_mj.machine.bounces import IMPEDANCE, solref, spring_and_damper
+from grosmc_mj.machine.bounces import solref, spring_and_damper
 from grosmc_mj.machine.part import ANGLE, MachinePart, Oscillation, positive, signed
+from grosmc_mj.physics.constraints import STIFFEST
 from grosmc_mj.physics.edits import COLOUR
 from grosmc_mj.plants import System
 
@@ -57,7 +58,7 @@ class Stop(MachinePart):
         joint.range = [self.low, self.high]
         joint.margin = 0.0
         joint.solref_limit = solref(self.restitution, self.duration)
-        joint.solimp_limit = IMPEDANCE
+        joint.solimp_limit = STIFFEST
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
         """Motion during a bounce."""
@@ -142,7 +143,7 @@ class Wall(MachinePart):
 
         pair = spec.add_pair(geomname1=plane.name, geomname2=ball.name, condim=1)
         pair.solref = solref(self.restitution, self.duration)
-        pair.solimp = IMPEDANCE
+        pair.solimp = STIFFEST
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
         """Motion during a bounce."""

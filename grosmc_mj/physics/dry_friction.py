@@ -11,16 +11,19 @@ MuJoCo's defaults, d = 0.9 and T = 20 ms, that is 1 mm/s for each m/s^2 that u g
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
-# MuJoCo's largest impedance.
-_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+from grosmc_mj.physics.constraints import STIFFEST
+
 # MuJoCo takes two timesteps for any shorter time constant: a joint stops within two of them.
 _TIME_CONSTANT = 1e-9
 
-# Dry friction creeps if under half of it a joint moves by more in so many seconds [rad] or [m].
-_HELD_FOR = 10.0
+# Dry friction creeps if a joint under half of it moves by more than this [rad] or [m] ...
 _CREEP = 1e-3
+# ... in so many seconds.
+_HELD_FOR = 10.0
 
 
 def set_dry_friction(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, friction: float) -> None:
@@ -40,32 +43,32 @@ def set_dry_friction(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, friction: floa
     time_constant = _TIME_CONSTANT
     if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_REFSAFE:
         time_constant = 2 * spec.option.timestep
-    joint.solimp_friction = _IMPEDANCE
+    joint.solimp_friction = STIFFEST
     joint.solref_friction = (time_constant, 1.0)
 
 
 def creeping_joints(model: mujoco.MjModel) -> dict[str, float]:
-    """Return the joints whose dry friction creeps, with what they move under half of it.
+    """Return the joints whose dry friction creeps, with their motion under half of it.
 
     Args:
         model: Compiled model.
 
     Returns:
-        Way in 10 s [rad] or [m] by the names of joints.
+        Distance in 10 s [rad] or [m], by the names of the joints.
     """
     if model.opt.noslip_iterations:
         return {}
 
-    ways: dict[str, float] = {}
+    distances: dict[str, float] = {}
     for dof in range(model.nv):
         friction = float(model.dof_frictionloss[dof])
         if friction == 0:
             continue
-        way = _HELD_FOR * _creep_speed(model, dof, friction / 2)
-        if way > _CREEP:
+        distance = _HELD_FOR * _creep_speed(model, dof, friction / 2)
+        if distance > _CREEP:
             name = model.joint(int(model.dof_jntid[dof])).name
-            ways[name] = max(way, ways.get(name, 0.0))
-    return ways
+            distances[name] = max(distance, distances.get(name, 0.0))
+    return distances
 
 
 def _creep_speed(model: mujoco.MjModel, dof: int, force: float) -> float:
@@ -79,7 +82,8 @@ def _creep_speed(model: mujoco.MjModel, dof: int, force: float) -> float:
     else:
         # A negative solref gives stiffness and damping themselves.
         damping = -damping_ratio / largest
-    softness = (1 - least) / least * float(model.dof_invweight0[dof])
     if damping <= 0:
-        return float("inf")
+        return math.inf
+
+    softness = (1 - least) / least * float(model.dof_invweight0[dof])
     return float(softness * force / damping)

@@ -50,8 +50,8 @@ class Answer(Part):
         verdict: One of ``VERDICTS``.
         words: The answer.
         more: Next sentence, such as the requirement that is nearest to its limit.
-        notes: What the verdict does not say by itself, in a line each: loads that do nothing, or
-            that no input matches; requirements that cannot fail.
+        notes: Notes beside the verdict, a line each: ideals of the model, loads that do nothing or
+            that no input matches, requirements that cannot fail.
     """
 
     question: Text

@@ -228,16 +228,18 @@ def packed(
 
 
 def _refuse_fast(disturbance: Disturbance, timestep: float) -> None:
-    """Refuse a sine of fewer timesteps a period than are told from a slower one."""
+    """Refuse a sine with too few timesteps a period."""
     profile = disturbance.profile
-    if not isinstance(profile, SineFrom):
+    if not isinstance(profile, SineFrom) or profile.frequency == 0:
         return
-    longest = 2 * math.pi / (_STEPS_A_PERIOD * max(abs(profile.frequency), 1e-300))
+
+    frequency = abs(profile.frequency)
+    longest = 2 * math.pi / frequency / _STEPS_A_PERIOD
     if timestep > longest * (1 + 1e-9):
         raise ArgumentError(
-            f"sine of the disturbance on {disturbance.body!r}: {abs(profile.frequency):.4g} rad/s "
-            f"has fewer than {_STEPS_A_PERIOD} timesteps of {timestep:g} s a period: take a "
-            f"timestep of {longest:.3g} s or less"
+            f"sine of the disturbance on {disturbance.body!r}: {frequency:.4g} rad/s has fewer "
+            f"than {_STEPS_A_PERIOD} timesteps of {timestep:g} s a period: take a timestep of "
+            f"{longest:.3g} s or less"
         )
 
 

@@ -274,7 +274,7 @@ class _Worker:
         loop = problem.loops[number]
         meters = problem.meters[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
-        first = loop.ahead if loop else 0.0
+        first = problem.first_sample(number)
         if (controller, first) != self._begun:
             memory, self._workspace = controller.begin(first)
             self._begun = controller, first

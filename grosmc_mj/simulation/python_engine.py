@@ -54,8 +54,7 @@ class ClosedLoop:
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
-        first = self._loop.ahead if self._loop else 0.0
-        self.memory, self._workspace = self._controller.begin(first)
+        self.memory, self._workspace = self._controller.begin(problem.first_sample(number))
         self.meters = deepcopy(self._meters.start) if self._meters else None
         self.run = self._begun(number, record)
 

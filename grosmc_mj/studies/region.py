@@ -133,8 +133,7 @@ class RegionLoop:
     def of(cls, experiment: Experiment, controller: str) -> RegionLoop:
         """Return the loop of a named controller."""
         law = guarded(experiment.law("physics", controller), experiment.nominal.system)
-        predict = bool(experiment.file.law(controller).predict)
-        return cls(experiment, law, experiment.plant("physics"), predict)
+        return cls(experiment, law, experiment.plant("physics"), experiment.predicts(controller))
 
     @property
     def system(self) -> System:

@@ -291,6 +291,6 @@ def chosen_laws(
         require_known("law", name, valid)
         if name not in by_name:
             controller = experiment.law(experiment.nominal.truest, name)
-            predict = bool(experiment.file.law(name).predict)
+            predict = experiment.predicts(name)
             by_name[name] = StudiedLaw(name, controller, predict, base=name)
     return [by_name[name] for name in dict.fromkeys(names)]

@@ -290,7 +290,7 @@ def imperfections(
 
 
 def _with_exact_rates(bench: Loop, estimated: Loop) -> tuple[Sensor, ...]:
-    """Ideal sensors of what a bench measures and estimates."""
+    """Sensors of a loop, and exact ones of the states that a bench estimates."""
     measured = {sensor.of for sensor in estimated.sensors}
     exact: list[Sensor] = []
     for part in bench.estimators:

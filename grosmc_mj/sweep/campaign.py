@@ -300,15 +300,11 @@ class Campaign:
         sample = self.plant_sample(values)
         if owners is LOOP_PARTS and sample.case.loop is not None:
             for name, law in self.laws.items():
-                predict = self.predicts(name)
+                predict = self.experiment.predicts(name)
                 self.experiment.loop_around(law, sample.case.loop, predict=predict)
         if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
             plant: Any = sample.plant(self.plant)
             _ = plant.undrawn_model
-
-    def predicts(self, law: str) -> bool:
-        """Whether a law knows its loop."""
-        return bool(self.experiment.file.law(law).predict)
 
     @property
     def judged(self) -> list[str]:
@@ -356,14 +352,14 @@ class Campaign:
 
     @property
     def notes(self) -> list[str]:
-        """What its rates do not say by themselves, in a line each."""
+        """Notes beside the pass rates, a line each."""
         lines = list(self.not_judged)
         late = f"never acts: runs end at {self.duration:g} s, before it begins."
         lines += [f"{name} {late}" for name in self.idle]
         for limit in self.requirements:
             reasons = [why_unfailing(limit, self.laws[law], self._input_limits) for law in limit.of]
             lines += unfailing_line(limit, reasons)
-        lines += notes_on_plant(self.experiment)
+        lines += notes_on_plant(self.experiment, self.plant)
         return list(dict.fromkeys(lines))
 
     @property

@@ -211,7 +211,7 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> dict[str, Any]:
 
     pairs = campaign.pairs_as_run(plant.values)
     uncertain_loop = any(quantity.of_loop for quantity, *_ in pairs)
-    if uncertain_loop and any(map(campaign.predicts, campaign.laws)):
+    if uncertain_loop and any(map(campaign.experiment.predicts, campaign.laws)):
         tables.keep_known_loop()
     for quantity, value, _ in pairs:
         if quantity.owner == "disturbance":

@@ -242,7 +242,7 @@ def _loop_around(
         return None
     predict = row.predict
     if predict is None and isinstance(row.law, str):
-        predict = experiment.file.law(row.law).predict
+        predict = experiment.predicts(row.law)
     number = case.run if row.number is None else row.number
     return experiment.loop_around(law, case.loop, predict=bool(predict), run=number)
 

@@ -96,7 +96,7 @@ class Batch:
             case=self.samples[index].case,
             number=self.ids[index],
             plant=plant,
-            predict=self.campaign.predicts(controller),
+            predict=self.campaign.experiment.predicts(controller),
         )
 
     def run(

@@ -204,7 +204,7 @@ def test_list_prints_weights_and_gains_by_name(tmp_path, capsys) -> None:
     assert "lqr: Q: hip 16, hip rate 0, knee 81, knee rate 0; R: hip 1, knee 1; K of hip:" in words
 
 
-# What the plant and the loop leave out
+# Notes on the plant and the loop
 
 ENCODER = '[[sensor]]\nof = "rotor angle"\nresolution = "1 mrad"\n'
 EXACT = '[[sensor]]\nof = "rotor speed"\nexact = true\n'

@@ -102,13 +102,11 @@ class IdentifyCommand(_OfLog):
             advance("fitted")
 
         rows = quality(errors, held_out, plant.system)
-        notes = [f"{parameter.words}." for parameter in best.unseen]
-        unit_or_sign = slip(best, fitted, plant, **steps)
-        if unit_or_sign:
-            notes.insert(0, unit_or_sign)
-        document = identification(best, rows, log.name, self.horizon, self.hold_out, notes)
+        doubts = list(filter(None, [slip(best, fitted, plant, **steps)]))
+        document = identification(best, rows, log.name, self.horizon, self.hold_out, doubts)
         path = self._path("identification", experiment)
-        screen.say_result(document, path, notes, full=self.verbose, brief=2)
+        unseen = [f"{parameter.words}." for parameter in best.unseen]
+        screen.say_result(document, path, [*doubts, *unseen], full=self.verbose, brief=2)
 
         figure = path.with_suffix(".png")
         draw_residuals(errors, held_out, plant.system, figure)

@@ -48,7 +48,7 @@ class RunAnswer:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What the verdict does not say by itself, in a line each."""
+        """Notes beside the verdict, a line each."""
         return self.content["answers"][0]["notes"]
 
     @property

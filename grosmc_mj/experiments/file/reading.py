@@ -13,7 +13,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -38,10 +38,11 @@ _TYPES = {
     "model_attributes_type": "a table",
 }
 # Beginning of pydantic's sentences about bounds.
-# Line of an error of TOML, and a number with a unit that begins a value without quotes.
-_LINE = re.compile(r"\(at line (\d+), ")
-_BARE_QUANTITY = re.compile(r"=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-z%][\w^*/% ]*)")
 _SHOULD = "Input should be "
+# Number of the line in an error of TOML.
+_LINE = re.compile(r"\(at line (\d+), ")
+# A number with a unit as the value of a key, without quotes.
+_BARE_QUANTITY = re.compile(r"=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-z%][\w^*/% ]*)")
 
 
 def read_case_file(path: Path) -> CaseFile:
@@ -337,11 +338,14 @@ def _line(mistake: Any) -> str:
 def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:
     """Return the words on a missing key: how a table is written, or which keys there may be."""
     field = CaseFile.model_fields.get(key)
-    table = _model_in(field.annotation) if field is not None and len(loc) == 1 else None
-    if table is None:
+    table = None
+    if len(loc) == 1 and field is not None:
+        table = _model_in(field.annotation)
+    if field is None or table is None:
         return f"{key} is missing; it may have the keys {', '.join(keys)}"
+
     header = f"[{key}]"
-    if "list" in str(getattr(field, "annotation", "")):
+    if get_origin(field.annotation) is list:
         header = f"[[{key}]]"
     return f"there is no {header}: it has the keys {', '.join(table.model_fields)}"
 

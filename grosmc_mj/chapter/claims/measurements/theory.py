@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.balance import balances
-from grosmc_mj.chapter.claims.claim import WORDS, Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import (
     from_optimum,
@@ -43,7 +43,6 @@ _KICK = 0.02
 _SHARES = (0.1, 0.25, 0.5)
 _SIGNS = (-1.0, 1.0)
 # Rounding of the plant's accelerations, up to which an inequality counts as met [unit of s/s].
-_ROUNDING = WORDS["rounding"]["threshold"]
 # Rate by which |s| of the arm must fall, without d(t) [rad/s^2]; the chapter declares nothing.
 _ARM_RATE = 1.0
 # A constant that no input matches [rad/s].
@@ -149,7 +148,7 @@ def _slowest_approach(
     random = np.random.default_rng(1)
 
     worst = -np.inf
-    own = 0.0
+    eta_of_law = 0.0
     for index in range(_PLANTS):
         mass = random.uniform(*family.mass)
         length = random.uniform(*family.length)
@@ -157,7 +156,7 @@ def _slowest_approach(
             mass, length = corners[index]
         case = perturbed(system, "reaching", 1.0, mass, length)
         law = lab.controller(case, plant, "grosmc")
-        own = law.parameters.eta
+        eta_of_law = law.parameters.eta
 
         places = []
         for _ in range(_STATES):
@@ -170,7 +169,8 @@ def _slowest_approach(
     note = f"{_PLANTS} plants x {_STATES} states"
     if rate is not None:
         return Measured(worst + rate, note)
-    note += f"; η = {family.rate:.3g}, the other {own - family.rate:.3g} of the law's counted in γ0"
+    rest = eta_of_law - family.rate
+    note += f"; η = {family.rate:.3g}, the other {rest:.3g} of the law's counted in γ0"
     return Measured(worst + family.rate, note)
 
 
