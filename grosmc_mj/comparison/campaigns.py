@@ -44,12 +44,17 @@ class CampaignRows:
             ended early has a margin of -inf.
         plants: Uncertain numbers of each plant, (n, k), by law.
         basis: The sample.
+        uncertain: Names of the uncertain numbers, k.
+        repeats_on: Machine and versions on which its runs repeat to the bit; None if they draw
+            random numbers, or the machine is unknown.
     """
 
     name: str
     rows: Mapping[str, Mapping[str, Array]]
     plants: Mapping[str, Array]
     basis: SampledRuns
+    uncertain: tuple[str, ...] = ()
+    repeats_on: Mapping[str, str] | None = None
 
     @property
     def margins(self) -> Mapping[str, tuple[str, str]]:
@@ -85,12 +90,15 @@ def campaign_rows(folder: Path) -> CampaignRows:
     """
     manifest = read_manifest(folder)
     try:
-        return _read_rows(folder, manifest["configuration"])
+        return _read_rows(folder, manifest)
     except (OSError, KeyError, TypeError, ValueError, ArithmeticError, pa.ArrowException) as error:
         raise ArgumentError(f"{folder} cannot be read: {one_line(str(error))[:160]}") from None
 
 
-def _read_rows(folder: Path, configuration: Mapping[str, Any]) -> CampaignRows:
+def _read_rows(folder: Path, manifest: Mapping[str, Any]) -> CampaignRows:
+    configuration = manifest["configuration"]
+    uncertain = tuple(configuration["uncertain"])
+
     # pyarrow refuses a folder without parts.
     parts = [pq.read_table(file) for file in (folder / "parts").glob("*.parquet")]
     table = pa.concat_tables(parts).sort_by("id")
@@ -102,7 +110,7 @@ def _read_rows(folder: Path, configuration: Mapping[str, Any]) -> CampaignRows:
         runs = table.filter(pc.field("controller") == law)
         columns = ("id", _LEAST_MARGIN, *margins)
         rows[law] = {name: np.asarray(runs[name], float) for name in columns}
-        plants[law] = np.array([runs[name] for name in configuration["uncertain"]], float).T
+        plants[law] = np.array([runs[name] for name in uncertain], float).T
 
     basis = SampledRuns(
         runs=len(table) // len(rows),
@@ -110,7 +118,15 @@ def _read_rows(folder: Path, configuration: Mapping[str, Any]) -> CampaignRows:
         sampler=str(configuration["sampler"]),
         seed=int(configuration["seed"]),
     )
-    return CampaignRows(folder.name, rows, plants, basis)
+    return CampaignRows(folder.name, rows, plants, basis, uncertain, _repeats_on(manifest))
+
+
+def _repeats_on(manifest: Mapping[str, Any]) -> Mapping[str, str] | None:
+    """Return machine and versions on which runs repeat; a manifest of old names no machine."""
+    machine = manifest.get("machine")
+    if machine is None or manifest["random"]:
+        return None
+    return {"machine": machine, **manifest["versions"]}
 
 
 class LawRuns(NamedTuple):
@@ -121,8 +137,7 @@ class LawRuns(NamedTuple):
         after: Columns of the new campaign, (m,) each.
         same_plants: Whether row i is the same plant on both sides.
         comparable: Whether the runs allow an interval: the plants are the same ones, or random.
-        repeated: Whether row i is the same run too, with the same random numbers: a difference is
-            then no chance.
+        repeated: Whether an unchanged run would repeat to the bit: a difference is then no chance.
     """
 
     before: Mapping[str, Array]
@@ -133,7 +148,7 @@ class LawRuns(NamedTuple):
 
 
 class ChangedVerdicts(NamedTuple):
-    """Runs whose verdict differs between two campaigns that made the same runs.
+    """Runs whose verdict differs between two campaigns whose runs repeat to the bit.
 
     Attributes:
         lost: Numbers of the plants that newly fail.
@@ -177,7 +192,7 @@ class ComparedNumber(NamedTuple):
         before: Value in the old campaign; None if no run has one.
         after: Value in the new campaign; None if no run has one.
         interval: Interval of the change; None if the runs allow none.
-        verdicts: Changed verdicts of a pass rate of the same runs; None for other numbers.
+        verdicts: Changed verdicts of a pass rate where runs repeat; None for other numbers.
     """
 
     name: str
@@ -242,12 +257,10 @@ def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
     before = old.rows[law]
     after = new.rows[law]
     shared, in_old, in_new = np.intersect1d(before["id"], after["id"], return_indices=True)
-    old_plants = old.plants[law][in_old]
-    new_plants = new.plants[law][in_new]
     same = (
         len(shared) > 0
-        and old_plants.shape == new_plants.shape
-        and np.allclose(old_plants, new_plants, rtol=1e-9)
+        and old.uncertain == new.uncertain
+        and np.array_equal(old.plants[law][in_old], new.plants[law][in_new])
     )
     if not same:
         random = old.basis.independent and new.basis.independent
@@ -258,7 +271,7 @@ def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
         {name: values[in_new] for name, values in after.items()},
         same_plants=True,
         comparable=True,
-        repeated=old.basis.seed == new.basis.seed,
+        repeated=old.repeats_on is not None and old.repeats_on == new.repeats_on,
     )
 
 

@@ -20,6 +20,8 @@ from grosmc_mj.plants import System
 LARGEST_SEED = 2**53
 
 Part = Computing | Sensor | Estimator | Actuator
+# Numbers of parts by which runs draw random numbers.
+RANDOM = ("noise", "jitter", "missed")
 # Kinds of parts of which a loop may have several, in ``sensors`` and so on.
 _LISTS = ("sensor", "estimator", "actuator")
 
@@ -55,9 +57,7 @@ class Loop:
     @property
     def random(self) -> bool:
         """Whether anything in it is drawn at random."""
-        if self.computing.jitter or self.computing.missed:
-            return True
-        return any(sensor.noise for sensor in self.sensors)
+        return any(getattr(part, name, 0.0) for _, part in self.parts for name in RANDOM)
 
     @property
     def not_known_exactly(self) -> set[str]:

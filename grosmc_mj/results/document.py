@@ -44,10 +44,15 @@ def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, 
         "schema_version": schema_version,
         "versions": versions(),
         "git_revision": git_revision(),
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "machine": machine_words(),
         "command": _COMMAND.get(),
         "seed": seed,
     }
+
+
+def machine_words() -> str:
+    """Return system, processor and number of cores of this machine."""
+    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
 
 
 # It starts a process.

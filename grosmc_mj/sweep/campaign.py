@@ -34,6 +34,7 @@ from grosmc_mj.experiments.requirements import (
 )
 from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.fields import Range, checked
+from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import Disturbance
@@ -335,6 +336,21 @@ class Campaign:
         except GrosmcError:
             return False
         return True
+
+    @property
+    def target(self) -> str:
+        """SYSTEM/NAME."""
+        return f"{self.experiment.case.system}/{self.specification.name}"
+
+    @property
+    def random(self) -> bool:
+        """Whether runs draw random numbers: noise, jitter or missed samples of their loop."""
+        loop = self.experiment.case.loop
+        if loop is not None and loop.random:
+            return True
+        return any(
+            number.of_loop and number.quantity in RANDOM for number in self.family.quantities
+        )
 
     @property
     def duration(self) -> float:

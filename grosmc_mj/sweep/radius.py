@@ -285,7 +285,7 @@ def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str,
     sentences: list[str] = []
     for search in searches:
         name = f"{search.controller}: no failure up to"
-        values.append(Value(name=name, value=search.found, better=1))
+        values.append(Value(name=f"{campaign.target} {name}", value=search.found, better=1))
         sentences.append(f"{name} {search.found:.3g}")
 
     answer = Answer(

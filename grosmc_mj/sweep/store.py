@@ -27,7 +27,7 @@ from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.files import atomic_write, cannot_write
-from grosmc_mj.results.document import git_revision, write_json
+from grosmc_mj.results.document import git_revision, machine_words, write_json
 from grosmc_mj.results.result import result
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.family import SCREENING
@@ -75,6 +75,8 @@ def manifest_of(campaign: Campaign) -> dict[str, Any]:
         **content,
         "question": campaign.specification.document(),
         "git_revision": git_revision(),
+        "machine": machine_words(),
+        "random": campaign.random,
     }
 
 

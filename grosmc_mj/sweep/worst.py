@@ -292,15 +292,15 @@ def worst_document(campaign: Campaign, searches: Sequence[WorstPlant]) -> dict[s
         "worst",
         answers=[answer],
         sheets=[ReportTable(table=worst_table(campaign, searches))],
-        values=[_least_margin(plant) for plant in searches],
+        values=[_least_margin(campaign.target, plant) for plant in searches],
         says=NO_PROOF,
         controllers={plant.controller: _content(campaign, plant) for plant in searches},
     )
 
 
-def _least_margin(plant: WorstPlant) -> Value:
+def _least_margin(target: str, plant: WorstPlant) -> Value:
     """The margin by which two results are compared."""
-    name = f"{plant.controller}: least margin"
+    name = f"{target} {plant.controller}: least margin"
     return Value(name=name, value=finite(plant.relative), better=1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from campaign_cases import campaign, kept, pair
 from commands import Screen, assert_one_line, run
 from page_documents import valued
 from scipy import stats
 
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
-from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes
+from grosmc_mj.comparison.campaigns import CampaignRows, campaign_changes, campaign_rows
 from grosmc_mj.comparison.changes import Change, Effect
 from grosmc_mj.comparison.comparison import compare
 from grosmc_mj.comparison.intervals import (
@@ -29,6 +31,8 @@ from grosmc_mj.comparison.intervals import (
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.results.result import Value
 from grosmc_mj.sweep.findings import SampledRuns
+from grosmc_mj.sweep.promise import Promise
+from grosmc_mj.sweep.radius import Radius, ScaleTrial, radius_document
 
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
 RUNS = 400
@@ -253,7 +257,7 @@ def rows(
     ids = np.arange(len(margins), dtype=float)
     columns = {"id": ids, "relative": margins, "margin settles_within": margins}
     basis = SampledRuns(len(margins), len(margins), sampler, seed)
-    return CampaignRows("servo", {"grosmc": columns}, {"grosmc": plants}, basis)
+    return CampaignRows("servo", {"grosmc": columns}, {"grosmc": plants}, basis, ("mass",))
 
 
 def changes_of(old: CampaignRows, new: CampaignRows) -> dict[str, Change]:
@@ -399,36 +403,87 @@ def verdicts(failing: list[int]) -> Array:
     return margins
 
 
-# Kind of pair: which runs failed before and after, same plants, same random numbers; and the effect
-# on the pass rate with a part of its note.
-DECISIONS = {
-    "the same runs, one newly fails": ([1], [1, 7], True, True, WORSE, "failing of 400 plants: 7;"),
-    "the same runs, one for another": ([1], [7], True, True, WORSE, "plants: 7; newly kept: 1"),
-    "the same runs, one newly kept": ([1, 7], [7], True, True, BETTER, "none; newly kept: 1"),
-    "same plants, other noise, one fails": ([1], [1, 7], True, False, NOISE, "1 of 400 plants lo"),
-    "same plants, other noise, many fail": ([], range(20), True, False, WORSE, "20 of 400 plants"),
-    "other plants, some fail": ([], range(8), False, False, NOISE, "400 of 400 plants before"),
-    "other plants, many fail": ([], range(60), False, False, WORSE, "340 of 400 after"),
+HERE = {"machine": "here", **VERSIONS}
+# Other plants, of which each differs by half a millionth of a millionth.
+NEXT_PLANTS = PLANTS * (1 + 5e-13)
+
+# Kind of pair: which runs failed before and after, how the new campaign differs from the old one;
+# and the effect on the pass rate with a part of its note.
+DECISIONS: dict[str, tuple[list[int], list[int], dict[str, Any], Effect, str]] = {
+    "the same runs, one newly fails": ([1], [1, 7], {}, WORSE, "failing of 400 plants: 7;"),
+    "the same runs, one for another": ([1], [7], {}, WORSE, "plants: 7; newly kept: 1"),
+    "the same runs, one newly kept": ([1, 7], [7], {}, BETTER, "none; newly kept: 1"),
+    "another machine, one fails": (
+        [1],
+        [1, 7],
+        {"repeats_on": HERE | {"machine": "there"}},
+        NOISE,
+        "1 of 400 plants lost, 0 won",
+    ),
+    "another version, one fails": (
+        [1],
+        [1, 7],
+        {"repeats_on": HERE | {"mujoco": "3.18.0"}},
+        NOISE,
+        "1 of 400 plants lost, 0 won",
+    ),
+    "random runs, one fails": ([1], [1, 7], {"repeats_on": None}, NOISE, "1 of 400 plants lost"),
+    "random runs, many fail": ([], [*range(20)], {"repeats_on": None}, WORSE, "20 of 400 plants"),
+    "other plants, some fail": (
+        [],
+        [*range(8)],
+        {"plants": {"grosmc": NEXT_PLANTS}},
+        NOISE,
+        "400 of 400 plants before",
+    ),
+    "other plants, many fail": (
+        [],
+        [*range(60)],
+        {"plants": {"grosmc": NEXT_PLANTS}},
+        WORSE,
+        "340 of 400 after",
+    ),
+    "the same numbers of something else": (
+        [],
+        [*range(8)],
+        {"uncertain": ("damping",)},
+        NOISE,
+        "400 of 400 plants before",
+    ),
 }
 
 
 @pytest.mark.parametrize("pair", DECISIONS)
 def test_which_pairs_of_campaigns_got_worse(pair: str) -> None:
-    failed, fails, same_plants, same_seed, effect, note = DECISIONS[pair]
-    plants = PLANTS if same_plants else -(PLANTS**3)
-    old = rows(verdicts(list(failed)), seed=1)
-    new = rows(verdicts(list(fails)), plants, seed=1 if same_seed else 2)
-    changes = [
+    failed, fails, differs, effect, note = DECISIONS[pair]
+    old = replace(rows(verdicts(failed)), repeats_on=HERE)
+    new = replace(rows(verdicts(fails)), **{"repeats_on": HERE, **differs})
+    rates = [
         change for change in campaign_changes(old, new)[0] if change.name.endswith("pass rate")
     ]
-    for change in changes:
-        assert change.effect is effect
+    assert [change.effect for change in rates] == [effect] * 2
+    for change in rates:
         assert note in change.note
-    assert len(changes) == 2
 
 
-def test_the_same_runs_without_a_change_are_no_change() -> None:
-    assert campaign_changes(rows(verdicts([3])), rows(verdicts([3])))[0] == []
+def test_two_random_campaigns_do_not_repeat_each_other() -> None:
+    """Neither names what it would repeat on."""
+    changes, _ = campaign_changes(rows(verdicts([1])), rows(verdicts([1, 7])))
+    assert {change.effect for change in changes} == {NOISE}
+
+
+@pytest.mark.parametrize("repeats_on", [None, HERE])
+def test_the_same_runs_without_a_change_are_no_change(repeats_on: dict[str, str] | None) -> None:
+    campaign = replace(rows(verdicts([3])), repeats_on=repeats_on)
+    assert campaign_changes(campaign, campaign)[0] == []
+
+
+def test_numbers_of_at_most_twenty_newly_failing_plants_are_listed() -> None:
+    old = replace(rows(verdicts([])), repeats_on=HERE)
+    new = replace(rows(verdicts([*range(3, 24)])), repeats_on=HERE)
+    note = changes_of(old, new)["least margin, pass rate"].note
+    listed = ", ".join(str(plant) for plant in range(3, 23))
+    assert note == f"newly failing of 400 plants: {listed}, ...; newly kept: 0"
 
 
 # Most plants gain a little and some lose much: the median rises, the mean falls.
@@ -466,6 +521,48 @@ def test_the_first_runs_of_a_longer_campaign_are_on_the_same_plants() -> None:
     change = changes_of(short, rows(margins - 0.01, plants))["least margin, mean margin"]
     assert change.after == pytest.approx(margins[:RUNS].mean() - 0.01)
     assert change.effect is WORSE
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight servos under two laws, of which nothing is random."""
+    return kept(campaign(pair()), tmp_path_factory.mktemp("servos") / "servos").path
+
+
+@pytest.mark.parametrize(
+    ("changed", "repeats"),
+    [
+        ({}, True),
+        ({"machine": "there"}, False),
+        ({"machine": None}, False),
+        ({"random": True}, False),
+    ],
+)
+def test_a_manifest_says_whether_its_runs_repeat(
+    changed: dict[str, Any], repeats: bool, folder: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    manifest = json.loads((copy / "manifest.json").read_text(encoding="utf-8"))
+    (copy / "manifest.json").write_text(json.dumps(manifest | changed), encoding="utf-8")
+    here = campaign_rows(folder).repeats_on
+    there = campaign_rows(copy).repeats_on
+    assert here is not None
+    assert (here == there) is repeats
+
+
+def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
+    """As are their radii: each value begins with the campaign."""
+    names = set()
+    for name in ("light", "heavy"):
+        declared = campaign(pair(), name=name)
+        trials = (ScaleTrial(0.5, 0.1, 0, np.ones(2)),)
+        radius = Radius("lqr", 8, trials, Promise(None, "", None), 1.0)
+        document = radius_document(declared, [radius])
+        names |= {value["name"] for value in document["values"]}
+    assert names == {
+        "servo/light lqr: no failure up to",
+        "servo/heavy lqr: no failure up to",
+    }
 
 
 # Intervals.

@@ -13,7 +13,21 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import begun, bits, campaign, forged, kept, pair, refusal, replaced
+from campaign_cases import (
+    INERTIA,
+    LOOP,
+    LQR,
+    begun,
+    bits,
+    campaign,
+    forged,
+    kept,
+    of,
+    pair,
+    refusal,
+    replaced,
+    standing,
+)
 from commands import Patch
 
 from grosmc_mj.executors import make_executor
@@ -71,6 +85,26 @@ def notes(part: pa.Table) -> dict[str, Any]:
 def test_notes_of_a_part_do_not_tell_its_origin(notes: dict[str, Any]) -> None:
     """Neither the time nor the machine."""
     assert set(notes) == {"schema_version", "campaign", "part", "first", "count", "sha256"}
+
+
+NOISELESS = LOOP.replace('noise = "0.1 mrad"\n', "").replace("missed = 0.05\n", "")
+SOME_NOISE = of("sensor", "rotor angle", 'noise = ["0 mrad", "0.3 mrad"]')
+
+
+@pytest.mark.parametrize(
+    ("tables", "loop", "random"),
+    [
+        (INERTIA, LQR, False),
+        (INERTIA, NOISELESS, False),
+        (INERTIA, LOOP, True),
+        (SOME_NOISE, NOISELESS, True),
+    ],
+)
+def test_a_manifest_tells_whether_runs_draw_random_numbers(
+    tables: str, loop: str, random: bool
+) -> None:
+    manifest = manifest_of(campaign(standing(tables, loop)))
+    assert manifest["random"] is random
 
 
 def test_notes_of_a_part_number_its_runs(notes: dict[str, Any]) -> None:
