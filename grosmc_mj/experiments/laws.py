@@ -29,8 +29,9 @@ from grosmc_mj.control.design import (
 from grosmc_mj.control.from_control import from_control, is_linear_system
 from grosmc_mj.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.control.rivals.adaptive import adaptive
-from grosmc_mj.control.rivals.integral import lqi, pid
+from grosmc_mj.control.rivals.integral import fl_pid, lqi
 from grosmc_mj.control.rivals.observer import adrc
+from grosmc_mj.control.rivals.pid import pid
 from grosmc_mj.control.task import NoNumbers, Task, state_task
 from grosmc_mj.errors import (
     ArgumentError,
@@ -62,12 +63,13 @@ GENERAL: Laws = {
     "grosmc": tracking_grosmc,
     "linear-grosmc": linear_grosmc,
     "regulating-grosmc": regulating_grosmc,
-    "lqi": lqi,
     "pid": pid,
+    "lqi": lqi,
+    "fl-pid": fl_pid,
     "adrc": adrc,
     "adaptive": adaptive,
     "linear-lqi": partial(lqi, linearizing=False),
-    "linear-pid": partial(pid, linearizing=False),
+    "linear-pid": partial(fl_pid, linearizing=False),
     "linear-adrc": partial(adrc, linearizing=False),
     "linear-adaptive": partial(adaptive, linearizing=False),
 }
@@ -75,14 +77,15 @@ COMPUTED_TORQUE: Laws = {
     "lqr": partial(linearized_lqr, name="lqr"),
     "pd": computed_torque_pd,
     "grosmc": tracking_grosmc,
-    "lqi": lqi,
     "pid": pid,
+    "lqi": lqi,
+    "fl-pid": fl_pid,
     "adrc": adrc,
 }
 # Laws on the linearization about an operating point.
 AT_REST: Laws = {"lqr": linear_lqr, "linear-grosmc": state_grosmc}
 # All laws for a model in MuJoCo with fewer actuators than joints.
-UNDERACTUATED: Laws = {"lqr": linear_lqr, "grosmc": state_grosmc}
+UNDERACTUATED: Laws = {"lqr": linear_lqr, "grosmc": state_grosmc, "pid": pid}
 # Laws of one system, with weights of their own, from its nominal plant and its linear model.
 FURTHER: Mapping[str, Mapping[str, Callable[[AnalyticPlant, Any], Controller]]] = {
     "cart_pendulum": {
@@ -97,6 +100,8 @@ OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip"
 _WEIGHTS = ("Q", "R")
 # Arguments of a law that the package sets itself.
 _NO_NUMBERS = ("name", "linearizing")
+# Numbers that may be lists: all others are one number.
+_MAY_BE_LISTS = {"G", "uncertainty", "kp", "ki", "kd", "controls"}
 
 
 @dataclass(frozen=True)
@@ -165,6 +170,11 @@ def _packaged_controller(request: _Request) -> Controller:
         raise ArgumentError(unknown_name("law", table.law, valid))
     maker = laws[table.law]
     of_states = nominal.at is not None and maker in (linear_lqr, state_grosmc)
+    # A PID holds the operating point, where it knows the input, unless it shall follow outputs.
+    follows = request.file.task.reference is not None or not request.file.task.outputs.own
+    fully_actuated = nominal.robot is not None and not nominal.robot.underactuated
+    if maker is pid and nominal.at is not None and not follows and not fully_actuated:
+        of_states = True
     task = _state_task(request) if of_states else _task(request, maker)
     names = task.error.names
     return maker(task, **_arguments(table, maker, names, of_states=of_states))
@@ -220,7 +230,7 @@ def _arguments(
         raise ArgumentError(f"{table.law} needs {' and '.join(missing)}")
 
     for name, value in numbers.items():
-        if name not in {"G", "uncertainty"} and isinstance(value, list):
+        if name not in _MAY_BE_LISTS and isinstance(value, list):
             raise ArgumentError(f"{name} = {value_text(value)} must be a number")
     return {
         name: law_number(name, value, names, of_states=of_states) for name, value in numbers.items()

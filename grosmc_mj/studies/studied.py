@@ -18,7 +18,7 @@ from grosmc_mj.loop import Loop
 
 UNDER_LOAD = "under load"
 # Laws that GROSMC is compared with; studied on request.
-_RIVALS = ("lqi", "pid", "adrc", "adaptive")
+_RIVALS = ("lqi", "fl-pid", "adrc", "adaptive")
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")
 # Switching laws, each with its surface.

@@ -150,7 +150,7 @@ def listed(output: str) -> dict[str, str]:
         ("servo", "inputs", "current [A]"),
         ("servo", "bodies", "rotor"),
         ("servo", "joints", "shaft [rad] about -y"),
-        ("servo", "laws", "lqr, fl-lqr, grosmc, lqi, pid, adrc, adaptive"),
+        ("servo", "laws", "lqr, fl-lqr, grosmc, lqi, fl-pid, adrc, adaptive"),
         ("servo", "rotor", "mass 2.885 kg; principal inertia 0.029066, 0.0577, 0.029066 kg m^2"),
         ("servo", "equations", "J 0.0577 kg m^2; B 0.0088 N m s/rad; Kt 0.667 N m/A"),
         ("maglev", "states", "gap [m], rate [m/s], current [A]"),

@@ -34,7 +34,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 PERIOD = 1e-3
 # The optimal law that each GROSMC makes robust, and what else is designed for it.
 OPTIMAL = {"servo": "lqr", "cart_pendulum": "fl-lqr", "arm": "lqr", REGULATION: "lqr"}
-RIVALS = ("lqi", "pid", "adrc", "adaptive")
+RIVALS = ("lqi", "fl-pid", "adrc", "adaptive")
 each_design = pytest.mark.parametrize("design", OPTIMAL)
 
 # Two ways to one acceleration differ by the rounding of its terms, which reach 1e3 at the states
@@ -246,7 +246,7 @@ class RunsInBothEngines(NamedTuple):
 
 @cache
 def runs_in_both_engines(design: str, law: str) -> RunsInBothEngines:
-    period = 5 * PERIOD if law in ("pid", "implicit") else PERIOD
+    period = 5 * PERIOD if law in ("fl-pid", "implicit") else PERIOD
     plant: Any = nominal(design) if design == "servo" else MujocoPlant.load(design.split()[0])
     if law in SWITCHINGS:
         realization = Realization(find_switching(law), period)

@@ -17,7 +17,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.rivals.adaptive import adaptive
-from grosmc_mj.control.rivals.integral import lqi, pid
+from grosmc_mj.control.rivals.integral import fl_pid, lqi
 from grosmc_mj.control.rivals.observer import adrc, observer
 from grosmc_mj.control.task import Task
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -50,7 +50,7 @@ def lqr_of(task: Task, *, linearizing: bool) -> Controller:
 LAWS: dict[str, Callable[..., Controller]] = {
     "lqr": lqr_of,
     "lqi": partial(lqi, integral_weight=WEIGHT),
-    "pid": partial(pid, frequency=FREQUENCY),
+    "fl-pid": partial(fl_pid, frequency=FREQUENCY),
     "adrc": partial(adrc, bandwidth=BANDWIDTH),
     "adaptive": partial(adaptive, frequency=2.0, adaptation=1.0),
 }
@@ -109,7 +109,7 @@ def test_lqr_keeps_the_error_of_a_constant_load() -> None:
     assert error_at_rest("lqr")[0] == pytest.approx(expected, rel=1e-8)
 
 
-@pytest.mark.parametrize("name", ["lqi", "pid", "adrc"])
+@pytest.mark.parametrize("name", ["lqi", "fl-pid", "adrc"])
 def test_integrals_reject_a_constant_load(name: str) -> None:
     """The observer of adrc, too."""
     assert np.abs(error_at_rest(name)).max() < 1e-8
@@ -142,7 +142,7 @@ def augmented(law: Controller) -> tuple[Array, Array]:
 @each_design
 def test_pid_has_all_poles_at_its_frequency(design: str) -> None:
     """A triple pole splits by eps^(1/3)."""
-    closed, _ = augmented(controller(design, "pid"))
+    closed, _ = augmented(controller(design, "fl-pid"))
     np.testing.assert_allclose(np.linalg.eigvals(closed), -FREQUENCY, atol=3e-4)
 
 
@@ -220,14 +220,14 @@ def one_sample(make: Any, number: float, limit: float) -> tuple[float, Array, An
     return u, memory.q, law.parameters.dynamics
 
 
-@pytest.mark.parametrize("make", [lqi, pid])
+@pytest.mark.parametrize("make", [lqi, fl_pid])
 def test_integrals_hold_while_an_input_is_cut(make: Any) -> None:
     u, q, _ = one_sample(make, 2.0, LIMIT)
     assert u > LIMIT
     assert q.tolist() == [0.0]
 
 
-@pytest.mark.parametrize("make", [lqi, pid])
+@pytest.mark.parametrize("make", [lqi, fl_pid])
 def test_integrals_go_on_without_a_limit(make: Any) -> None:
     _, q, _ = one_sample(make, 2.0, math.inf)
     assert q[0] == pytest.approx(6 * PERIOD, rel=1e-3)

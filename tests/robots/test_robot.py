@@ -552,6 +552,6 @@ def test_a_robot_has_no_equations_in_symbols(call: Any) -> None:
 
 
 def test_the_adaptive_law_needs_torques_in_symbols() -> None:
-    words = "two_link_arm has no torques Y theta in symbols.*: take lqi, pid or adrc"
+    words = "two_link_arm has no torques Y theta in symbols.*: take lqi, fl-pid or adrc"
     with pytest.raises(PremiseError, match=words):
         adaptive(two_link_task(), 1.0, 1.0)

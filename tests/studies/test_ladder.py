@@ -241,7 +241,7 @@ WAY = [row(name, share) for name, share in zip(RUNGS, SHARES, strict=True)]
 def made_up(*names: str) -> study.Ladder:
     """A ladder of these rungs; those of ``RUNGS`` by default."""
     own = tuple(Rung(name, "physics") for name in names or RUNGS)
-    return replace(ladder("servo", ["lqr", "pid"]), climbing=own)
+    return replace(ladder("servo", ["lqr", "fl-pid"]), climbing=own)
 
 
 FOUR_LAWS = [
@@ -290,7 +290,7 @@ def test_a_run_that_cannot_be_says_why() -> None:
 def test_rivals_climb_on_request() -> None:
     names = {law.name for law in ladder("servo").laws}
     assert {"lqr", "pv", "implicit, predicted"} <= names
-    assert names.isdisjoint({"lqi", "pid", "adrc", "adaptive, quick"})
+    assert names.isdisjoint({"lqi", "fl-pid", "adrc", "adaptive, quick"})
     assert len(ladder("servo", rivals=True).laws) == 19
 
 
@@ -323,7 +323,7 @@ def test_a_claim_falls_on_the_first_rung_that_breaks_it() -> None:
         row("physics", 0.5, claims={"quick": 0.2, "same": 1.0, "well": 0.1}),
         row("delay", 0.5, claims={"quick": 1.01, "same": 0.9}),
         row("friction", 0.5, claims={"quick": 2.0, "same": math.inf}),
-        row("physics", 0.5, "pid"),
+        row("physics", 0.5, "fl-pid"),
     ]
     table = study.claims_table(made_up(), rows, "nominal")
     assert table is not None
@@ -356,16 +356,16 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
 
 TWO_CONDITIONS = [
     row("physics", 0.5, deviation=0.0123, claims={"quick": 0.5}),
-    row("physics", 0.5, "pid"),
+    row("physics", 0.5, "fl-pid"),
     row("physics", 3.25, condition="case1"),
-    row("physics", 3.25, "pid", condition="case1"),
+    row("physics", 3.25, "fl-pid", condition="case1"),
 ]
 
 
 @cache
 def loaded_ladder() -> study.Ladder:
     """A ladder of one rung, nominally and under load."""
-    loaded = ladder("servo", ["lqr", "pid"], loaded=True)
+    loaded = ladder("servo", ["lqr", "fl-pid"], loaded=True)
     rung = Rung("physics", "physics", assumed=("computing: jitter",))
     return replace(
         loaded,
@@ -401,7 +401,7 @@ def test_the_document_has_every_row() -> None:
 @pytest.mark.parametrize(
     ("title", "rows"),
     [
-        ("Rungs added one by one:", ["| lqr | 0.5 |", "| pid | 0.5 |"]),
+        ("Rungs added one by one:", ["| lqr | 0.5 |", "| fl-pid | 0.5 |"]),
         (
             "Largest distance from the nominal optimum [mrad], of the laws that follow it:",
             ["| lqr | 12.3 |"],
@@ -417,7 +417,7 @@ def test_the_page_has_a_table_of_the_nominal_climb(title: str, rows: list[str]) 
 def test_the_page_has_the_machine_under_each_condition() -> None:
     load = loaded_ladder().conditions[1].title
     title = f"The complete machine, nominally and under load (case1: {load}):"
-    assert table_under(title) == ["| lqr | 0.5 | 3.25x |", "| pid | 0.5 | 3.25x |"]
+    assert table_under(title) == ["| lqr | 0.5 | 3.25x |", "| fl-pid | 0.5 | 3.25x |"]
 
 
 def test_the_page_ends_with_the_statements_of_the_claims() -> None:
@@ -546,7 +546,7 @@ def servo_ladder(tmp_path_factory: pytest.TempPathFactory) -> ServoLadder:
     """One ladder; tests only read its folder."""
     climber = Climber()
     folder = tmp_path_factory.mktemp("servo_ladder")
-    options = ("--laws", "lqr", "pid", "--out", folder)
+    options = ("--laws", "lqr", "fl-pid", "--out", folder)
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(study, "run_rung", climber)
         with contextlib.redirect_stdout(io.StringIO()) as output:
@@ -571,7 +571,7 @@ def test_the_command_writes_its_laws(servo_ladder: ServoLadder) -> None:
     document = servo_ladder.document
     assert document["complete"]
     assert document["configuration"]["target"] == "servo/machine"
-    assert [law["name"] for law in document["laws"]] == ["lqr", "pid"]
+    assert [law["name"] for law in document["laws"]] == ["lqr", "fl-pid"]
 
 
 def test_the_command_writes_a_row_for_every_step(servo_ladder: ServoLadder) -> None:

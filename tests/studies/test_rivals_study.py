@@ -18,7 +18,7 @@ from grosmc_mj.studies.rivals import SYSTEMS, Rival, compared, rivals, rivals_ta
 PAGE = Path(__file__).parents[2] / "docs" / "rivals.md"
 SLIDING = ("grosmc", "grosmc-implicit")
 # The number of each law that the rule chooses.
-NUMBERS = {"lqi": "integral_weight", "pid": "frequency", "adrc": "bandwidth"}
+NUMBERS = {"lqi": "integral_weight", "fl-pid": "frequency", "adrc": "bandwidth"}
 
 
 @cache
@@ -60,7 +60,7 @@ def allowed(system: str, law: str, factor: float) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
-@pytest.mark.parametrize("law", ["lqi", "pid", "adrc", "adaptive"])
+@pytest.mark.parametrize("law", ["lqi", "fl-pid", "adrc", "adaptive"])
 def test_numbers_of_the_case_files_keep_the_rule(system: str, law: str) -> None:
     if law == "adaptive" and not nominal(system).file.law(law).numbers:
         return
@@ -69,7 +69,7 @@ def test_numbers_of_the_case_files_keep_the_rule(system: str, law: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
-@pytest.mark.parametrize("law", ["lqi", "pid"])
+@pytest.mark.parametrize("law", ["lqi", "fl-pid"])
 def test_a_tenth_more_than_the_number_of_a_case_file_breaks_the_rule(system: str, law: str) -> None:
     assert not allowed(system, law, 1.1)
 

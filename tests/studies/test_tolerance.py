@@ -187,7 +187,7 @@ def test_amounts_end_at_their_physical_bounds() -> None:
 def test_rivals_are_studied_on_request() -> None:
     every = tolerance_study("servo/case1", rivals=True)
     names = [law.name for law in every.laws]
-    assert names[:5] == ["lqr", "lqi", "pid", "adrc", "adaptive"]
+    assert names[:5] == ["lqr", "lqi", "fl-pid", "adrc", "adaptive"]
     assert len(names) == 14
     assert len(set(names)) == 14
     assert [law.name for law in tolerance_study("servo/case1").laws[:2]] == ["lqr", "sign"]
@@ -498,7 +498,7 @@ def study_of_first_law(laws: list[str], folder: Path) -> Stored:
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Stored:
     """A study that was interrupted at its second law; tests only read its folder."""
-    return study_of_first_law(["lqr", "pid"], tmp_path_factory.mktemp("interrupted"))
+    return study_of_first_law(["lqr", "fl-pid"], tmp_path_factory.mktemp("interrupted"))
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,7 @@ def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:
     if system.parametrization is None or not isinstance(error, ErrorCoordinates):
         raise PremiseError(
             f"adaptive: {system.name} has no torques Y theta in symbols, as servo, arm and "
-            "two_link_arm have: take lqi, pid or adrc"
+            "two_link_arm have: take lqi, fl-pid or adrc"
         )
 
     joints = tuple(system.equations.x[: error.inputs])

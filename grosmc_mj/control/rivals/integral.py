@@ -1,4 +1,4 @@
-"""LQR with integral action, and PID: laws that integrate the outputs' errors."""
+"""LQR with integral action, and computed-torque PID: laws that integrate the outputs' errors."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def lqi(
 
 
 @checked_call
-def pid(
+def fl_pid(
     task: Task,
     frequency: Annotated[float, Range(0, _MOST, "rad/s", above=True)],
     limit: Limit = math.inf,
@@ -113,7 +113,7 @@ def pid(
     gains_of_output = [[3 * frequency**2, 3 * frequency]]
     gain_of_error = np.kron(identity, gains_of_output)
     return _integrating(
-        "pid",
+        "fl-pid",
         task,
         optimum,
         K=np.linalg.solve(E, gain_of_error + a),

@@ -11,9 +11,13 @@ import numpy as np
 
 from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.rivals.pid_tuning import Tuning
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, name_list, value_text
 from grosmc_mj.experiments.file.units import is_number, number_in
+
+# Numbers of laws that may be written as a text with a unit.
+_UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
 
@@ -25,7 +29,7 @@ def law_number(
     *,
     of_states: bool = False,
 ) -> Any:
-    """Return a number, a matrix, an uncertainty or the name of a body.
+    """Return a number, a matrix, an uncertainty, a tuning, or the name of a body or of outputs.
 
     Args:
         name: Key of the number.
@@ -44,11 +48,14 @@ def law_number(
         if not isinstance(value, str):
             raise ArgumentError(f"body = {value_text(value)} must be a name")
         return value
-    if name in ("frequency", "bandwidth") and isinstance(value, str):
-        try:
-            return number_in(value, "rad/s")
-        except ValueError as error:
-            raise ArgumentError(f"{name}: {error}") from None
+    if name == "controls":
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise ArgumentError(f"controls = {value_text(value)} must be a list of names")
+        return value
+    if name == "tune":
+        return _tuning(value)
+    if name in _UNITS and isinstance(value, str):
+        return _with_unit(name, value, _UNITS[name])
 
     if name == "G" and isinstance(value, dict):
         value = [in_order(name, value, names, missing=0.0)]
@@ -62,6 +69,28 @@ def law_number(
     if np.ndim(value) == 0:
         return float(value)
     return np.array(value, float)
+
+
+def _with_unit(name: str, value: Any, unit: str) -> float:
+    """Return a number of a text with a unit, such as "2 s"."""
+    try:
+        return number_in(value, unit)
+    except ValueError as error:
+        raise ArgumentError(f"{name}: {error}") from None
+
+
+def _tuning(value: Any) -> Tuning:
+    """Return what a PID is tuned for, of { settles_within = "2 s" }."""
+    if not isinstance(value, dict) or "settles_within" not in value:
+        raise ArgumentError(
+            f'tune = {value_text(value)} must be a table such as {{ settles_within = "2 s" }}'
+        )
+    for key in value:
+        require_known("key", key, ["settles_within"], where="tune: ")
+    try:
+        return Tuning(_with_unit("settles_within", value["settles_within"], "s"))
+    except GrosmcError as error:
+        raise ArgumentError(f"tune: {error}") from None
 
 
 def uncertainty(

@@ -38,7 +38,7 @@ class LadderCommand(Command):
             disturbances act.
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
             file; all by default, but for the rivals.
-        rivals: Study lqi, pid, adrc and adaptive, too.
+        rivals: Study lqi, fl-pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
         resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
             run is written, of the same file and versions.

@@ -39,7 +39,7 @@ class ToleranceCommand(Command):
             it is studied on its system's bench.
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
             file; all by default, but for the rivals.
-        rivals: Study lqi, pid, adrc and adaptive, too.
+        rivals: Study lqi, fl-pid, adrc and adaptive, too.
         control_period: Search the longest control period too, in an otherwise ideal loop.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
         out: Folder for tolerance_NAME.json and the figure.
