@@ -81,7 +81,7 @@ def by_hand(y: list[float], limit: float = math.inf, tracking_time: float = 0.0)
 @pytest.mark.parametrize(
     "limits", [{}, {"limit": 2.0}, {"limit": 2.0, "tracking_time": 0.1}, {"limit": 0.5}]
 )
-def test_inputs_are_those_of_the_textbooks_recursion(limits: dict[str, float]) -> None:
+def test_inputs_are_those_of_the_textbooks_recursion(limits: dict[str, Any]) -> None:
     run = run_servo(**limits)
     expected = by_hand(run.state[:-1, 0].tolist(), **limits)
     np.testing.assert_allclose(run.input[: len(expected)], expected, rtol=1e-9, atol=1e-12)
