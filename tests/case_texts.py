@@ -210,6 +210,35 @@ damping = 0.5
 """
 
 
+def short_run(
+    system: str,
+    start: str,
+    duration: str,
+    *,
+    law: str = "lqr",
+    plant: str = "physics",
+    engine: str = "native",
+) -> str:
+    """Case of one law on one plant; ends with the law's table, so that further keys are its own."""
+    return f"""
+[plant]
+system = "{system}"
+compare = ["{plant}"]
+[run]
+start = {{ {start} }}
+duration = "{duration}"
+engine = "{engine}"
+[[controller]]
+law = "{law}"
+"""
+
+
+def short_step(law: str = "lqr", plant: str = "physics") -> str:
+    """Twenty milliseconds of the servo, in plain Python."""
+    start = '"rotor angle" = "0.1 rad"'
+    return short_run("servo", start, "0.02 s", law=law, plant=plant, engine="python")
+
+
 def written(folder: Path, text: str) -> Path:
     """A case file, beside everything that the texts above name."""
     furuta = Path(Experiment.load("furuta/heavier").path).with_name("furuta.xml")

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from case_texts import LEG_MODEL
+from case_texts import LEG_MODEL, short_run, short_step
 from mjcf import TREE
 
 from grosmc_mj.arrays import Array
@@ -44,20 +44,6 @@ R = 1
 law = "{law}"
 {load}
 """
-SERVO = """
-[plant]
-system = "servo"
-compare = ["{plant}"]
-[run]
-start = {{ "rotor angle" = "0.1 rad" }}
-duration = "0.02 s"
-engine = "python"
-[[controller]]
-law = "lqr"
-[[disturbance]]
-body = "rotor"
-{wrench}
-"""
 TRANSMISSION = """
 [[transmission]]
 joint = "shaft"
@@ -80,20 +66,11 @@ law = "lqr"
 body = "shank"
 {wrench}
 """
-CART = """
-[plant]
-system = "cart_pendulum"
-compare = ["physics"]
-[run]
-start = {{ "pole angle" = "2 deg" }}
-duration = "0.05 s"
-engine = "python"
-[[controller]]
-law = "{law}"
-[[disturbance]]
-body = "{body}"
-force = ["1 N", "0 N", "0 N"]
-"""
+
+
+def servo(wrench: str, plant: str = "physics") -> str:
+    """Servo under a wrench on its rotor."""
+    return short_step(plant=plant) + f'[[disturbance]]\nbody = "rotor"\n{wrench}\n'
 
 
 def lines(folder: Path, text: str) -> tuple[list[str], list[str]]:
@@ -123,7 +100,7 @@ PART = "the torque about z on rotor moves no joint: the rest of the disturbance 
 def test_a_torque_across_the_axis_of_the_rotor_moves_no_joint(
     tmp_path, plant, machine, wrench, expected
 ) -> None:
-    idle, _ = lines(tmp_path, SERVO.format(plant=plant, wrench=wrench) + machine)
+    idle, _ = lines(tmp_path, servo(wrench, plant) + machine)
     assert idle == expected
 
 
@@ -151,7 +128,7 @@ def test_a_wrench_out_of_the_plane_of_a_robot_moves_no_joint(tmp_path, wrench, e
 
 def test_a_pulse_after_the_run_is_no_load_of_it(tmp_path) -> None:
     pulse = f'{IDLE}\nprofile = "pulse"\nstart = "5 s"\nstop = "6 s"'
-    assert lines(tmp_path, SERVO.format(plant="physics", wrench=pulse)) == ([], [])
+    assert lines(tmp_path, servo(pulse)) == ([], [])
 
 
 def test_generalized_forces_are_the_work_of_a_wrench_on_small_motions() -> None:
@@ -236,7 +213,9 @@ def test_a_change_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
 def test_a_force_on_the_pole_is_matched_for_its_angle_and_not_for_all_states(
     tmp_path, law, body, matched
 ) -> None:
-    _, not_matched = lines(tmp_path, CART.format(law=law, body=body))
+    cart = short_run("cart_pendulum", '"pole angle" = "2 deg"', "0.05 s", law=law, engine="python")
+    force = f'[[disturbance]]\nbody = "{body}"\nforce = ["1 N", "0 N", "0 N"]\n'
+    _, not_matched = lines(tmp_path, cart + force)
     assert (not_matched == []) == matched
 
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from case_texts import LEG_MODEL
+from case_texts import LEG_MODEL, short_step
 from commands import Patch, Screen, run
 
 from grosmc_mj.assumptions.notes import notes_on
@@ -18,19 +18,6 @@ from grosmc_mj.experiments.tables import gains_table, requirements_table
 LAW = """
 def half(t, x, memory, p):
     return 5.0 if t < 0.0095 else 1.0
-"""
-CASE = """
-[plant]
-system = "servo"
-compare = ["{plant}"]
-[run]
-start = {{ "rotor angle" = "0.1 rad" }}
-duration = "0.02 s"
-engine = "python"
-[[controller]]
-law = "{law}"
-[[requirement]]
-{requirement}
 """
 LIMITED = """
 [[actuator]]
@@ -63,7 +50,7 @@ def read(folder: Path, text: str) -> Experiment:
 
 
 def case(requirement: str, law: str = "lqr", plant: str = "physics") -> str:
-    return CASE.format(plant=plant, law=law, requirement=requirement)
+    return short_step(law, plant) + f"[[requirement]]\n{requirement}\n"
 
 
 def notes(folder: Path, text: str) -> list[str]:
@@ -212,7 +199,7 @@ OWN_FRICTION = LEG_MODEL.replace('name="hip" axis', 'name="hip" frictionloss="1"
 
 
 def test_a_rate_that_is_exact_on_purpose_is_told(tmp_path: Path) -> None:
-    text = CASE.format(plant="corrected", law="lqr", requirement='deviation_below = "1 rad"')
+    text = case('deviation_below = "1 rad"', plant="corrected")
     experiment = read(tmp_path, text + ENCODER + EXACT)
     notes = notes_on(experiment, list(experiment.runs()))
     assert "ideal: rotor speed is known exactly" in notes

@@ -518,6 +518,27 @@ def test_it_draws_what_it_is_at(backend: dict[str, str]) -> None:
     subprocess.run([sys.executable, "-c", DRAWN], check=True, env=environment | backend)
 
 
+CHECKED = """
+import warnings
+import gymnasium
+from gymnasium.utils import env_checker
+from grosmc_mj.environments import register
+register()
+options = {"spread": 1e-4, "action_limit": 10.0, "normalized": True}
+environment = gymnasium.make("grosmc_mj/TwoLinkArm-v0", **options)
+warnings.simplefilter("error")
+env_checker.check_env(environment.unwrapped)
+"""
+
+
+@pytest.mark.render
+def test_gymnasium_s_checker_draws_without_a_chosen_backend() -> None:
+    """It makes the environment again in each render mode."""
+    names = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in names}
+    subprocess.run([sys.executable, "-c", CHECKED], check=True, env=environment)
+
+
 def advanced(action: float, steps: int) -> Episode:
     """The pendulum's bench after so many timesteps under an action."""
     episode = Episode("cart_pendulum", "bench")

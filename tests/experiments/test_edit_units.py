@@ -5,37 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from case_texts import short_run, short_step
 
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.edits import InputEdit
 from grosmc_mj.sweep.family import family_of
 
-FILE = """
-[plant]
-system = "cart_pendulum"
-compare = ["physics"]
-[run]
-start = {{ "pole angle" = "5 deg" }}
-duration = "0.1 s"
-[[controller]]
-law = "lqr"
-{}
-"""
-SERVO = """
-[plant]
-system = "servo"
-compare = ["physics"]
-[run]
-duration = "0.1 s"
-[[controller]]
-law = "lqr"
-"""
+CART = short_run("cart_pendulum", '"pole angle" = "5 deg"', "0.1 s")
 
 
 def read(folder: Path, text: str) -> Experiment:
     path = folder / "mine.toml"
-    path.write_text(FILE.format(text), encoding="utf-8")
+    path.write_text(CART + text, encoding="utf-8")
     return Experiment.load(path)
 
 
@@ -62,7 +44,7 @@ def test_a_joints_number_may_have_a_unit_and_is_in_si_without_one(
 
 @pytest.mark.parametrize("gear", ['"300 mN m/A"', '"0.3 N m/A"', "0.3"])
 def test_a_gear_may_have_a_unit(tmp_path, gear) -> None:
-    text = SERVO + f'[[edit]]\ninput = "current"\ngear = {gear}\n'
+    text = short_step() + f'[[edit]]\ninput = "current"\ngear = {gear}\n'
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
     (edit,) = Experiment.load(path).case.edits

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from case_texts import load
+from case_texts import load, short_run
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -19,17 +19,7 @@ from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
 
-CASE = """
-[plant]
-system = "{}"
-compare = ["physics"]
-[run]
-start = {{ "{}" = "{}" }}
-duration = "{}"
-[[controller]]
-law = "lqr"
-"""
-CART = CASE.format("cart_pendulum", "pole angle", "-10 deg", "1 s")
+CART = short_run("cart_pendulum", '"pole angle" = "-10 deg"', "1 s")
 JUDGED = """
 [[controller]]
 law = "grosmc"
@@ -38,20 +28,13 @@ deviation_below = "{}"
 cart_travel_below = "40 cm"
 """
 # The link is pushed through the angle at which its cable has no length.
-PUSHED = """
-[plant]
-system = "arm"
-compare = ["physics"]
-[run]
-start = { "joint angle" = "0 rad" }
-duration = "1 s"
-[[controller]]
-law = "lqr"
+PUSH = """
 [[disturbance]]
 body = "link"
 torque = ["0 N m", "50 N m", "0 N m"]
 profile = "constant"
 """
+PUSHED = short_run("arm", '"joint angle" = "0 rad"', "1 s") + PUSH
 
 
 def figure_of(runs: list[RunResult]) -> Figure:
@@ -155,10 +138,10 @@ noise = "1 rad/s"
 """
 EXACT_SPEED = '[[sensor]]\nof = "rotor speed"\nexact = true\n'
 ESTIMATED_RATE = '[[estimator]]\nof = "shoulder rate"\n'
-SERVO = CASE.format("servo", "rotor angle", "1 rad", "0.1 s") + LATE
-BENT_ARM = CASE.format("two_link_arm", "elbow angle", "1 rad", "0.1 s") + LATE
+SERVO = short_run("servo", '"rotor angle" = "1 rad"', "0.1 s") + LATE
+BENT_ARM = short_run("two_link_arm", '"elbow angle" = "1 rad"', "0.1 s") + LATE
 # The law is not defined there: the run ends at once.
-STRAIGHT_ARM = CASE.format("two_link_arm", "shoulder angle", "1 rad", "0.1 s") + LATE
+STRAIGHT_ARM = short_run("two_link_arm", '"shoulder angle" = "1 rad"', "0.1 s") + LATE
 
 
 def rates(figure: Figure) -> dict[str, Axes]:
@@ -342,7 +325,7 @@ input_below = "1 uA"
 def test_every_requirement_that_is_not_kept_is_named(tmp_path) -> None:
     """A mean square and a cost have no panel."""
     results = list(
-        load(tmp_path, CASE.format("servo", "rotor angle", "0 rad", "0.1 s") + ALL_FAIL).runs()
+        load(tmp_path, short_run("servo", '"rotor angle" = "0 rad"', "0.1 s") + ALL_FAIL).runs()
     )
     failed = {item.limit.words for run in results for item in run.requirements if not item.kept}
     titles = "\n".join(axes.get_title(loc="right") for axes in figure_of(results).axes)
