@@ -560,13 +560,6 @@ def dated(log: Log) -> str:
     return "\n".join(["time,current [A],rotor angle [rad]", *lines])
 
 
-def with_whole_numbers(log: Log) -> str:
-    """A log with decimal commas, but for its first row."""
-    header, first, *rows = table_text(log, ";", ",").split("\n")
-    first = re.sub(r",0+(?=;|$)", "", first)
-    return "\n".join([header, first, *rows])
-
-
 def quoted(log: Log) -> str:
     """A log with decimal commas in quotes, and commas between the columns."""
     rows = [line.split(";") for line in table_text(log, ";", ",").split("\n")]
@@ -583,13 +576,17 @@ def with_commas(log: Log) -> str:
 CSV_FILES: dict[str, Callable[[Log], str | bytes]] = {
     "semicolons": lambda log: table_text(log, ";"),
     "decimal commas": lambda log: table_text(log, ";", ","),
-    "decimal commas after whole numbers": with_whole_numbers,
+    "decimal commas and a decimal point in words": lambda log: (
+        table_text(log, ";", ",").replace("\n", ";v1.2\n").replace(";v1.2", ";note", 1) + ";v1.2"
+    ),
     "decimal commas in quotes": quoted,
     "tabs": lambda log: table_text(log, "\t"),
     "tabs and decimal commas": lambda log: table_text(log, "\t", ","),
     "byte order mark": lambda log: "\ufeff" + table_text(log),
     "UTF-16": lambda log: table_text(log).encode("utf-16"),
-    "Latin-1": lambda log: ("# 20 \xb0C\n" + table_text(log)).encode("latin-1"),
+    "Latin-1": lambda log: (
+        table_text(log).replace("\n", ",20\n").replace(",20", ",T [\xb0C]", 1) + ",20"
+    ).encode("latin-1"),
     "comments before": lambda log: "# a comment\n# and another one\n" + table_text(log),
     "comments after": lambda log: table_text(log) + "\n# end, of, it\n# end\n\n",
     "header in a comment": lambda log: "# a bench\n# " + table_text(log),
@@ -722,6 +719,24 @@ def test_a_misspelt_column_in_a_case_is_named(
 def test_numbers_of_a_case_that_leave_no_log_are_refused(number: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"0 must be another number|finite number"):
         LogTable.model_validate({"columns": {"current": {"column": "u", **number}}})
+
+
+def test_messages_at_one_instant_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        both = writer.register_msgdef("a/msg/Both", "float64 current\nfloat64 angle\n")
+        for k in range(60):
+            message = {"current": float(k % 7), "angle": 0.1 * k}
+            writer.write_message("/servo", both, message, log_time=5)
+        writer.finish()
+
+    named = {
+        "current": {"column": "/servo.current"},
+        "rotor angle": {"column": "/servo.angle"},
+    }
+    with pytest.raises(ArgumentError, match="the time does not rise in message 2"):
+        read_log(path, SERVO, LogTable.model_validate({"columns": named}))
 
 
 def test_an_empty_bag_says_what_ends(tmp_path: Path) -> None:
