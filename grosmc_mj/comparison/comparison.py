@@ -14,7 +14,7 @@ from grosmc_mj.comparison.campaigns import (
     one_sided_change,
 )
 from grosmc_mj.comparison.changes import Change, Effect, changes
-from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.errors import ArgumentError, one_line, value_text
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
@@ -127,7 +127,8 @@ def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> lis
         new_value = after.get((kind, key))
         if kind in shared_kinds and old_value != new_value:
             name = f"{kind}: {key}" if key.startswith("configuration") else key
-            lines[f"{name}: {_source(old_value)} -> {_source(new_value)}"] = None
+            line = f"{name}: {_source(old_value)} -> {_source(new_value)}"
+            lines[one_line(line)] = None
     return list(lines)
 
 

@@ -10,19 +10,26 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 import pyarrow.parquet as pq
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, SetupError, one_line
+from grosmc_mj.errors import (
+    ArgumentError,
+    GrosmcError,
+    ImplausibleWarning,
+    SetupError,
+    one_line,
+    value_text,
+)
 from grosmc_mj.experiments.file.schema import ColumnTable, LogTable
 from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.files import LARGEST_TABLE, require_regular
+from grosmc_mj.identify.tables import csv_table, line_of, numbers_of
 from grosmc_mj.plants import Signal, System
 
 # A log of fewer samples tells nothing.
@@ -40,16 +47,29 @@ _LISTED = 12
 _QUOTED = 160
 # Of an input: the largest share of samples at its largest or smallest value before it saturates.
 _SATURATED = 0.5
-_BYTE_ORDER_MARK = "\ufeff"
+# Larger numbers come from damage; a time of nanoseconds since 1970 is smaller.
+_LARGEST = 1e20
 # A sampling of so many seconds is more likely one of milliseconds.
 _LONG_STEP = 0.5
 
 
-class _Column(NamedTuple):
-    """Numbers of a log, with their own instants [s] where these are not the table's."""
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """Numbers of a log.
 
+    Attributes:
+        header: Its header, or the path of a number in messages.
+        values: NaN where the file has no number, (N,).
+        stamps: Instants of messages [s], (N,); None for a column of a table.
+        texts: The values as they stand in a CSV file; None for other files.
+        file: The CSV file; None for other files.
+    """
+
+    header: str
     values: Array
     stamps: Array | None = None
+    texts: pa.ChunkedArray | None = None
+    file: Path | None = None
 
     def held(self, time: Array) -> Array:
         """The last value before each instant."""
@@ -64,11 +84,35 @@ class _Column(NamedTuple):
             return self.values
         return np.interp(time, self.stamps, self.values)
 
-    def name_and_unit(self, header: str) -> tuple[str, str]:
+    def name_and_unit(self) -> tuple[str, str]:
         """Name and unit in its header; a path of a message has no unit."""
+        match = _HEADER.fullmatch(self.header)
+        if self.stamps is not None or match is None:
+            return self.header, ""
+        return match["name"], match["unit"] or ""
+
+    def place(self, index: int) -> str:
+        """Words for where a value stands, such as ``line 102``."""
+        if self.file is not None:
+            return f"line {line_of(self.file, index)}"
         if self.stamps is not None:
-            return header, ""
-        return _name_and_unit(header)
+            return f"message {index + 1}"
+        return f"row {index + 1}"
+
+    def require_numbers(self) -> None:
+        """Refuse a value that is no number, or one that no machine has."""
+        # False for NaN too.
+        is_number = np.abs(self.values) <= _LARGEST
+        if np.all(is_number):
+            return
+
+        index = int(np.argmin(is_number))
+        value = value_text(self.values[index])
+        if self.texts is not None:
+            value = value_text(self.texts[index].as_py())
+        raise ArgumentError(
+            f"{self.header} is no number in {self.place(index)}, {value}: fill or cut it"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +210,11 @@ def _log_of(
         )
 
     # Messages of several topics are brought to the instants of the first measured state.
-    time = next(iter(measured.values())).stamps
+    first = next(iter(measured.values()))
+    time = first.stamps
     if time is None:
         time = _time(columns, table)
+    _require_rising(first, time)
     u = np.column_stack([column.held(time) for column in inputs if column is not None])
     _require_excited(system.inputs, u)
     outputs = {state: column.between(time) for state, column in measured.items()}
@@ -237,9 +283,9 @@ def _columns(path: Path) -> dict[str, _Column]:
         if kind == ".mcap":
             columns = _messages(path)
         elif kind == ".parquet":
-            columns = _number_columns(pq.read_table(path))
+            columns = _number_columns(pq.ParquetFile(path).read())
         else:
-            columns = _number_columns(_csv_table(path))
+            columns = _number_columns(csv_table(path), path)
     except GrosmcError:
         raise
     # Damaged files make the readers of each kind fail in ways of their own.
@@ -255,49 +301,19 @@ def _columns(path: Path) -> dict[str, _Column]:
     return columns
 
 
-def _number_columns(table: pa.Table) -> dict[str, _Column]:
-    """The columns of a table that are numbers."""
+def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, _Column]:
+    """The columns of a table that have numbers; the file is that of a CSV table."""
     columns: dict[str, _Column] = {}
     for header, column in zip(table.column_names, table.columns, strict=True):
-        name = header.removeprefix(_BYTE_ORDER_MARK).strip()
-        numbers = pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
-        # Spreadsheets end each line with empty columns.
-        if not numbers or not name:
+        name = header.strip()
+        values = numbers_of(column)
+        if values is None or not name:
             continue
         if name in columns:
             raise ArgumentError(f"two columns are called {name!r}: rename or remove one")
-        columns[name] = _Column(np.asarray(column.to_numpy(zero_copy_only=False), float))
+        texts = column if file is not None else None
+        columns[name] = _Column(name, values, texts=texts, file=file)
     return columns
-
-
-def _csv_table(path: Path) -> pa.Table:
-    """The table of a CSV file, whose columns are parted by commas, semicolons or tabs.
-
-    Lines with # before the header are left out. Where semicolons or tabs part the columns, numbers
-    may have a decimal comma.
-    """
-    comments, header, first_row = _beginning(path)
-    delimiter = max(",;\t", key=header.count)
-    decimal_point = "."
-    if delimiter != "," and "," in first_row and "." not in first_row:
-        decimal_point = ","
-    return pyarrow.csv.read_csv(
-        path,
-        read_options=pyarrow.csv.ReadOptions(skip_rows=comments),
-        parse_options=pyarrow.csv.ParseOptions(delimiter=delimiter),
-        convert_options=pyarrow.csv.ConvertOptions(decimal_point=decimal_point),
-    )
-
-
-def _beginning(path: Path) -> tuple[int, str, str]:
-    """Number of comment lines before the header of a CSV file, the header and the first row."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        comments = 0
-        header = file.readline()
-        while header.startswith("#"):
-            comments += 1
-            header = file.readline()
-        return comments, header, file.readline()
 
 
 def _messages(path: Path) -> dict[str, _Column]:
@@ -306,7 +322,6 @@ def _messages(path: Path) -> dict[str, _Column]:
     Their instants are those at which they were logged.
     """
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError:
@@ -314,19 +329,16 @@ def _messages(path: Path) -> dict[str, _Column]:
     rows: dict[str, list[tuple[int, float]]] = {}
     ros = DecoderFactory()
     with path.open("rb") as file:
-        try:
-            for schema, channel, message in make_reader(file).iter_messages():
-                decode = ros.decoder_for(channel.message_encoding, schema)
-                if channel.message_encoding == "json":
-                    content: Any = json.loads(message.data)
-                elif decode is not None:
-                    content = decode(message.data)
-                else:
-                    continue
-                for name, value in _numbers(channel.topic, content):
-                    rows.setdefault(name, []).append((message.log_time, value))
-        except McapError as error:
-            raise ValueError(str(error)) from None
+        for schema, channel, message in make_reader(file).iter_messages():
+            decode = ros.decoder_for(channel.message_encoding, schema)
+            if channel.message_encoding == "json":
+                content: Any = json.loads(message.data)
+            elif decode is not None:
+                content = decode(message.data)
+            else:
+                continue
+            for name, value in _numbers(channel.topic, content):
+                rows.setdefault(name, []).append((message.log_time, value))
 
     # Nanoseconds since 1970 do not fit into a float.
     begin = min((pairs[0][0] for pairs in rows.values()), default=0)
@@ -334,7 +346,7 @@ def _messages(path: Path) -> dict[str, _Column]:
     for name, pairs in rows.items():
         values = [value for _, value in pairs]
         stamps = [1e-9 * (stamp - begin) for stamp, _ in pairs]
-        columns[name] = _Column(np.array(values), np.array(stamps))
+        columns[name] = _Column(name, np.array(values), np.array(stamps))
     return columns
 
 
@@ -363,15 +375,15 @@ def _some(columns: Mapping[str, _Column]) -> str:
 
 def _time(columns: Mapping[str, _Column], table: LogTable) -> Array:
     """The instants of the samples [s]."""
-    names = [table.time] if table.time else _TIME
-    for header, column in columns.items():
-        name, unit = _name_and_unit(header)
-        if header in names or name.lower() in names:
-            time = column.values * _factor(unit, "s", "")
-            _require_rising(time)
-            if not unit:
-                _doubt_seconds(header, time)
-            return time
+    column = _named(columns, table.time) if table.time else _called(columns, _TIME)
+    if column is not None:
+        column.require_numbers()
+        _, unit = column.name_and_unit()
+        unit = table.time_unit or unit
+        time = column.values * _factor(unit, "s", column.header)
+        if not unit:
+            _doubt_seconds(column.header, time)
+        return time
 
     if table.sampling is None:
         raise ArgumentError(
@@ -388,63 +400,57 @@ def _doubt_seconds(header: str, time: Array) -> None:
     if step >= _LONG_STEP:
         warnings.warn(
             f"{header}: it has no unit, and its steps are {step:.3g}: they are taken for seconds; "
-            f'write "{header} [ms]" for milliseconds',
+            f'write "{header} [ms]" for milliseconds, or time_unit into [log]',
             ImplausibleWarning,
             stacklevel=2,
         )
 
 
-def _require_rising(time: Array) -> None:
-    """Refuse instants that do not rise."""
+def _require_rising(column: _Column, time: Array) -> None:
+    """Refuse instants along a column that do not rise."""
     rises = np.diff(time) > 0
     if not np.all(rises):
-        # The later one of two samples, counted from 1.
-        row = int(np.argmin(rises)) + 2
-        raise ArgumentError(f"the time does not rise at row {row}: sort or cut the log there")
+        place = column.place(int(np.argmin(rises)) + 1)
+        raise ArgumentError(f"the time does not rise in {place}: sort or cut the log there")
 
 
 def _signal(columns: Mapping[str, _Column], signal: Signal, table: LogTable) -> _Column | None:
     """A signal in its own unit; None if the log does not have it."""
     named = table.columns.get(signal.name)
-    header = _header_of(columns, signal, named)
-    if header is None:
+    if named is None:
+        column = _called(columns, (signal.name, signal.symbol))
+    else:
+        column = _named(columns, named.column)
+    if column is None:
         return None
 
-    column = columns[header]
-    if not np.all(np.isfinite(column.values)):
-        row = int(np.argmin(np.isfinite(column.values))) + 2
-        raise ArgumentError(f"{header} is no number in row {row}: fill or cut it")
-
-    if named is None:
-        named = ColumnTable(column=header)
-    _, unit = column.name_and_unit(header)
-    scale = named.sign * _factor(named.unit or unit, signal.unit, header) * named.scale
-    return _Column(scale * (column.values - named.offset), column.stamps)
+    column.require_numbers()
+    _, unit = column.name_and_unit()
+    named = named or ColumnTable(column=column.header)
+    scale = named.sign * _factor(named.unit or unit, signal.unit, column.header) * named.scale
+    return replace(column, values=scale * (column.values - named.offset))
 
 
-def _header_of(
-    columns: Mapping[str, _Column], signal: Signal, named: ColumnTable | None
-) -> str | None:
-    """The header that the case file names, or else the one that is called like the signal."""
-    if named is not None:
-        if named.column not in columns:
-            raise ArgumentError(f"[log] names the column {named.column!r}: there is none")
-        return named.column
+def _named(columns: Mapping[str, _Column], header: str) -> _Column:
+    """The column that the case file names."""
+    require_known("column", header, columns, "[log]: ")
+    return columns[header]
 
-    for header, column in columns.items():
-        name, _ = column.name_and_unit(header)
-        plain = name.replace("_", " ").lower()
-        if plain in (signal.name.lower(), signal.symbol.lower()):
-            return header
+
+def _called(columns: Mapping[str, _Column], names: Sequence[str]) -> _Column | None:
+    """The column that is called by the first of some names, or else by the next one."""
+    for name in names:
+        found: list[_Column] = []
+        for column in columns.values():
+            called, _ = column.name_and_unit()
+            if called.replace("_", " ").lower() == name.lower():
+                found.append(column)
+        if len(found) > 1:
+            headers = " and ".join(column.header for column in found)
+            raise ArgumentError(f"{headers} are both {name}: rename or remove one")
+        if found:
+            return found[0]
     return None
-
-
-def _name_and_unit(header: str) -> tuple[str, str]:
-    """Name and unit of a header; without brackets its unit is empty."""
-    match = _HEADER.fullmatch(header)
-    if match is None:
-        return header, ""
-    return match["name"], match["unit"] or ""
 
 
 def _factor(written: str, unit: str, header: str) -> float:

@@ -7,17 +7,27 @@ these fields, so neither depends on a study.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from grosmc_mj.results.document import origin
 from grosmc_mj.results.tables import Table
 
 # Version of this form.
 SCHEMA = 2
-Text = Annotated[str, Field(max_length=20_000)]
+# Letters that steer a terminal, or turn the direction of writing.
+_STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+def _harmless(text: str) -> str:
+    """Write letters that steer a terminal as escapes: a result may come from somebody else."""
+    return _STEERING.sub(lambda match: repr(match[0])[1:-1], text)
+
+
+Text = Annotated[str, Field(max_length=20_000), AfterValidator(_harmless)]
 # A number; null where JSON has none, for infinities and NaN.
 Number = float | None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from grosmc_mj.physics.files import compile_spec, joint_names
 from grosmc_mj.robots.actuators import TorqueInput, torque_input
 
 Names = Iterable[str] | None
+# Models that MuJoCo reads together with an MJCF.
+_INCLUDED = re.compile(r"""<(?:include|model)\b[^>]*?\bfile\s*=\s*["']([^"']+)""")
 
 
 def read_spec(model: Any) -> mujoco.MjSpec:
@@ -28,16 +31,11 @@ def read_spec(model: Any) -> mujoco.MjSpec:
     Raises:
         ModelError: If it is something else, or MuJoCo cannot read it.
     """
-    spec = mujoco.MjSpec
     try:
-        if isinstance(model, spec):
-            return model.copy()
-        if hasattr(model, "to_xml_string") and hasattr(model, "get_assets"):
-            return spec.from_string(model.to_xml_string(), assets=model.get_assets())
-        if isinstance(model, str) and model.lstrip().startswith("<"):
-            return spec.from_string(model)
-        if isinstance(model, (str, Path)):
-            return spec.from_file(_checked_path(Path(model)))
+        spec = _unchecked_spec(model)
+        if spec is not None:
+            _require_regular_assets(spec)
+            return spec
     except ValueError as error:
         raise ModelError(f"the MJCF cannot be read: {one_line(str(error))}") from error
     raise ModelError(
@@ -46,19 +44,82 @@ def read_spec(model: Any) -> mujoco.MjSpec:
     )
 
 
+def _unchecked_spec(model: Any) -> mujoco.MjSpec | None:
+    """Read an editable copy of a model, whose meshes and textures are read later.
+
+    Returns:
+        The copy; None if the model is of no known kind.
+
+    Raises:
+        ValueError: If it cannot be read.
+    """
+    spec = mujoco.MjSpec
+    if isinstance(model, spec):
+        return model.copy()
+    if hasattr(model, "to_xml_string") and hasattr(model, "get_assets"):
+        return spec.from_string(model.to_xml_string(), assets=model.get_assets())
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        _require_regular_includes(model, Path(), set())
+        return spec.from_string(model)
+    if isinstance(model, (str, Path)):
+        return spec.from_file(_checked_path(Path(model)))
+    return None
+
+
 def _checked_path(path: Path) -> str:
     """Return the path of an MJCF file; MuJoCo would wait for a pipe, and take any bytes for names.
 
     Raises:
-        ValueError: If it is no text in UTF-8; as ArgumentError, if it is no regular file.
+        ValueError: If it is no text in UTF-8; as ArgumentError, if it or a model that it includes
+            is no regular file.
     """
     require_regular(path)
     if path.is_file():
         try:
-            path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError:
             raise ValueError(f"{path} is no text in UTF-8") from None
+        _require_regular_includes(text, path.parent, {path})
     return str(path)
+
+
+def _require_regular_includes(text: str, folder: Path, seen: set[Path]) -> None:
+    """Refuse an MJCF that includes a pipe or another file that reading would not end with.
+
+    Args:
+        text: The MJCF.
+        folder: Folder of the first MJCF, in which MuJoCo looks for all of them.
+        seen: Files that are checked already.
+
+    Raises:
+        ArgumentError: With the name of the file.
+    """
+    for name in _INCLUDED.findall(text):
+        path = folder / name
+        if path in seen:
+            continue
+        seen.add(path)
+        require_regular(path)
+        if path.is_file():
+            included = path.read_text(encoding="utf-8", errors="replace")
+            _require_regular_includes(included, folder, seen)
+
+
+def _require_regular_assets(spec: mujoco.MjSpec) -> None:
+    """Refuse meshes, height fields, skins and textures that reading would not end with.
+
+    Raises:
+        ArgumentError: With the name of the file.
+    """
+    assets = [*spec.meshes, *spec.hfields, *spec.skins, *spec.textures]
+    files = [asset.file for asset in assets]
+    for texture in spec.textures:
+        files += texture.cubefiles
+
+    folder = Path(spec.modelfiledir)
+    for file in filter(None, files):
+        for place in ("", spec.meshdir, spec.texturedir):
+            require_regular(folder / place / file)
 
 
 def robot_specs(

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from campaign_cases import campaign, kept, pair
 from commands import Screen, assert_one_line, run
-from page_documents import valued
+from page_documents import valued, write_document
 from scipy import stats
 
 from grosmc_mj import cli
@@ -640,3 +640,18 @@ def test_a_single_plant_shows_no_change(interval_of: Any) -> None:
 def test_margins_that_are_all_the_same_scatter_by_nothing() -> None:
     interval = other_plants_mean(np.ones(9), np.full(5, 2.0))
     assert (interval.low, interval.high) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("letter", ["\x1b[31m", "\u202e"])
+def test_a_result_of_somebody_else_does_not_steer_the_terminal(
+    letter: str, tmp_path: Path, capsys: Screen
+) -> None:
+    for folder, number in (("old", 1.0), ("new", 2.0)):
+        value = Value(name=f"x: {letter}red", value=number, unit="rad")
+        document = {**valued([value]), "versions": {f"a{letter}": f"{folder}{letter}"}}
+        write_document(tmp_path / folder / "run.json", document)
+    folders = (tmp_path / "old", tmp_path / "new")
+    assert run("diff", *folders, "--out", tmp_path / "out", "--verbose") == cli.DONE
+    output = capsys.readouterr().out
+    assert letter not in output
+    assert "red" in output

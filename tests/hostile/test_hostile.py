@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import re
@@ -12,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import mcap.writer
+import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
@@ -461,23 +464,87 @@ def with_other_bytes(content: bytes, rng: random.Random) -> bytes:
     return bytes(changed)
 
 
+# In place of a field of a CSV file.
+_FIELDS = (
+    "",
+    "nan",
+    "1e400",
+    "-1e308",
+    "9" * 400,
+    "1,5",
+    "1;5",
+    '"',
+    '"a\nb"',
+    "#",
+    "\ufeff",
+    "on",
+)
+
+
+def with_other_field(content: bytes, rng: random.Random) -> bytes:
+    """A CSV file with another field, another separator, or one column more, in some encoding."""
+    rows = [line.split(",") for line in content.decode().splitlines()]
+    field = rng.choice(_FIELDS)
+    separator = ","
+    kind = rng.choice(("field", "field", "column", "separator"))
+    if kind == "field":
+        # The first lines decide how the others are read.
+        row = rng.choice((0, 1, rng.randrange(len(rows))))
+        rows[row][rng.randrange(len(rows[row]))] = field
+    elif kind == "column":
+        rows = [[*row, field] for row in rows]
+    else:
+        separator = rng.choice((";", "\t", " ", ",,"))
+    text = "\n".join(separator.join(row) for row in rows)
+    return text.encode(rng.choice(("utf-8", "utf-8-sig", "utf-16")))
+
+
+def write_bag(table: pa.Table, path: Path) -> None:
+    """Write a log as an MCAP file of JSON messages."""
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start()
+        channel = writer.register_channel("/servo", "json", 0)
+        for row in table.to_pylist():
+            stamp = round(1e9 * row["time [s]"])
+            writer.add_message(channel, stamp, json.dumps(row).encode(), stamp)
+        writer.finish()
+
+
+BAG = """
+[log.columns."current"]
+column = "/servo.current [A]"
+[log.columns."rotor angle"]
+column = "/servo.rotor angle [rad]"
+"""
+
+
 def log_files(folder: Path) -> dict[str, bytes]:
-    """A short log of the servo as CSV and Parquet."""
+    """A short log of the servo as CSV, Parquet and MCAP."""
     text = (CASES / "logs" / "servo.csv").read_text(encoding="utf-8")
     short = folder / "short.csv"
     short.write_text("".join(text.splitlines(keepends=True)[:300]), encoding="utf-8")
-    pq.write_table(pyarrow.csv.read_csv(short), folder / "short.parquet")
-    return {path.suffix: path.read_bytes() for path in (short, folder / "short.parquet")}
+    table = pyarrow.csv.read_csv(short)
+    pq.write_table(table, folder / "short.parquet")
+    write_bag(table, folder / "short.mcap")
+    return {path.suffix: path.read_bytes() for path in sorted(folder.glob("short.*"))}
 
 
 def test_mutated_logs(hostile: Trial, tmp_path: Path) -> None:
     rng = random.Random(6)
+    case = tmp_path / "bag.toml"
+    case.write_text((CASES / "logs" / "servo.toml").read_text(encoding="utf-8") + BAG)
     for suffix, content in log_files(tmp_path).items():
         file = tmp_path / f"log{suffix}"
+        of = case if suffix == ".mcap" else "logs/servo"
+        hostile.run(f"sound {suffix}", "compare", file.with_stem("short"), of, "--out", tmp_path)
         for index in range(12 * TIMES):
-            file.write_bytes(with_other_bytes(content, rng))
+            mutate = with_other_bytes
+            if suffix == ".csv" and index % 2:
+                mutate = with_other_field
+            file.write_bytes(mutate(content, rng))
             name = f"{suffix} {index}"
-            hostile.run(name, "compare", file, "logs/servo", "--out", tmp_path / "out")
+            hostile.run(name, "compare", file, of, "--out", tmp_path / "out")
 
 
 def test_mutated_results(hostile: Trial, tmp_path: Path) -> None:

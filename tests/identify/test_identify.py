@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from commands import assert_one_line, run
 from mcap_ros2.writer import Writer
@@ -215,9 +217,11 @@ def saturated(rows: Array) -> Array:
 CURRENT = (slice(None), 1)
 WRONG_ROWS: list[tuple[Change, str]] = [
     (lambda rows: rows[:10], "has 10 rows of numbers; 50 or more are needed"),
-    (changed((300, 0), lambda rows: rows[299, 0]), "the time does not rise at row 301"),
+    (changed((300, 0), lambda rows: rows[299, 0]), "the time does not rise in line 302"),
     (changed(CURRENT, lambda _: 0.3), "the input is 0.3 A all the time"),
-    (changed((100, 2), lambda _: np.nan), "is no number in row 102: fill or cut it"),
+    (changed((100, 2), lambda _: np.nan), "is no number in line 102, 'nan': fill or cut it"),
+    (changed((100, 2), lambda _: 1e200), "is no number in line 102, '1e+200': fill or cut it"),
+    (changed((100, 0), lambda _: np.nan), "time [s] is no number in line 102, 'nan'"),
     (changed(CURRENT, saturated), "it saturates"),
 ]
 WRONG_HEADERS = [
@@ -225,6 +229,10 @@ WRONG_HEADERS = [
     ("time [s],current,x", "no column of a state"),
     ("a,current,rotor angle", "no column of the time"),
     ("time [s],current [A],rotor angle [kg]", "cannot be converted to rad"),
+    ("time [kg],current [A],rotor angle", 'time [kg]: "1 kg" cannot be converted to s'),
+    ("time [s],current [A],Current", "current [A] and Current are both current"),
+    ("0,0,0", "has no header of two columns or more"),
+    ("time [s]", "has no header of two columns or more"),
 ]
 
 
@@ -543,26 +551,123 @@ def table_text(log: Log, comma: str = ",", point: str = ".", header: str = HEADE
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize(
-    "text_of",
-    [
-        lambda log: table_text(log, ";"),
-        lambda log: table_text(log, ";", ","),
-        lambda log: table_text(log, "\t"),
-        lambda log: table_text(log, "\t", ","),
-        lambda log: "\ufeff" + table_text(log),
-        lambda log: "# a comment\n# and another one\n" + table_text(log),
-        lambda log: table_text(log).replace("\n", ",,\n") + ",,",
-        lambda log: table_text(log).replace("\n", "\r\n"),
-    ],
-)
+def dated(log: Log) -> str:
+    """A log with dates and times in place of the seconds."""
+    seconds = np.round(log.time * 1e9).astype(np.int64)
+    instants = np.datetime64("2026-01-01", "ns") + seconds
+    rows = zip(instants, log.inputs[:, 0], log.outputs["rotor angle"], strict=True)
+    lines = [f"{instant},{u:.9f},{angle:.9f}" for instant, u, angle in rows]
+    return "\n".join(["time,current [A],rotor angle [rad]", *lines])
+
+
+def quoted(log: Log) -> str:
+    """A log with decimal commas in quotes, and commas between the columns."""
+    rows = [line.split(";") for line in table_text(log, ";", ",").split("\n")]
+    return "\n".join(",".join(f'"{field}"' for field in row) for row in rows)
+
+
+def with_commas(log: Log) -> str:
+    """A log with a comma at the end of each row, but not of the header."""
+    header, *rows = table_text(log).split("\n")
+    return "\n".join([header, *[f"{row}," for row in rows]])
+
+
+# Each as text, or as bytes of another encoding than UTF-8.
+CSV_FILES: dict[str, Callable[[Log], str | bytes]] = {
+    "semicolons": lambda log: table_text(log, ";"),
+    "decimal commas": lambda log: table_text(log, ";", ","),
+    "decimal commas and a decimal point in words": lambda log: (
+        table_text(log, ";", ",").replace("\n", ";v1.2\n").replace(";v1.2", ";note", 1) + ";v1.2"
+    ),
+    "decimal commas in quotes": quoted,
+    "tabs": lambda log: table_text(log, "\t"),
+    "tabs and decimal commas": lambda log: table_text(log, "\t", ","),
+    "byte order mark": lambda log: "\ufeff" + table_text(log),
+    "UTF-16": lambda log: table_text(log).encode("utf-16"),
+    "Latin-1": lambda log: (
+        table_text(log).replace("\n", ",20\n").replace(",20", ",T [\xb0C]", 1) + ",20"
+    ).encode("latin-1"),
+    "comments before": lambda log: "# a comment\n# and another one\n" + table_text(log),
+    "comments after": lambda log: table_text(log) + "\n# end, of, it\n# end\n\n",
+    "header in a comment": lambda log: "# a bench\n# " + table_text(log),
+    "line of the separator": lambda log: "sep=;\n" + table_text(log, ";"),
+    "commas end all lines": lambda log: table_text(log).replace("\n", ",,\n") + ",,",
+    "a comma ends the header": lambda log: table_text(log, header=f"{HEADER},"),
+    "a comma ends the rows": with_commas,
+    "empty rows": lambda log: table_text(log) + "\n,,\n,,\n",
+    "lines end as in Windows": lambda log: table_text(log).replace("\n", "\r\n"),
+    "dates": dated,
+}
+
+
+@pytest.mark.parametrize("text_of", CSV_FILES.values(), ids=CSV_FILES)
 def test_a_csv_file_of_another_program_is_read(
-    text_of: Callable[[Log], str], tmp_path: Path, log: Log
+    text_of: Callable[[Log], str | bytes], tmp_path: Path, log: Log
 ) -> None:
     path = tmp_path / "log.csv"
-    path.write_bytes(text_of(log).encode("utf-8"))
+    content = text_of(log)
+    path.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
     read = read_log(path, SERVO, None)
+    assert read.time == pytest.approx(log.time, abs=1e-8)
+    assert read.inputs == pytest.approx(log.inputs, abs=1e-8)
     assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"], abs=1e-8)
+
+
+def with_line(number: int, line: str) -> Callable[[Log], str]:
+    """A log with another line, counted from 1."""
+
+    def changed_text(log: Log) -> str:
+        lines = table_text(log).split("\n")
+        lines[number - 1] = line
+        return "\n".join(lines)
+
+    return changed_text
+
+
+@pytest.mark.parametrize(
+    ("text_of", "words"),
+    [
+        (with_line(30, "0.058,err,0.1"), "current [A] is no number in line 30, 'err'"),
+        (with_line(30, "# a\n\n0.058,err,0.1"), "current [A] is no number in line 32, 'err'"),
+        (with_line(30, "0.058,0.1"), "fields than in the header in the row '0.058,0.1'"),
+        (with_line(2, "0,1,5,2,3"), "fields than in the header in the row '0,1,5,2,3'"),
+        (with_line(2, "0,1"), "fields than in the header in the row '0,1'"),
+        (lambda log: table_text(log, ",", ","), "decimal commas need semicolons between"),
+        (lambda _: "", "has no rows"),
+        (lambda _: HEADER, "has no rows below its header"),
+        (lambda _: "PK\0\0", "is no text: export the log as CSV"),
+    ],
+)
+def test_a_mistake_in_a_csv_file_is_named_with_its_place(
+    text_of: Callable[[Log], str], words: str, tmp_path: Path, log: Log
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text_of(log), encoding="utf-8")
+    with pytest.raises(ArgumentError, match=re.escape(words)):
+        read_log(path, SERVO, None)
+
+
+def test_instants_and_decimals_of_a_parquet_file_are_read(tmp_path: Path, log: Log) -> None:
+    path = tmp_path / "log.parquet"
+    ticks = pa.array(np.round(1e6 * log.time), pa.int64())
+    angle = pa.array(log.outputs["rotor angle"])
+    for time in (ticks.cast(pa.timestamp("us", "UTC")), ticks.cast(pa.duration("us"))):
+        angles = angle.cast(pa.decimal128(30, 20))
+        table = pa.table({"time": time, "current": log.inputs[:, 0], "rotor angle": angles})
+        pq.write_table(table, path)
+        read = read_log(path, SERVO, None)
+        assert read.time == pytest.approx(log.time, abs=1e-6)
+        assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"])
+
+
+def test_a_wrong_number_of_a_parquet_file_is_named_by_its_row(tmp_path: Path, log: Log) -> None:
+    path = tmp_path / "log.parquet"
+    angles = log.outputs["rotor angle"].copy()
+    angles[30] = np.nan
+    table = {"time": log.time, "current": log.inputs[:, 0], "rotor angle": angles}
+    pq.write_table(pa.table(table), path)
+    with pytest.raises(ArgumentError, match="rotor angle is no number in row 31, nan"):
+        read_log(path, SERVO, None)
 
 
 def test_two_columns_of_one_name_are_refused(tmp_path: Path, log: Log) -> None:
@@ -584,6 +689,60 @@ def test_instants_of_milliseconds_without_a_unit_are_doubted(tmp_path: Path, log
     rows[:, 0] *= 1e3
     path = csv(tmp_path / "log.csv", rows, "time,current [A],rotor angle [rad]")
     with pytest.warns(ImplausibleWarning, match=r'write "time \[ms\]" for milliseconds'):
+        read_log(path, SERVO, None)
+
+
+def test_a_case_says_the_unit_of_the_time(
+    tmp_path: Path, log: Log, recwarn: pytest.WarningsRecorder
+) -> None:
+    rows = columns(log)
+    rows[:, 0] *= 1e3
+    path = csv(tmp_path / "log.csv", rows, "time,current [A],rotor angle [rad]")
+    read = read_log(path, SERVO, LogTable(time_unit="ms"))
+    assert read.time == pytest.approx(log.time)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    "table",
+    [{"time": "zeit"}, {"columns": {"current": {"column": "current"}}}],
+)
+def test_a_misspelt_column_in_a_case_is_named(
+    table: dict[str, Any], tmp_path: Path, log: Log
+) -> None:
+    path = csv(tmp_path / "log.csv", columns(log))
+    with pytest.raises(ArgumentError, match=r"\[log\]: unknown column .* valid: 'time \[s\]'"):
+        read_log(path, SERVO, LogTable.model_validate(table))
+
+
+@pytest.mark.parametrize("number", [{"scale": 0.0}, {"scale": np.nan}, {"offset": np.inf}])
+def test_numbers_of_a_case_that_leave_no_log_are_refused(number: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"0 must be another number|finite number"):
+        LogTable.model_validate({"columns": {"current": {"column": "u", **number}}})
+
+
+def test_messages_at_one_instant_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        both = writer.register_msgdef("a/msg/Both", "float64 current\nfloat64 angle\n")
+        for k in range(60):
+            message = {"current": float(k % 7), "angle": 0.1 * k}
+            writer.write_message("/servo", both, message, log_time=5)
+        writer.finish()
+
+    named = {
+        "current": {"column": "/servo.current"},
+        "rotor angle": {"column": "/servo.angle"},
+    }
+    with pytest.raises(ArgumentError, match="the time does not rise in message 2"):
+        read_log(path, SERVO, LogTable.model_validate({"columns": named}))
+
+
+def test_an_empty_bag_says_what_ends(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"")
+    with pytest.raises(ArgumentError, match="cannot be read: EndOfFile"):
         read_log(path, SERVO, None)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -26,12 +28,14 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.task import Task
 from grosmc_mj.control.uncertainty import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError
+from grosmc_mj.files import LARGEST_TEXT
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.files import load_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import TWO_LINK_ARM
 from grosmc_mj.robots.dynamics import bias, inertia
+from grosmc_mj.robots.model import read_spec
 from grosmc_mj.robots.robot import Robot
 
 N = 3
@@ -555,3 +559,39 @@ def test_the_adaptive_law_needs_torques_in_symbols() -> None:
     words = "two_link_arm has no torques Y theta in symbols.*: take lqi, fl-pid or adrc"
     with pytest.raises(PremiseError, match=words):
         adaptive(two_link_task(), 1.0, 1.0)
+
+
+# Files that a model names
+
+
+@pytest.mark.parametrize(
+    ("element", "file"),
+    [
+        ('<include file="parts/odd"/>', "parts/odd"),
+        ('<include file="part.xml"/>', "odd"),
+        ('<asset><model name="a" file="odd"/></asset>', "odd"),
+        ('<asset><mesh name="a" file="odd.stl"/></asset>', "assets/odd.stl"),
+        ('<asset><hfield name="a" file="odd.png" size="1 1 1 1"/></asset>', "assets/odd.png"),
+        ('<asset><texture name="a" type="2d" file="odd.png"/></asset>', "pictures/odd.png"),
+        ('<asset><texture name="a" type="cube" fileup="odd.png"/></asset>', "pictures/odd.png"),
+    ],
+)
+@pytest.mark.parametrize("large", [False, True])
+def test_a_pipe_or_a_huge_file_that_a_model_names_is_not_read(
+    element: str, file: str, large: bool, tmp_path: Path
+) -> None:
+    compiler = '<compiler meshdir="assets" texturedir="pictures"/>'
+    model = tmp_path / "robot.xml"
+    model.write_text(f"<mujoco>{compiler}{element}</mujoco>")
+    (tmp_path / "part.xml").write_text('<mujoco><include file="odd"/></mujoco>')
+    odd = tmp_path / file
+    odd.parent.mkdir(exist_ok=True)
+    words = "is a folder, a pipe, a socket or a device: give a regular file"
+    if large:
+        with odd.open("wb") as stream:
+            stream.truncate(LARGEST_TEXT + 1)
+        words = "has 256 MB: at most 256 MB are read"
+    else:
+        os.mkfifo(odd)
+    with pytest.raises(ModelError, match=rf"the MJCF cannot be read: \S*{file} {words}"):
+        read_spec(model)

@@ -374,6 +374,7 @@ def _formulas(value: Any) -> Any:
 Formulas = Annotated[Any, BeforeValidator(_formulas)]
 Weight = Annotated[Any, BeforeValidator(_weight)]
 Bounds = Annotated[Any, BeforeValidator(_bounds)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -664,6 +665,13 @@ class KnownLoopTable(_LoopParts):
     """``[known_loop]``: the loop that predicting laws take for theirs, if it is another one."""
 
 
+def _nonzero(scale: float) -> float:
+    """Refuse a factor that makes every number 0."""
+    if scale == 0:
+        raise ValueError("0 must be another number: it would make every sample 0")
+    return scale
+
+
 class ColumnTable(Table):
     """``[log.columns]``: value = sign scale (column - offset), in its unit.
 
@@ -678,8 +686,8 @@ class ColumnTable(Table):
     column: str
     unit: str = ""
     sign: Literal[1, -1] = 1
-    scale: float = 1.0
-    offset: float = 0.0
+    scale: Annotated[Finite, AfterValidator(_nonzero)] = 1.0
+    offset: Finite = 0.0
 
 
 class LogTable(Table):
@@ -687,11 +695,13 @@ class LogTable(Table):
 
     Attributes:
         time: Header of the time's column; ``time`` or ``t`` by default.
+        time_unit: Unit of its numbers; by default the one in the header, or seconds.
         sampling: Time between two samples, of a log without such a column.
         columns: Columns by the name of an input or a state.
     """
 
     time: str = ""
+    time_unit: str = ""
     sampling: PositiveSeconds | None = None
     columns: dict[str, ColumnTable] = {}
 

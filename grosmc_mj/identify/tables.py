@@ -1,0 +1,228 @@
+"""Tables of CSV and Parquet files, and the numbers in their columns."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+import pyarrow.csv
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, value_text
+
+# Its functions are made at import: a type checker does not see them.
+pc: Any = pyarrow.compute
+# Bytes at the beginning of a file in which its header is looked for.
+_BEGINNING = 1 << 20
+# Letters of a line without content.
+_EMPTY = " \t,;"
+_COMMENT = "#"
+# A line of spreadsheets that names the letter between the columns.
+_SEPARATOR_LINE = re.compile(r"sep=(.)")
+_NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+_WITH_POINT = r"^[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?$"
+_WITH_COMMA = r"^[+-]?\d*,\d+([eE][+-]?\d+)?$"
+_TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+class _Layout(NamedTuple):
+    """Layout of a CSV file, by its beginning.
+
+    Attributes:
+        encoding: Of its text.
+        separator: Letter between two columns.
+        headers: Of the columns.
+        width: Number of fields in the first row.
+        skipped: Lines before the first row.
+    """
+
+    encoding: str
+    separator: str
+    headers: list[str]
+    width: int
+    skipped: int
+
+
+def csv_table(path: Path) -> pa.Table:
+    """Read a CSV file as texts; numbers with a decimal comma get a decimal point.
+
+    Commas, semicolons or tabs separate the columns. Comments begin with #; the last one before the
+    rows may be the header. Empty lines, and empty columns at the end of lines, are left out.
+
+    Raises:
+        ArgumentError: If it has no header, or a row has more or fewer fields.
+    """
+    layout = _layout(path)
+    names = [str(index) for index in range(layout.width)]
+    ragged: list[str] = []
+
+    def skip(row: pyarrow.csv.InvalidRow) -> str:
+        if not _is_left_out(row.text):
+            ragged.append(row.text)
+        return "skip"
+
+    table = pyarrow.csv.read_csv(
+        path,
+        pyarrow.csv.ReadOptions(
+            column_names=names, skip_rows=layout.skipped, encoding=layout.encoding
+        ),
+        pyarrow.csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+        pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+    )
+    if ragged:
+        raise _ragged(ragged[0])
+    columns = [pc.utf8_trim_whitespace(texts) for texts in table.columns]
+
+    is_filled = np.array([pc.not_equal(texts, "").to_numpy() for texts in columns])
+    is_row = is_filled.any(axis=0) & ~pc.starts_with(columns[0], _COMMENT).to_numpy()
+    beyond = is_row & is_filled[len(layout.headers) :].any(axis=0)
+    if beyond.any():
+        fields = table.slice(int(np.argmax(beyond)), 1).to_pylist()[0].values()
+        raise _ragged(layout.separator.join(fields))
+    columns = [texts.filter(pa.array(is_row)) for texts in columns[: len(layout.headers)]]
+
+    has_points = any(_matches(texts, _WITH_POINT) for texts in columns)
+    if not has_points and any(_matches(texts, _WITH_COMMA) for texts in columns):
+        columns = [pc.replace_substring(texts, ",", ".") for texts in columns]
+    return pa.table(columns, layout.headers)
+
+
+def line_of(path: Path, row: int) -> int:
+    """Return the line of a CSV file, from 1, that a row of its table, from 0, stands in."""
+    layout = _layout(path)
+    with path.open(encoding=layout.encoding) as file:
+        for number, line in enumerate(file, start=1):
+            if number <= layout.skipped or _is_left_out(line):
+                continue
+            if row == 0:
+                return number
+            row -= 1
+    raise IndexError(row)
+
+
+def numbers_of(column: pa.ChunkedArray) -> Array | None:
+    """Return the numbers of a column, or the seconds of its instants; NaN where there is none.
+
+    Returns:
+        (N,); None if nothing in it is a number.
+    """
+    if pa.types.is_string(column.type):
+        is_number = pc.match_substring_regex(column, _NUMBER)
+        if not pc.any(is_number).as_py():
+            column = _instants(column)
+        else:
+            column = pc.if_else(is_number, column, None).cast(pa.float64())
+    kind = column.type
+
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        # Nanoseconds since 1970 do not fit into a float: the difference is one of integers.
+        ticks = column.cast(pa.int64()).to_numpy()
+        return (ticks - ticks[:1]) / _TICKS_PER_SECOND[kind.unit]
+    if pa.types.is_decimal(kind):
+        column = column.cast(pa.float64())
+    elif not pa.types.is_integer(kind) and not pa.types.is_floating(kind):
+        return None
+    return np.asarray(column.to_numpy(), float)
+
+
+def _instants(texts: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Dates with times, in no zone or in one; the texts themselves if they are none."""
+    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
+        try:
+            return texts.cast(kind)
+        except pa.ArrowInvalid:
+            continue
+    return texts
+
+
+def _layout(path: Path) -> _Layout:
+    """The layout of a CSV file.
+
+    Raises:
+        ArgumentError: If it has no header or no rows.
+    """
+    with path.open("rb") as file:
+        encoding, text = _decoded(file.read(_BEGINNING))
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    filled = [k for k, line in enumerate(lines) if line.strip(_EMPTY)]
+    rows = [k for k in filled if not lines[k].startswith(_COMMENT)]
+
+    separators = ";\t"
+    if rows and (match := _SEPARATOR_LINE.fullmatch(lines[rows[0]].strip())):
+        separators = match[1]
+        del rows[0]
+    if not rows:
+        raise ArgumentError("has no rows: log some seconds")
+
+    header = lines[rows[0]]
+    if re.match(_NUMBER, re.split(r"[,;\s]", header)[0]):
+        # NumPy writes the header as a comment.
+        comments = [lines[k] for k in filled if k < rows[0]]
+        header = comments[-1].lstrip(_COMMENT) if comments else ""
+    else:
+        del rows[0]
+    if not rows:
+        raise ArgumentError("has no rows below its header: log some seconds")
+
+    # A comma may also be one of decimals.
+    first = lines[rows[0]]
+    separator = next((s for s in separators if s in header and s in first), ",")
+    headers = _fields(header.rstrip(_EMPTY), separator)
+    fields = _fields(first, separator)
+    if len(headers) < 2:
+        raise ArgumentError(
+            "has no header of two columns or more: begin it with their names, such as "
+            "'time [s],current [A]', separated by commas, semicolons or tabs"
+        )
+    if len(fields) < len(headers) or any(fields[len(headers) :]):
+        raise _ragged(first)
+    return _Layout(encoding, separator, headers, len(fields), rows[0])
+
+
+def _decoded(content: bytes) -> tuple[str, str]:
+    """Encoding and text of the beginning of a file.
+
+    Raises:
+        ArgumentError: If it is no text.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16", content.decode("utf-16", errors="ignore")
+    if b"\0" in content:
+        raise ArgumentError("is no text: export the log as CSV")
+    try:
+        # The beginning may end within a letter.
+        text = codecs.getincrementaldecoder("utf-8-sig")().decode(content)
+    except UnicodeDecodeError:
+        # The degree sign and the micro sign of western Europe.
+        return "latin-1", content.decode("latin-1")
+    return "utf-8", text
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    """The fields of a line, without blanks around them."""
+    fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [field.strip() for field in fields]
+
+
+def _is_left_out(line: str) -> bool:
+    """Whether a line is a comment or has no content."""
+    return line.startswith(_COMMENT) or not line.strip(_EMPTY + "\r\n")
+
+
+def _matches(texts: pa.ChunkedArray, pattern: str) -> bool:
+    """Whether a pattern matches one of some texts."""
+    return bool(pc.any(pc.match_substring_regex(texts, pattern)).as_py())
+
+
+def _ragged(row: str) -> ArgumentError:
+    """The error of a row with more or fewer fields than the header."""
+    return ArgumentError(
+        f"more or fewer fields than in the header in the row {value_text(row)}: correct it; "
+        "numbers with decimal commas need semicolons between the columns"
+    )
