@@ -578,13 +578,15 @@ def test_the_adaptive_law_needs_torques_in_symbols() -> None:
 )
 @pytest.mark.parametrize("large", [False, True])
 def test_a_pipe_or_a_huge_file_that_a_model_names_is_not_read(
-    element: str, file: str, large: bool, tmp_path: Path
+    element: str, file: str, large: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # A message cuts long paths.
+    monkeypatch.chdir(tmp_path)
     compiler = '<compiler meshdir="assets" texturedir="pictures"/>'
-    model = tmp_path / "robot.xml"
+    model = Path("robot.xml")
     model.write_text(f"<mujoco>{compiler}{element}</mujoco>")
-    (tmp_path / "part.xml").write_text('<mujoco><include file="odd"/></mujoco>')
-    odd = tmp_path / file
+    Path("part.xml").write_text('<mujoco><include file="odd"/></mujoco>')
+    odd = Path(file)
     odd.parent.mkdir(exist_ok=True)
     words = "is a folder, a pipe, a socket or a device: give a regular file"
     if large:
@@ -593,5 +595,5 @@ def test_a_pipe_or_a_huge_file_that_a_model_names_is_not_read(
         words = "has 256 MB: at most 256 MB are read"
     else:
         os.mkfifo(odd)
-    with pytest.raises(ModelError, match=rf"the MJCF cannot be read: \S*{file} {words}"):
+    with pytest.raises(ModelError, match=f"the MJCF cannot be read: {file} {words}"):
         read_spec(model)
