@@ -16,12 +16,12 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.references import Setpoints
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
-from grosmc_mj.experiments import runs
+from grosmc_mj.experiments import experiment as experiments
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment, find_experiments
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.problem import Plant
@@ -67,7 +67,7 @@ def run_on(
 ) -> RunResult:
     """Run any law on any plant."""
     experiment = replace(find_experiment("servo", "nominal"), case=case, settings=settings)
-    return runs.run_on(experiment, name, law, plant)
+    return experiments.run_on(experiment, name, law, plant)
 
 
 def case_plant(case: Case, name: PlantName, settings: Settings) -> Plant:

@@ -16,10 +16,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

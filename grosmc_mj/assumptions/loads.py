@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import ROUNDING
 from grosmc_mj.control.reaching import matrix_vector
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.physics.wrenches import generalized_forces
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.trajectory import Trajectory

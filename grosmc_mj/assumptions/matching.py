@@ -13,9 +13,8 @@ from grosmc_mj.assumptions.loads import Instants, Load, instants_of, loads_of, s
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.reaching import matrix_vector
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.hooks import warnings_counted_only
 
 # Share of the largest effect on z' up to which all of it is matched: MuJoCo's input matrix comes

@@ -28,9 +28,8 @@ from grosmc_mj.assumptions.balance import Balance, balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia

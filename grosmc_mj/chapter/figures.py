@@ -14,8 +14,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves import shade_disturbances
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import PlantName, RunResult
+from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.plants import find_system
 from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below, figure_written
 from grosmc_mj.results.palette import (

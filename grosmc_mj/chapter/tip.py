@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import RunResult
 
 
 def true_tip(result: RunResult) -> Array:

@@ -19,9 +19,9 @@ from grosmc_mj.chapter.claims.results import (
 )
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.document import run_document, standings
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.metrics import Metric, tolerance_of
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.experiments.case import Case
-    from grosmc_mj.experiments.runs import RunResult, Settings
+    from grosmc_mj.experiments.experiment import RunResult
+    from grosmc_mj.experiments.runs import Settings
     from grosmc_mj.films.film import Film
     from grosmc_mj.films.pool import RenderingPool
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case, seed_of
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.metrics import has_cart
 from grosmc_mj.experiments.requirements import Judgement, Limit
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.palette import (

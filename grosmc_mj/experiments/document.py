@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from grosmc_mj.experiments.case import case_document, seed_of
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.tables import (
@@ -28,10 +29,6 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import number
-
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.runs import RunResult
 
 
 def experiment_document(

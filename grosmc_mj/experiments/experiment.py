@@ -1,4 +1,4 @@
-"""A case file as an experiment: its plants, laws, requirements and runs."""
+"""A case file as an experiment, and its runs: plants, laws, requirements, judgements."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SwitchingNumbers, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
 from grosmc_mj.control.uncertainty import Uncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, ImplausibleWarning, Mistakes, MistakesError
+from grosmc_mj.errors import (
+    ArgumentError,
+    DivergenceError,
+    GrosmcError,
+    ImplausibleWarning,
+    Mistakes,
+    MistakesError,
+)
 from grosmc_mj.experiments.case import Case, case_of, edits_of
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.reading import read_case_file
@@ -25,6 +32,7 @@ from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, Require
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
+from grosmc_mj.experiments.metrics import Metric, compare_with_optimum, measure
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import (
@@ -36,7 +44,7 @@ from grosmc_mj.experiments.requirements import (
     require_initial_error,
     transient,
 )
-from grosmc_mj.experiments.runs import RunResult, Settings, run_on
+from grosmc_mj.experiments.runs import Run, Settings
 from grosmc_mj.files import name_in_files
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
@@ -44,6 +52,7 @@ from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.simulation.simulate import simulate
 
 # Claims and campaigns ask for the same controllers thousands of times.
 _apply_loop = lru_cache(maxsize=512)(apply_loop)
@@ -497,6 +506,118 @@ def _with(table: Any, path: Sequence[str], value: Any) -> Any:
     if inner_path:
         value = _with(getattr(table, key), inner_path, value)
     return table.model_copy(update={key: value})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunResult(Run):
+    """A run of an experiment, with its requirements and its film.
+
+    Attributes:
+        experiment: The experiment.
+    """
+
+    experiment: Experiment
+
+    # A page, a figure and a document ask for them.
+    @cached_property
+    def requirements(self) -> list[Judgement]:
+        """Judgements of this run by the experiment's requirements."""
+        return judge_all(self.experiment.limits, [self])
+
+    def film(self, path: str | Path) -> Path:
+        """Write a film of the run, and return its path.
+
+        Raises:
+            ArgumentError: If the run is not on physics.
+            SetupError: If it cannot be rendered or written.
+        """
+        from grosmc_mj.experiments.films import film_of, write_case_film
+
+        film = film_of([self])
+        return write_case_film(self.case, film, Path(path), settings=self.experiment.settings).film
+
+    def __repr__(self) -> str:
+        """Return case, end, metrics, costs and requirements in five lines."""
+        end = f"{self.status.name.lower()} at {self.trajectory.time[-1]:g} s"
+        if self.ended:
+            end += f": {self.ended}"
+        metrics = [
+            f"{name.replace('_', ' ')} {_with_unit(self.metrics[name])}"
+            for name in ("deviation", "settling_time", "max_input")
+        ]
+        continuous, switched = self.cost_shares
+        costs = f"J(u_c)/J* {_with_unit(continuous)}, J(u_d)/J* {_with_unit(switched)}"
+        kept = [item.kept for item in self.requirements]
+        requirements = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
+        return "\n".join(
+            [
+                f"{self.key}: {self.case.title}",
+                end,
+                ", ".join(metrics),
+                costs,
+                f"requirements: {requirements}",
+            ]
+        )
+
+
+def run_on(
+    experiment: Experiment,
+    name: PlantName,
+    law: Controller,
+    plant: Plant,
+    loop: AppliedLoop | None = None,
+) -> RunResult:
+    """Run an experiment with a given law, loop and plant, and measure the run.
+
+    A run that ends early is a result like any other.
+
+    Args:
+        experiment: Start, duration, disturbances and settings.
+        name: Name of the plant in the result.
+        law: The controller.
+        plant: The plant.
+        loop: The loop around the law; ideal by default.
+    """
+    case = experiment.case
+    settings = experiment.settings
+    ended = ""
+    try:
+        run = simulate(
+            plant,
+            law,
+            case.x0,
+            duration=case.duration,
+            loop=loop,
+            control_period=settings.control_period,
+            timestep=settings.timestep,
+            disturbances=case.disturbances,
+            engine=settings.engine_for(law),
+        )
+    except DivergenceError as error:
+        run = error.trajectory
+        ended = str(error)
+    comparison = compare_with_optimum(run, law)
+    metrics = measure(run, law, comparison, case.onset)
+    return RunResult(
+        experiment=experiment,
+        case=case,
+        plant=name,
+        controller=law,
+        trajectory=run,
+        comparison=comparison,
+        metrics=metrics,
+        ended=ended,
+        true=plant,
+    )
+
+
+def _with_unit(metric: Metric) -> str:
+    """Return a metric with its unit, or the reason why it has no value."""
+    if metric.value is None:
+        return f"- ({metric.note})"
+    if metric.unit == "1":
+        return f"{metric.value:.4g}"
+    return f"{metric.value:.4g} {metric.unit}"
 
 
 def judge(target: str | Path | Experiment) -> list[Judgement]:

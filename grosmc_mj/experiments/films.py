@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,23 +15,19 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError, name_list
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case, case_document, seed_of
-from grosmc_mj.films.film import MOST_TAKES, Film, Format, Take
+from grosmc_mj.experiments.runs import Run, Settings
+from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
 from grosmc_mj.films.pool import RenderingPool
-from grosmc_mj.films.scene import camera_names
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.palette import law_styles
 from grosmc_mj.simulation.trajectory import Status
-
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.runs import RunResult, Settings
 
 # Controllers and format of the films of validate: smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")
@@ -49,30 +45,8 @@ _ENDED = {
 }
 
 
-def check_request(experiment: Experiment, controllers: Sequence[str], form: Format) -> None:
-    """Refuse a film that cannot be made, before anything is run for it.
-
-    Raises:
-        ArgumentError: If there are no controllers, too many or unknown ones, or the format does not
-            fit the case.
-    """
-    if not 1 <= len(controllers) <= MOST_TAKES:
-        raise ArgumentError(
-            f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
-            f"{name_list(experiment.controllers)}"
-        )
-    physics = experiment.nominal.plant
-    if not isinstance(physics, MujocoPlant):
-        raise ArgumentError(
-            f"{experiment.path}: its plant is equations alone, and a film shows a model in MuJoCo"
-        )
-    for name in controllers:
-        experiment.law("physics", name)
-    form.check(camera_names(physics.model), experiment.case.duration)
-
-
 def film_of(
-    results: Sequence[RunResult],
+    results: Sequence[Run],
     form: Format | None = None,
     names: Sequence[str] = (),
 ) -> Film:
@@ -121,7 +95,7 @@ def film_of(
     )
 
 
-def _refuse_several_cases(results: Sequence[RunResult]) -> None:
+def _refuse_several_cases(results: Sequence[Run]) -> None:
     """Raise an ArgumentError if the runs are not of one case on physics."""
     cases = {(result.case.system, result.case.name) for result in results}
     on_physics = all(result.plant == "physics" for result in results)
@@ -129,13 +103,13 @@ def _refuse_several_cases(results: Sequence[RunResult]) -> None:
         raise ArgumentError("a film shows runs of one case on physics")
 
 
-def _reference_moves(results: Sequence[RunResult]) -> bool:
+def _reference_moves(results: Sequence[Run]) -> bool:
     """True if the reference of any run moves."""
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
     return max(spans) > _STILL
 
 
-def _early_end(result: RunResult) -> str:
+def _early_end(result: Run) -> str:
     """Words for the end of a run that ended early, empty for one that did not."""
     reason = _ENDED[result.status]
     if not reason:
@@ -144,7 +118,7 @@ def _early_end(result: RunResult) -> str:
     return f"{reason} at {until:.2f} s"
 
 
-def _coordinate_beside(results: Sequence[RunResult]) -> int | None:
+def _coordinate_beside(results: Sequence[Run]) -> int | None:
     """First coordinate that is not controlled, to be shown in place of s.
 
     None unless there is a law of the whole state, which holds more than the controlled coordinates.
@@ -156,7 +130,7 @@ def _coordinate_beside(results: Sequence[RunResult]) -> int | None:
     return next(i for i in range(len(system.states)) if i not in system.controlled)
 
 
-def _ghost(result: RunResult, *, moving: bool) -> Array:
+def _ghost(result: Run, *, moving: bool) -> Array:
     """Controlled coordinates of the reference, if it moves, or of the optimum, (N + 1, controlled).
 
     Where outputs are no coordinates, the coordinates that have these outputs.
@@ -180,7 +154,7 @@ def _ghost(result: RunResult, *, moving: bool) -> Array:
     return np.array(rows)
 
 
-def films_of(results: Sequence[RunResult], form: Format = SMALL) -> list[tuple[Case, Film]]:
+def films_of(results: Sequence[Run], form: Format = SMALL) -> list[tuple[Case, Film]]:
     """Films of the cases that have runs on physics under all of ``CONTROLLERS``."""
     on_physics = [result for result in results if result.plant == "physics"]
     runs = {(result.case, result.controller.name): result for result in on_physics}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,10 +26,8 @@ from grosmc_mj.experiments.metrics import (
     settled_in,
     settling_time,
 )
+from grosmc_mj.experiments.runs import Run
 from grosmc_mj.simulation.trajectory import Status
-
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.runs import RunResult
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9
@@ -284,7 +282,7 @@ def _number(kind: str, value: Any, unit: str) -> float:
     return number
 
 
-def judge(limit: Limit, result: RunResult) -> Judgement:
+def judge(limit: Limit, result: Run) -> Judgement:
     """Judge a run by a requirement; a run that ended early keeps none.
 
     Where a run does not settle in time, the note says how long its nominal optimum itself takes.
@@ -309,7 +307,7 @@ def judge(limit: Limit, result: RunResult) -> Judgement:
     return Judgement(limit, result.controller.name, result.plant, measured, margin, kept, note)
 
 
-def _has_nominal_error(result: RunResult) -> bool:
+def _has_nominal_error(result: Run) -> bool:
     """Whether the error of the law's nominal loop is that of its design: of K z, with more or not.
 
     Laws with an integrator of their own and a user's laws are only compared with an optimum.
@@ -318,7 +316,7 @@ def _has_nominal_error(result: RunResult) -> bool:
     return law.designed.follows_optimum or hasattr(law.parameters, "K")
 
 
-def unfailing(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[str]:
+def unfailing(limits: Sequence[Limit], results: Sequence[Run]) -> list[str]:
     """Return a line for each requirement that none of the runs could fail, with the reason."""
     lines = []
     for limit in limits:
@@ -356,7 +354,7 @@ def why_unfailing(limit: Limit, law: Controller, input_limits: Array) -> str:
     return ""
 
 
-def _settling_of_optimum(limit: Limit, result: RunResult) -> str:
+def _settling_of_optimum(limit: Limit, result: Run) -> str:
     """Return the time that the nominal optimum takes to settle, in words."""
     comparison = result.comparison
     settled = settling_time(comparison.time, comparison.optimal_error, limit.band)
@@ -365,7 +363,7 @@ def _settling_of_optimum(limit: Limit, result: RunResult) -> str:
     return f"takes {settled.value:.3g} s"
 
 
-def _measured(limit: Limit, result: RunResult) -> tuple[float | None, str]:
+def _measured(limit: Limit, result: Run) -> tuple[float | None, str]:
     """Return the limited value of a run, or None and the reason why there is none."""
     run = result.trajectory
     comparison = result.comparison
@@ -483,7 +481,7 @@ def margins_of(
     }
 
 
-def judge_all(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[Judgement]:
+def judge_all(limits: Sequence[Limit], results: Sequence[Run]) -> list[Judgement]:
     """Judge each run by each of its requirements."""
     judgements = []
     for limit in limits:
@@ -491,6 +489,6 @@ def judge_all(limits: Sequence[Limit], results: Sequence[RunResult]) -> list[Jud
     return judgements
 
 
-def _applies(limit: Limit, result: RunResult) -> bool:
+def _applies(limit: Limit, result: Run) -> bool:
     """Whether a requirement is about a run."""
     return result.controller.name in limit.of and result.plant in limit.on

@@ -9,9 +9,9 @@ from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import RunResult, Settings, run_on
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.disturbances import Disturbance

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,25 +13,17 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
-from grosmc_mj.errors import DivergenceError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
-    compare_with_optimum,
     cost_shares,
-    measure,
 )
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.simulate import Engine, simulate
+from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.requirements import Judgement
 
 Surface = Literal["printed", "discrete"]
 
@@ -74,12 +66,12 @@ class Settings:
         return self.engine
 
 
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """Result of an experiment on one plant under one controller.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run:
+    """A run of a case on one plant under one controller, and what it measured.
 
     Attributes:
-        experiment: The experiment.
+        case: Start, duration, edits, disturbances.
         plant: ``printed``, ``corrected`` or ``physics``.
         controller: Controller with the numbers of its design.
         trajectory: Trajectory up to the end or to the last valid instant.
@@ -89,7 +81,7 @@ class RunResult:
         true: The plant itself.
     """
 
-    experiment: Experiment
+    case: Case
     plant: PlantName
     controller: Controller
     trajectory: Trajectory
@@ -97,11 +89,6 @@ class RunResult:
     metrics: Mapping[str, Metric]
     ended: str = ""
     true: Plant | None = None
-
-    @property
-    def case(self) -> Case:
-        """Start, duration, edits, disturbances."""
-        return self.experiment.case
 
     @property
     def input_limits(self) -> Array:
@@ -133,56 +120,14 @@ class RunResult:
         return float(at_limit.any(axis=1).mean())
 
     @property
-    def requirements(self) -> list[Judgement]:
-        """Judgements of this run by the experiment's requirements."""
-        from grosmc_mj.experiments.requirements import judge_all
-
-        return judge_all(self.experiment.limits, [self])
-
-    @property
     def cost_shares(self) -> tuple[Metric, Metric]:
         """J(u_c)/J* and J(u_d)/J* a second, see ``metrics.cost_shares``."""
         return cost_shares(self.metrics, float(self.trajectory.time[-1]))
-
-    def film(self, path: str | Path) -> Path:
-        """Write a film of the run, and return its path.
-
-        Raises:
-            ArgumentError: If the run is not on physics.
-            SetupError: If it cannot be rendered or written.
-        """
-        from grosmc_mj.experiments.films import film_of, write_case_film
-
-        film = film_of([self])
-        return write_case_film(self.case, film, Path(path), settings=self.experiment.settings).film
 
     def save(self, path: str | Path) -> Path:
         """Write the trajectory as ``.parquet`` or ``.csv``; see ``Trajectory.save``."""
         unit = self.controller.design.sliding_unit if self.controller.design else ""
         return self.trajectory.save(path, sliding_unit=unit)
-
-    def __repr__(self) -> str:
-        """Return case, end, metrics, costs and requirements in five lines."""
-        end = f"{self.status.name.lower()} at {self.trajectory.time[-1]:g} s"
-        if self.ended:
-            end += f": {self.ended}"
-        metrics = [
-            f"{name.replace('_', ' ')} {_with_unit(self.metrics[name])}"
-            for name in ("deviation", "settling_time", "max_input")
-        ]
-        continuous, switched = self.cost_shares
-        costs = f"J(u_c)/J* {_with_unit(continuous)}, J(u_d)/J* {_with_unit(switched)}"
-        kept = [item.kept for item in self.requirements]
-        requirements = f"{sum(kept)} of {len(kept)} kept" if kept else "none"
-        return "\n".join(
-            [
-                f"{self.key}: {self.case.title}",
-                end,
-                ", ".join(metrics),
-                costs,
-                f"requirements: {requirements}",
-            ]
-        )
 
     @property
     def key(self) -> str:
@@ -211,53 +156,3 @@ def input_limits(plant: Plant, case: Case) -> Array:
             index = names.index(actuator.of)
             limits[:, index] = np.clip(limits[:, index], -actuator.limit, actuator.limit)
     return limits
-
-
-def _with_unit(metric: Metric) -> str:
-    """Return a metric with its unit, or the reason why it has no value."""
-    if metric.value is None:
-        return f"- ({metric.note})"
-    if metric.unit == "1":
-        return f"{metric.value:.4g}"
-    return f"{metric.value:.4g} {metric.unit}"
-
-
-def run_on(
-    experiment: Experiment,
-    name: PlantName,
-    law: Controller,
-    plant: Plant,
-    loop: AppliedLoop | None = None,
-) -> RunResult:
-    """Run an experiment with a given law, loop and plant, and measure the run.
-
-    A run that ends early is a result like any other.
-
-    Args:
-        experiment: Start, duration, disturbances and settings.
-        name: Name of the plant in the result.
-        law: The controller.
-        plant: The plant.
-        loop: The loop around the law; ideal by default.
-    """
-    case = experiment.case
-    settings = experiment.settings
-    ended = ""
-    try:
-        run = simulate(
-            plant,
-            law,
-            case.x0,
-            duration=case.duration,
-            loop=loop,
-            control_period=settings.control_period,
-            timestep=settings.timestep,
-            disturbances=case.disturbances,
-            engine=settings.engine_for(law),
-        )
-    except DivergenceError as error:
-        run = error.trajectory
-        ended = str(error)
-    comparison = compare_with_optimum(run, law)
-    metrics = measure(run, law, comparison, case.onset)
-    return RunResult(experiment, name, law, run, comparison, metrics, ended, plant)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.metrics import Metric, has_cart
 from grosmc_mj.experiments.requirements import Judgement
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status

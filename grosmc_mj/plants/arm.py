@@ -12,7 +12,7 @@ from grosmc_mj.fields import Finite, Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
-    MjModel,
+    Model,
     Signal,
     System,
     Variant,
@@ -46,7 +46,7 @@ class ArmParameters:
     printed: Finite = 0.0
 
     @classmethod
-    def from_model(cls, model: MjModel, variant: Variant) -> ArmParameters:
+    def from_model(cls, model: Model, variant: Variant) -> ArmParameters:
         """Read m, l, g, J and M_c back from a compiled model.
 
         Raises:

@@ -13,7 +13,7 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import Finite, Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.system import (
-    MjModel,
+    Model,
     Signal,
     System,
     Variant,
@@ -41,7 +41,7 @@ class CartPendulumParameters:
     printed: Finite = 0.0
 
     @classmethod
-    def from_model(cls, model: MjModel, variant: Variant) -> CartPendulumParameters:
+    def from_model(cls, model: Model, variant: Variant) -> CartPendulumParameters:
         """Read M, m, L and g back from a compiled model.
 
         Raises:

@@ -18,7 +18,7 @@ from grosmc_mj.arguments import real, reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, value_text
 from grosmc_mj.fields import Known, checked
-from grosmc_mj.plants.system import MjModel, System, Variant, wrench_symbols
+from grosmc_mj.plants.system import Model, System, Variant, wrench_symbols
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -181,7 +181,7 @@ class Plant(ABC):
         """
 
     @cached_property
-    def model(self) -> MjModel:
+    def model(self) -> Any:
         """Its compiled model in MuJoCo, to look at.
 
         Raises:
@@ -190,7 +190,7 @@ class Plant(ABC):
         return self.undrawn_model
 
     @cached_property
-    def undrawn_model(self) -> MjModel:
+    def undrawn_model(self) -> Any:
         """The model that runs compute with: the same motion, without parts that are only drawn.
 
         Raises:
@@ -258,7 +258,7 @@ class AnalyticPlant(Plant):
 
     @classmethod
     def from_model(
-        cls, system: System, model: MjModel, variant: Variant = "corrected"
+        cls, system: System, model: Model, variant: Variant = "corrected"
     ) -> AnalyticPlant:
         """Read the analytic twin of a compiled model, edited or not.
 

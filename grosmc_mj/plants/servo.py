@@ -12,7 +12,7 @@ from grosmc_mj.fields import Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
-    MjModel,
+    Model,
     Signal,
     System,
     Variant,
@@ -36,7 +36,7 @@ class ServoParameters:
     Kt: Annotated[float, Range(0, unit="N m/A", above=True)]
 
     @classmethod
-    def from_model(cls, model: MjModel, _variant: Variant) -> ServoParameters:
+    def from_model(cls, model: Model, _variant: Variant) -> ServoParameters:
         """Read J, B and K_t back from a compiled model.
 
         Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 import sympy as sp
@@ -16,14 +16,36 @@ from grosmc_mj.fields import Finite, Items, Name, Positive, checked
 from grosmc_mj.plants.equations import Equations, NoEquations
 from grosmc_mj.plants.parametrization import LinearParametrization
 
-if TYPE_CHECKING:
-    import mujoco
-
-    MjModel = mujoco.MjModel
-else:  # MuJoCo is imported for types only
-    MjModel = Any
-
 Variant = Literal["printed", "corrected"]
+
+
+class Model(Protocol):
+    """What a system reads of a compiled model, a ``mujoco.MjModel``: theory imports no MuJoCo."""
+
+    opt: Any
+    dof_armature: Any
+    dof_damping: Any
+    tendon_armature: Any
+
+    def body(self, name: str, /) -> Any:
+        """Mass, inertia and position of a body."""
+        ...
+
+    def joint(self, name: str, /) -> Any:
+        """A joint, with the place of its velocity."""
+        ...
+
+    def site(self, name: str, /) -> Any:
+        """A site, with its position."""
+        ...
+
+    def tendon(self, name: str, /) -> Any:
+        """A tendon."""
+        ...
+
+    def actuator(self, name: str, /) -> Any:
+        """An actuator, with its gear."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -179,7 +201,7 @@ def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:
 
 def require_unmodelled_absent(
     owner: str,
-    model: MjModel,
+    model: Model,
     joints: tuple[str, ...],
     actuator: str | None = None,
 ) -> None:

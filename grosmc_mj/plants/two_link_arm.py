@@ -12,7 +12,7 @@ from grosmc_mj.fields import Range, checked
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 from grosmc_mj.plants.system import (
-    MjModel,
+    Model,
     Signal,
     System,
     Variant,
@@ -54,7 +54,7 @@ class TwoLinkParameters:
     g: Annotated[float, Range(0, unit="m/s^2", above=True)]
 
     @classmethod
-    def from_model(cls, model: MjModel, _variant: Variant) -> TwoLinkParameters:
+    def from_model(cls, model: Model, _variant: Variant) -> TwoLinkParameters:
         """Read the numbers back from a compiled model.
 
         Raises:

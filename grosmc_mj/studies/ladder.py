@@ -19,14 +19,13 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.case import case_document
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import Limit, judge
-from grosmc_mj.experiments.runs import RunResult, run_on
 from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop

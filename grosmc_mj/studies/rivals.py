@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.results.tables import markdown_table, number, numbers, words
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")

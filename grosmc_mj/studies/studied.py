@@ -18,7 +18,7 @@ from grosmc_mj.loop import Loop
 
 UNDER_LOAD = "under load"
 # Laws that GROSMC is compared with; studied on request.
-_RIVALS = ("lqi", "fl-pid", "adrc", "adaptive")
+_RIVALS = ("lqi", "pid", "adrc", "adaptive")
 # Cases whose edits and disturbances a target without any is studied under.
 _LOADED = ("case1", "case2")
 # Switching laws, each with its surface.
@@ -215,7 +215,7 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
         if controller.design.switching:
             switching.append(name)
         else:
-            kind = str(table["law"]).removeprefix("linear-")
+            kind = str(table["law"]).removeprefix("linear-").removeprefix("fl-")
             rival = kind in _RIVALS and name not in experiment.controllers
             studied.append(StudiedLaw(name, controller, base=name, rival=rival))
 

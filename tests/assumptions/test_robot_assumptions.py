@@ -21,7 +21,8 @@ from grosmc_mj.control.references import FourierSeries, fourier_series, setpoint
 from grosmc_mj.control.task import AS_PRINTED
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.machine import Stop, Transmission
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.assumptions.audit import ROUNDING, run_audit
-from grosmc_mj.experiments.experiment import Experiment, judge
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult, judge
 
 # Cases whose model another package ships.
 PACKAGES = {"cartpole/heavier": "dm_control", "inverted_pendulum/heavier": "gymnasium"}

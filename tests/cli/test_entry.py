@@ -21,7 +21,7 @@ from commands import Patch, Screen, assert_one_line, run
 from rich.console import Console
 
 from grosmc_mj import cli
-from grosmc_mj.experiments import runs
+from grosmc_mj.experiments import experiment
 
 SMALL = """
 [plant]
@@ -150,7 +150,7 @@ def test_streams_that_fail_leave_the_verdict(never_kept: Path) -> None:
 def test_ctrl_c_keeps_finished_runs(
     command: tuple[str, ...], tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    simulate = runs.simulate
+    simulate = experiment.simulate
     count = itertools.count()
 
     def interrupted_at_the_second(*arguments: Any, **numbers: Any) -> Any:
@@ -158,7 +158,7 @@ def test_ctrl_c_keeps_finished_runs(
             raise KeyboardInterrupt
         return simulate(*arguments, **numbers)
 
-    monkeypatch.setattr(runs, "simulate", interrupted_at_the_second)
+    monkeypatch.setattr(experiment, "simulate", interrupted_at_the_second)
     assert run(*command, "--no-figures", "--out", tmp_path) == cli.INTERRUPTED
     (file,) = tmp_path.glob("*.json")
     content = json.loads(file.read_text(encoding="utf-8"))
@@ -179,7 +179,7 @@ def test_ctrl_c_keeps_finished_runs(
 def test_every_error_is_one_line(
     error: BaseException, code: int, words: str, case: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    monkeypatch.setattr(runs, "simulate", raising(error))
+    monkeypatch.setattr(experiment, "simulate", raising(error))
     assert run("run", case, "--out", case.parent) == code
     line = capsys.readouterr().err
     assert words in line
@@ -188,7 +188,7 @@ def test_every_error_is_one_line(
 
 
 def test_debug_adds_the_traceback(case: Path, monkeypatch: Patch, capsys: Screen) -> None:
-    monkeypatch.setattr(runs, "simulate", raising(ZeroDivisionError("a\nb")))
+    monkeypatch.setattr(experiment, "simulate", raising(ZeroDivisionError("a\nb")))
     assert run("run", case, "--out", case.parent, "--debug") == cli.WRONG
     error = capsys.readouterr().err
     assert "Traceback (most recent call last)" in error

@@ -14,6 +14,7 @@ from shipped import find_case, run_case
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.metrics import (
     Comparison,
     Metric,
@@ -24,7 +25,7 @@ from grosmc_mj.experiments.metrics import (
     settling_time,
 )
 from grosmc_mj.experiments.requirements import Limit, judge
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
@@ -73,7 +74,15 @@ def result_of(run: Trajectory, **metrics: Metric) -> RunResult:
     """The run as the servo's nominal case, with some metrics changed."""
     comparison = compare_with_optimum(run, LQR)
     nominal = find_experiment("servo", "nominal")
-    return RunResult(nominal, "physics", LQR, run, comparison, {**measured(run), **metrics})
+    return RunResult(
+        experiment=nominal,
+        case=nominal.case,
+        plant="physics",
+        controller=LQR,
+        trajectory=run,
+        comparison=comparison,
+        metrics={**measured(run), **metrics},
+    )
 
 
 STEP = np.where(TIME < 1, 1.0, 0.0)

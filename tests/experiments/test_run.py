@@ -14,10 +14,10 @@ from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.reading import read_case_file, resolved_text
 from grosmc_mj.experiments.file.shipped import find_file
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import Settings
 
 ARM = find_file("arm/case1")
 # A user's own law, judged by a limit that follows.

@@ -11,9 +11,8 @@ import pytest
 from case_texts import STEP, load
 
 from grosmc_mj.experiments.document import experiment_document
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements import Judgement, Limit, judge, judge_all
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result, Value
 

@@ -18,8 +18,9 @@ from shipped import TWO_LINK_CIRCLE, error_of, find_case, run_case
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.films import frames
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard

@@ -28,10 +28,11 @@ from shipped import find_case, run_case
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
-from grosmc_mj.experiments.runs import RunResult, Settings
+from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import find_backend, find_ffmpeg, probe

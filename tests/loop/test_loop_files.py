@@ -11,8 +11,7 @@ from looped import H
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.sweep.runs import Row, run_rows
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from looped import CURRENT, H, nominal, played, seen, servo
 
-from grosmc_mj.experiments.runs import run_on
+from grosmc_mj.experiments.experiment import run_on
 from grosmc_mj.loop import Actuator, AppliedLoop, Computing, Loop, Sensor, apply_loop
 from grosmc_mj.plants import SERVO
 from grosmc_mj.simulation.disturbances import Disturbance

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 import grosmc_mj as gm
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 
 
 @cache

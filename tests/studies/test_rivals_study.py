@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import ControllerTable
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.studies.rivals import SYSTEMS, Rival, compared, rivals, rivals_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "rivals.md"

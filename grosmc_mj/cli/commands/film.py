@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +15,7 @@ from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, 
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, name_list
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -87,7 +88,7 @@ class FilmCommand(Command):
 
     def execute(self) -> int:
         """Run the laws, then render and write the film."""
-        from grosmc_mj.experiments.films import check_request, film_of
+        from grosmc_mj.experiments.films import film_of
 
         form = self._format()
         experiment = shown_experiment(self.target).with_settings(
@@ -96,7 +97,7 @@ class FilmCommand(Command):
         if self.duration is not None:
             experiment = experiment.varied(duration=self.duration)
         laws = self._law_names(experiment)
-        check_request(experiment, laws, form)
+        _require_filmable(experiment, laws, form)
 
         path = self.output
         if path is None:
@@ -147,3 +148,29 @@ class FilmCommand(Command):
         if set(_LAWS) <= set(experiment.controllers):
             return _LAWS
         return tuple(dict.fromkeys(experiment.controllers[-MOST_TAKES:]))
+
+
+def _require_filmable(experiment: Experiment, controllers: Sequence[str], form: Format) -> None:
+    """Refuse a film that cannot be made, before anything is run for it.
+
+    Raises:
+        ArgumentError: If there are no controllers, too many or unknown ones, or the format does not
+            fit the case.
+    """
+    from grosmc_mj.films.film import MOST_TAKES
+    from grosmc_mj.films.scene import camera_names
+    from grosmc_mj.physics.mujoco_plant import MujocoPlant
+
+    if not 1 <= len(controllers) <= MOST_TAKES:
+        raise ArgumentError(
+            f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
+            f"{name_list(experiment.controllers)}"
+        )
+    physics = experiment.nominal.plant
+    if not isinstance(physics, MujocoPlant):
+        raise ArgumentError(
+            f"{experiment.path}: its plant is equations alone, and a film shows a model in MuJoCo"
+        )
+    for name in controllers:
+        experiment.law("physics", name)
+    form.check(camera_names(physics.model), experiment.case.duration)

@@ -20,8 +20,7 @@ from grosmc_mj.files import name_in_files
 if TYPE_CHECKING:
     from grosmc_mj.assumptions.audit import Audit
     from grosmc_mj.cli.commands.run_answer import RunAnswer
-    from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.experiments.runs import RunResult
+    from grosmc_mj.experiments.experiment import Experiment, RunResult
 
 
 @dataclass(frozen=True)

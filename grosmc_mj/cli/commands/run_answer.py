@@ -13,10 +13,9 @@ from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
 from grosmc_mj.cli import screen
 from grosmc_mj.experiments.document import experiment_document
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.requirements import Judgement, judge_all
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.results.result import KEPT

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import OutputCoordinates
@@ -251,6 +250,9 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
 
 def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) -> PidGains:
     """Gains that miss the aim least, or the first that keep it."""
+    # Slow to import, and needed by few laws.
+    import scipy.optimize
+
     m = loop.B.shape[1]
     centre = _gains_of_chain(loop, 6 / aim)
 

@@ -13,8 +13,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from grosmc_mj.experiments.curves import curves_document, draw_experiment, figure_size, write_curves
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status

@@ -20,11 +20,10 @@ from grosmc_mj.chapter.claims.claim import Measured, NeedsSlidingModeError, NoVa
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import RunResult
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.
