@@ -51,7 +51,7 @@ def test_the_motor_of_the_page_has_relative_degree_3() -> None:
 def test_the_resistance_has_no_relative_degree() -> None:
     names = names_of("your_own.md")
     with pytest.raises(gm.GrosmcError, match=r"output 1, R, has no relative degree.*first 3"):
-        gm.feedback_linearization(names["motor"].system.equations, h=[names["R"]])
+        gm.feedback_linearization(names["motor"].system.symbolic_equations, h=[names["R"]])
 
 
 def test_the_robust_law_holds_a_matched_change() -> None:

@@ -169,7 +169,7 @@ X, RATE = sp.symbols("x b")
 WEIGHTS = {"Q": np.eye(2), "R": 1.0}
 RUN = {"plant": servo, "controller": lqr_law, "x0": [0.0, 0.0], "duration": 0.002}
 CHAIN = {"states": {"x": "m"}, "inputs": {"u": "N"}, "f": [-RATE * X], "g": [1], "h": [X]}
-SIGNALS = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.equations}
+SIGNALS = {"states": SERVO.states, "inputs": SERVO.inputs, "equations": SERVO.symbolic_equations}
 UNCERTAINTY: dict[str, Any] = {
     "scales": {"J": (1.0, 3.0)},
     "wrench": (0, 0, 0, 0, 1.0, 0),
@@ -235,7 +235,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "setpoints": (lambda degree: control.setpoints(degree), {"degree": 2}),
     "reference": (control.reference, {"outputs": [sp.sin(control.TIME)], "degrees": (2,)}),
     "affine_plant": (gm.affine_plant, {"name": "chain", **CHAIN, "parameters": {"b": 1.0}}),
-    "feedback_linearization": (gm.feedback_linearization, {"equations": SERVO.equations}),
+    "feedback_linearization": (gm.feedback_linearization, {"equations": SERVO.symbolic_equations}),
     "linearized_lqr": (gm.linearized_lqr, {"task": task, "name": "fl-lqr"}),
     "computed_torque_pd": (
         control.computed_torque_pd,

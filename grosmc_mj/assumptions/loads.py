@@ -119,7 +119,7 @@ def _effects(plant: Plant, load: Load) -> Array:
         return generalized_forces(plant, load.of, list(load.at.x))
 
     effects = np.zeros((*load.at.x.shape, 6))
-    disturbance = plant.system.equations.disturbance
+    disturbance = plant.system.symbolic_equations.disturbance
     for component in range(6):
         w = np.zeros(load.w.shape[1])
         w[load.column + component] = 1.0

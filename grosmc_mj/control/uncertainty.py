@@ -280,7 +280,9 @@ class Uncertainty:
         """Refuse an uncertainty of another system, and a reference that moves."""
         name = error.system.name
         _require_count(name, "bounds of the operating region", self.region, error.size)
-        _require_count(name, "wrench components", self.wrench, len(error.system.equations.w))
+        _require_count(
+            name, "wrench components", self.wrench, len(error.system.symbolic_equations.w)
+        )
 
         parameters = [field.name for field in fields(plant)]
         for scaled in self.scales:

@@ -413,7 +413,7 @@ def _task(request: _Request, maker: Maker) -> Task:
     equations = nominal.equations(request.plant)
     outputs = _outputs(task.outputs, nominal, request.folder)
     try:
-        chains = feedback_linearization(equations.system.equations, outputs)
+        chains = feedback_linearization(equations.system.symbolic_equations, outputs)
     except PremiseError as error:
         raise PremiseError(f"{'task: outputs: ' if outputs else ''}{error}") from None
 
@@ -463,7 +463,7 @@ def _outputs_at(
     point: OperatingPoint, plant: AnalyticPlant, outputs: tuple[sp.Expr, ...] | None
 ) -> list[str]:
     """Return the outputs at an operating point, as formulas."""
-    equations = plant.system.equations
+    equations = plant.system.symbolic_equations
     parameters = vars(plant.parameters)
     values = [(symbol, parameters[str(symbol)]) for symbol in equations.parameters]
     values += zip(equations.x, point.x.tolist(), strict=True)
@@ -515,7 +515,7 @@ def _outputs(
 def _outputs_by_formulas(formulas: list[str], system: System) -> tuple[sp.Expr, ...]:
     """Return outputs from formulas in the names of the states."""
     symbols = [sp.Symbol(state.name) for state in system.states]
-    states: Any = dict(zip(symbols, system.equations.x, strict=True))
+    states: Any = dict(zip(symbols, system.symbolic_equations.x, strict=True))
     try:
         outputs = [formula(text, *symbols) for text in formulas]
     except ArgumentError as error:

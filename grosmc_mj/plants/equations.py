@@ -14,7 +14,6 @@ from pydantic import PlainValidator
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
 from grosmc_mj.fields import refusal
-from grosmc_mj.jitable import jitable
 
 Column = tuple[float, ...]
 
@@ -151,31 +150,3 @@ def _require_rows(name: str, matrix: Any, n: int) -> None:
         raise ModelError(
             f"{name} has {matrix.rows} rows of {matrix.cols}, must have one for each of {n} states"
         )
-
-
-class NoEquations(Equations):
-    """Stand-in for a system whose dynamics MuJoCo alone knows: it is defined everywhere.
-
-    Attributes:
-        owner: Name of the system.
-    """
-
-    owner: str
-    singular: Any = staticmethod(jitable(lambda x: False))
-    linearizable: Any = staticmethod(jitable(lambda x: True))
-
-    def __init__(self, owner: str) -> None:
-        object.__setattr__(self, "owner", owner)
-
-    def __getattr__(self, name: str) -> Any:
-        # Copying and pickling look for methods that there may not be.
-        if name.startswith("_"):
-            raise AttributeError(name)
-
-        owner = vars(self).get("owner")
-        raise ModelError(
-            f"{owner} has no equations in symbols ({name}): MuJoCo computes its dynamics"
-        )
-
-    def __repr__(self) -> str:
-        return f"NoEquations({self.owner!r})"

@@ -312,7 +312,7 @@ class AnalyticPlant(Plant):
         """x' = f(x) + g(x) u + d(x, w), (n,)."""
         x, u, w = self.checked(x, u, wrench)
         p = self.parameters
-        equations = self.system.equations
+        equations = self.system.symbolic_equations
 
         f = np.array(equations.drift(x, p))
         g = np.reshape(equations.input_matrix(x, p), (len(x), len(u)))
@@ -385,7 +385,7 @@ class AnalyticPlant(Plant):
         x, u, _ = self.checked(x, u, None)
         p = self.parameters
         n = len(x)
-        equations = self.system.equations
+        equations = self.system.symbolic_equations
 
         A = np.reshape(equations.jacobian(x, u, p), (n, n))
         B = np.reshape(equations.input_matrix(x, p), (n, -1))
@@ -396,7 +396,7 @@ class AnalyticPlant(Plant):
 @lru_cache(maxsize=64)
 def _pushed(system: System, names: tuple[str, ...]) -> System:
     """Copy of a system with a wrench on each of these names of its ``pushes``."""
-    equations = system.equations
+    equations = system.symbolic_equations
     n = len(system.states)
     columns = [*sp.Matrix(equations.g).T.tolist(), *sp.eye(n).tolist()]
     direction = dict(zip(system.pushes, columns, strict=True))

@@ -48,9 +48,9 @@ def state_derivative(system: System) -> Callable[..., None]:
     """Jitable (x, u, w, p, slope): write x' = f(x) + g(x) u + d(x, w) into slope, (n,)."""
     n = len(system.states)
     m = len(system.inputs)
-    drift = system.equations.drift
-    input_matrix = system.equations.input_matrix
-    disturbance = system.equations.disturbance
+    drift = system.symbolic_equations.drift
+    input_matrix = system.symbolic_equations.input_matrix
+    disturbance = system.symbolic_equations.disturbance
 
     @jitable
     def slope_at(x: Any, u: Any, w: Any, p: Any, slope: Any) -> None:

@@ -13,10 +13,21 @@ import sympy as sp
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ModelError, value_text
 from grosmc_mj.fields import Finite, Items, Name, Positive, checked
-from grosmc_mj.plants.equations import Equations, NoEquations
+from grosmc_mj.jitable import jitable
+from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
 
 Variant = Literal["printed", "corrected"]
+
+
+@jitable
+def _nowhere(x: Any) -> bool:
+    return False
+
+
+@jitable
+def _everywhere(x: Any) -> bool:
+    return True
 
 
 class Model(Protocol):
@@ -71,8 +82,8 @@ class System:
         states: The state x; of a mechanical system all positions, then their rates.
         inputs: The control inputs u.
         equations: x' = f(x) + g(x) u + d(x, w) and the outputs. The wrench w is [force, torque]
-            of every body in ``bodies`` in world axes, flattened. ``NoEquations`` for a system
-            that MuJoCo alone knows the dynamics of.
+            of every body in ``bodies`` in world axes, flattened. None for a system whose
+            dynamics MuJoCo alone knows.
         region: Where feedback linearization is relied on, in words.
         singularity: Where the plant's own equations break down, in words.
         controlled: Indices of the states that the outputs stand for in figures and films.
@@ -92,7 +103,7 @@ class System:
     title: Name
     states: Signals
     inputs: Signals
-    equations: Equations
+    equations: Equations | None
     region: str = "everywhere"
     singularity: str = "nowhere"
     controlled: tuple[int, ...] = (0,)
@@ -110,10 +121,10 @@ class System:
         for noun, names in (("joints", self.joints), ("actuators", self.actuators)):
             if len(set(names)) < len(names):
                 raise ModelError(f"{self.name}: {noun} = {value_text(names)} must differ")
-        if not self.symbolic:
+        equations = self.equations
+        if equations is None:
             return
 
-        equations = self.equations
         self._require_count("states", len(self.states), len(equations.x))
         self._require_count("inputs", len(self.inputs), equations.inputs)
         self._require_count("wrench components", 6 * len(self.bodies), len(equations.w))
@@ -126,7 +137,20 @@ class System:
     @property
     def symbolic(self) -> bool:
         """True if it has equations in symbols; else MuJoCo alone knows its dynamics."""
-        return not isinstance(self.equations, NoEquations)
+        return self.equations is not None
+
+    @property
+    def symbolic_equations(self) -> Equations:
+        """The equations of a system that has them.
+
+        Raises:
+            ModelError: If it has none.
+        """
+        if self.equations is None:
+            raise ModelError(
+                f"{self.name} has no equations in symbols: MuJoCo computes its dynamics"
+            )
+        return self.equations
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -159,10 +183,11 @@ class System:
         n = self.degrees_of_freedom
         if n:
             return {i + n: i for i in range(n)}
-        if not self.symbolic:
+        equations = self.equations
+        if equations is None:
             return {}
-        x = list(self.equations.x)
-        return {x.index(f): i for i, f in enumerate(self.equations.f) if f in x}
+        x = list(equations.x)
+        return {x.index(f): i for i, f in enumerate(equations.f) if f in x}
 
     @property
     def output(self) -> int:
@@ -185,12 +210,12 @@ class System:
     @property
     def singular(self) -> Callable[[Any], bool]:
         """Jitable x -> True if the plant's own equations break down."""
-        return self.equations.singular
+        return self.equations.singular if self.equations else _nowhere
 
     @property
     def linearizable(self) -> Callable[[Any], bool]:
         """Jitable x -> True if x is in the region where feedback linearization is relied on."""
-        return self.equations.linearizable
+        return self.equations.linearizable if self.equations else _everywhere
 
 
 def wrench_symbols(*bodies: str) -> tuple[sp.Symbol, ...]:

@@ -17,7 +17,6 @@ from grosmc_mj.physics.files import body_names, compile_spec, joint_names
 from grosmc_mj.physics.hooks import warnings_ignored
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Signal, System
-from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.robots.actuators import joint_unit
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import InWorkspace, nominal_model
@@ -158,7 +157,7 @@ def _system(spec: mujoco.MjSpec) -> System:
         title=name,
         states=(*positions, *rates),
         inputs=tuple(inputs),
-        equations=NoEquations(name),
+        equations=None,
         # A law has to hold the joints without an actuator through the others.
         controlled=undriven or driven,
         joints=joints,

@@ -20,7 +20,6 @@ from grosmc_mj.fields import Is, checked_call
 from grosmc_mj.files import LARGEST_TABLE, atomic_write, require_regular
 from grosmc_mj.physics.edit import HiddenState
 from grosmc_mj.plants import SYSTEMS, Signal, System
-from grosmc_mj.plants.equations import NoEquations
 from grosmc_mj.versions import versions
 
 
@@ -388,7 +387,7 @@ def _system(about: Any) -> System:
         name,
         states,
         inputs,
-        NoEquations(name),
+        None,
         controlled=tuple(about["controlled"]),
         bodies=tuple(about["bodies"]),
     )

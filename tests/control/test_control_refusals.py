@@ -190,7 +190,7 @@ def test_adaptive_law_refuses_a_system_without_linear_torques() -> None:
 
 
 def test_adaptive_law_refuses_outputs_that_are_no_joints() -> None:
-    (q,) = error_of("arm").system.equations.h
+    (q,) = error_of("arm").system.symbolic_equations.h
     error = replace(error_of("arm"), outputs=(sp.sin(q),))
     task = replace(task_of("arm"), error=error)
     require_refused("must be its joints, q", adaptive, task, 1.0, 1.0)

@@ -33,7 +33,7 @@ each_system = pytest.mark.parametrize("name", ["servo", "cart_pendulum", "arm"])
 def test_three_plants_have_relative_degree_two(name: str) -> None:
     """T = [y, y']; z leaves the cart out, so it is all of the state of the others only."""
     system = find_system(name)
-    chains = feedback_linearization(system.equations)
+    chains = feedback_linearization(system.symbolic_equations)
     assert chains.relative_degree == (2,)
     assert chains.plain == [system.output, system.output + system.degrees_of_freedom]
     assert chains.A.tolist() == [[0, 1], [0, 0]]
@@ -49,7 +49,7 @@ def test_feedback_linearization_is_the_row_of_the_acceleration(name: str) -> Non
     system = find_system(name)
     n = system.degrees_of_freedom
     velocity = system.output + n
-    chains = feedback_linearization(system.equations)
+    chains = feedback_linearization(system.symbolic_equations)
     p = MujocoPlant.load(name).analytic().parameters
     hand = HAND_WRITTEN[name]
 
@@ -263,14 +263,14 @@ CUBIC = Equations(
     g=(1, 1),
     h=(X1,),
 )
-CART, _, CART_SPEED, _ = CART_PENDULUM.equations.x
+CART, _, CART_SPEED, _ = CART_PENDULUM.symbolic_equations.x
 
 
 @pytest.mark.parametrize(
     ("equations", "states", "rates", "poles"),
     [
         # p' = speed, speed' = 0: the chapter's z leaves the cart out, with two poles at zero.
-        (CART_PENDULUM.equations, (CART, CART_SPEED), (CART_SPEED, 0), [0, 0]),
+        (CART_PENDULUM.symbolic_equations, (CART, CART_SPEED), (CART_SPEED, 0), [0, 0]),
         (LINEAR, (X2,), (GROWTH * X2,), [3.0]),
         (CUBIC, (X2,), (-(X2**3) - X2**2,), [0]),
     ],
@@ -295,7 +295,7 @@ def test_poles_of_the_zero_dynamics_are_the_zeros() -> None:
 
 @pytest.mark.parametrize(
     "equations",
-    [ARM.equations, motor(load=True), COUPLED],
+    [ARM.symbolic_equations, motor(load=True), COUPLED],
     ids=["arm", "motor", "coupled"],
 )
 def test_a_plant_whose_z_is_the_whole_state_has_no_zero_dynamics(equations: Equations) -> None:
@@ -313,7 +313,7 @@ def numbers(p: Any, reference: Any, size: int = 2) -> FeedbackParameters:
 
 def test_states_that_the_outputs_leave_free_are_those_of_the_guess() -> None:
     guess = np.array([1.0, 2.0, 3.0, 4.0])
-    chains = feedback_linearization(CART_PENDULUM.equations)
+    chains = feedback_linearization(CART_PENDULUM.symbolic_equations)
     x = chains.place(np.array([0.1, 0.2]), None, guess)
     assert x.tolist() == [1.0, 0.1, 3.0, 0.2]
     assert guess.tolist() == [1, 2, 3, 4]
@@ -328,7 +328,7 @@ def test_states_that_the_outputs_leave_free_are_those_of_the_guess() -> None:
 )
 def test_guess_chooses_among_states_with_the_same_outputs(near: float, angle: float) -> None:
     """sin(theta) = 1/2 at 30 and at 150 degrees; the cart stays where the guess has it."""
-    height = feedback_linearization(CART_PENDULUM.equations, [sp.sin(THETA)])
+    height = feedback_linearization(CART_PENDULUM.symbolic_equations, [sp.sin(THETA)])
     guess = np.array([7.0, near, -2.0, 0.0])
     x = height.place(np.array([0.5, 0.3]), PENDULUM, guess)
     expected = [7.0, angle, -2.0, 0.3 / math.cos(angle)]
@@ -354,7 +354,7 @@ ROOT = Equations(
     ("equations", "h", "z"),
     [
         # No angle has the sine 1.5.
-        (CART_PENDULUM.equations, [sp.sin(THETA)], [1.5, 0.0]),
+        (CART_PENDULUM.symbolic_equations, [sp.sin(THETA)], [1.5, 0.0]),
         (ROOT, None, [-0.5]),
     ],
     ids=["sine", "root"],

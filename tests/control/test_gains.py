@@ -183,7 +183,7 @@ def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
 def test_family_that_reverses_or_loses_the_input_is_refused(scale: float) -> None:
     """The input of this servo acts backwards beyond half of its torque constant more."""
     J, Kt = sp.symbols("J Kt")
-    equations = replace(SERVO.equations, g=(0, (1 - Kt) / J))
+    equations = replace(SERVO.symbolic_equations, g=(0, (1 - Kt) / J))
     reversing = replace(SERVO, equations=equations)
     error = ErrorCoordinates(reversing, error_of("servo").reference, -1)
     declared = replace(CERTAIN["servo"], scales={"Kt": (1.0, scale)})
@@ -212,7 +212,7 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
     )
     error = ErrorCoordinates(mixer.system, setpoints(1, 1))
     task = Task(mixer, error, Setpoints(0.0, 0.0), np.eye(2), np.eye(2))
-    wrench = (0.0,) * len(mixer.system.equations.w)
+    wrench = (0.0,) * len(mixer.system.symbolic_equations.w)
     declared = Uncertainty({"k": (1.0, 1.05)}, wrench, region=(1.0, 1.0), reaching_rate=0.2)
     ctl = regulating_grosmc(task, declared)
     along = 1.225 - math.hypot(0.225, 0.2375)

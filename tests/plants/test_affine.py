@@ -46,7 +46,7 @@ def inner(rate: Any, h: Any = x1) -> Any:
     """Zero dynamics of x1' = u with a state inside, x2' = rate."""
     arguments: dict[str, Any] = {**CHAIN, "f": [0, rate], "g": [1, 0], "h": [h], "parameters": {}}
     plant = gm.affine_plant("inner", **arguments)
-    return gm.feedback_linearization(plant.system.equations).zero_dynamics()
+    return gm.feedback_linearization(plant.system.symbolic_equations).zero_dynamics()
 
 
 def task(plant: AnalyticPlant, *degrees: int) -> gm.Task:
@@ -114,7 +114,7 @@ def test_gains_cover_an_uncertainty_in_the_row_without_an_input(side: float) -> 
     ],
 )
 def test_relative_degree_of_a_hard_case(plant: AnalyticPlant) -> None:
-    assert gm.feedback_linearization(plant.system.equations).relative_degree == (2,)
+    assert gm.feedback_linearization(plant.system.symbolic_equations).relative_degree == (2,)
 
 
 # Equilibria

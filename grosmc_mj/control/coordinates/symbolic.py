@@ -63,7 +63,7 @@ class ErrorCoordinates(OutputCoordinates):
         Raises:
             PremiseError: If they have no vector relative degree.
         """
-        return feedback_linearization(self.system.equations, self.outputs)
+        return feedback_linearization(self.system.symbolic_equations, self.outputs)
 
     @property
     def output_units(self) -> tuple[str, ...]:
@@ -191,7 +191,7 @@ class ErrorCoordinates(OutputCoordinates):
         Returns:
             drift (N, size) and gain (N, size, m).
         """
-        equations = plant.system.equations
+        equations = plant.system.symbolic_equations
         f = _along(equations.drift, x, plant.parameters)
         g = _along(equations.input_matrix, x, plant.parameters)
         g = g.reshape(*f.shape, -1)
@@ -221,7 +221,7 @@ class ErrorCoordinates(OutputCoordinates):
         Returns:
             (N, size).
         """
-        d = _along(plant.system.equations.disturbance, x, plant.parameters, w)
+        d = _along(plant.system.symbolic_equations.disturbance, x, plant.parameters, w)
         output_rates = np.einsum("nij,nj->ni", self._slopes(x, p), d)
         return self.sign * output_rates
 

@@ -94,7 +94,7 @@ def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:
             "two_link_arm have: take lqi, fl-pid or adrc"
         )
 
-    joints = tuple(system.equations.x[: error.inputs])
+    joints = tuple(system.symbolic_equations.x[: error.inputs])
     if error.linearization.h != joints:
         names = ", ".join(map(str, joints))
         raise PremiseError(f"adaptive: the outputs of {system.name} must be its joints, {names}")

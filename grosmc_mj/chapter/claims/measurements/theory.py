@@ -370,8 +370,8 @@ def unmatched_drift(lab: RunCache, plant: PlantName) -> Measured:
     case = find_experiment("servo", "nominal")
     law = lab.controller(case, plant, "grosmc")
     servo = lab.equations(case, plant)
-    rate, acceleration = servo.system.equations.f
-    drifting = replace(servo.system.equations, f=(rate + _DRIFT_OF_ERROR, acceleration))
+    rate, acceleration = servo.system.symbolic_equations.f
+    drifting = replace(servo.system.symbolic_equations, f=(rate + _DRIFT_OF_ERROR, acceleration))
     strange = replace(servo, system=replace(servo.system, equations=drifting))
 
     # The law believes in the true kinematics: it is designed for another system.
