@@ -10,9 +10,10 @@ from pydantic import InstanceOf
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.design_model import DesignModel
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Flag, Range, checked_call
-from grosmc_mj.loop.design_model import DesignModel, design_model
+from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.loop.loop import LARGEST_SEED, Loop
 from grosmc_mj.loop.stages import LoopRun
 from grosmc_mj.loop.start import LoopTask, loop_at_start

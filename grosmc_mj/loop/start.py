@@ -10,11 +10,12 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.design_model import DesignModel
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.loop.actuators import ACTUATOR, Actuator, kept_in_a_timestep
 from grosmc_mj.loop.delay import COMPUTER
-from grosmc_mj.loop.design_model import DesignModel, held
+from grosmc_mj.loop.design_model import held
 from grosmc_mj.loop.estimators import ESTIMATOR, KINDS, MEMORY
 from grosmc_mj.loop.kalman import kalman_gain
 from grosmc_mj.loop.loop import Loop

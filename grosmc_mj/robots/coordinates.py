@@ -18,6 +18,8 @@ from grosmc_mj.control.coordinates.base import (
     OutputCoordinates,
     StateMap,
 )
+from grosmc_mj.control.coordinates.design_model import Advance, DesignModel
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.mjdata import forward
@@ -150,6 +152,29 @@ class RobotCoordinates(OutputCoordinates):
         torques = np.array([bias(self.model, row[:n], row[n:]) for row in x])
         alpha = -np.einsum("nij,nj->ni", E, torques) - self.raised_along(t, p)[:, 1::2]
         return self.sign * alpha, self.sign * E
+
+    def design_model(self, optimum: LqrDesign, p: Any) -> DesignModel:
+        """The robot's accelerations: q + h q' + h^2/2 q''."""
+        return DesignModel(self._motion, np.zeros(2 * self.size))
+
+    # Made once for the coordinates: loops are compiled for it.
+    @cached_property
+    def _motion(self) -> Advance:
+        """Motion by the nominal accelerations."""
+        virtual_input = self.virtual_input
+        accelerations = self.accelerations
+        joints = self.inputs
+
+        @jitable
+        def advance(t: float, x: Any, u: Any, h: float, memory: Any, p: Any, own: Any) -> None:
+            a = own[:joints]
+            virtual_input(t, x, u, memory, p, a)
+            accelerations(t, a, p, a)
+            for i in range(joints):
+                x[i] += h * x[i + joints] + 0.5 * h * h * a[i]
+                x[i + joints] += h * a[i]
+
+        return advance
 
     def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
         """Refuse: laws of a robot go through feedback linearization."""

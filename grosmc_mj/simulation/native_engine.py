@@ -16,10 +16,10 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import compile_c
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.design_model import Advance
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
-from grosmc_mj.loop.design_model import Advance
 from grosmc_mj.loop.stages import ADVANCE, LoopRun
 from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.hooks import (

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import reals, require
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.coordinates.design_model import DesignModel
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
@@ -162,6 +164,19 @@ class Coordinates(ABC):
         z = np.zeros(self.size)
         self.state(t, x, p, z)
         return z
+
+    @abstractmethod
+    def design_model(self, optimum: LqrDesign, p: Any) -> DesignModel:
+        """The plant as a law on these coordinates knows it.
+
+        Args:
+            optimum: The law's optimum.
+            p: The law's parameters, with ``plant`` and ``reference``.
+        """
+
+    @abstractmethod
+    def rest(self, p: Any) -> Array:
+        """State of zero error at t = 0, (n,)."""
 
     @abstractmethod
     def error_dynamics(
@@ -329,6 +344,10 @@ class OutputCoordinates(Coordinates):
         Raises:
             PremiseError: If there is none near the guess.
         """
+
+    def rest(self, p: Any) -> Array:
+        """State of zero error at t = 0, with all other coordinates at rest, (n,)."""
+        return self.place(0.0, np.zeros(self.size), p)
 
     def require_task(self, plant: Plant, p: Any) -> None:
         """Refuse a plant without equations, and a reference that does not fit the outputs.

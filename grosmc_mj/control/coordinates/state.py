@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Coordinates, InputMap
+from grosmc_mj.control.coordinates.design_model import DesignModel, midpoint
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant
 
@@ -34,6 +36,27 @@ def _virtual(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
     """v = u - u_e."""
     for i in range(len(v)):
         v[i] = u[i] - p.reference.u[i]
+
+
+@jitable
+def _linear_slope(x: Any, u: Any, numbers: Any, p: Any, slope: Any) -> None:
+    """x' = A (x - x_e) + B (u - u_e) with the numbers A, B, x_e and u_e."""
+    n = len(x)
+    m = len(u)
+    # Where each of them begins behind A.
+    B = n * n
+    x_e = B + n * m
+    u_e = x_e + n
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += numbers[n * i + j] * (x[j] - numbers[x_e + j])
+        for j in range(m):
+            total += numbers[B + m * i + j] * (u[j] - numbers[u_e + j])
+        slope[i] = total
+
+
+_LINEAR_MOTION = midpoint(_linear_slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +98,17 @@ class StateCoordinates(Coordinates):
     def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
         """(A, B) of the plant about the operating point, where it must rest."""
         return plant.linearization(p.reference.x, p.reference.u)
+
+    def design_model(self, optimum: LqrDesign, p: Any) -> DesignModel:
+        """The linearization about the operating point, moved by the midpoint rule."""
+        scratch = np.zeros(2 * self.size)
+        point = p.reference
+        numbers = [scratch, np.ravel(optimum.A), np.ravel(optimum.B), point.x, point.u]
+        return DesignModel(_LINEAR_MOTION, np.concatenate(numbers))
+
+    def rest(self, p: Any) -> Array:
+        """State of the operating point, (n,)."""
+        return p.reference.x
 
     def error_dynamics(
         self,

@@ -17,14 +17,17 @@ from grosmc_mj.control.coordinates.base import (
     OutputCoordinates,
     StateMap,
 )
+from grosmc_mj.control.coordinates.design_model import Advance, DesignModel, midpoint
 from grosmc_mj.control.coordinates.feedback_linearization import (
     FeedbackLinearization,
     feedback_linearization,
 )
+from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import divide, solve
 from grosmc_mj.errors import ArgumentError, GainError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import Plant, System
+from grosmc_mj.plants.runge_kutta import state_derivative
 
 # A rate that rounding could be, in the unit of z per second.
 _AT_REST = 1e-9
@@ -261,6 +264,24 @@ class ErrorCoordinates(OutputCoordinates):
         except (PremiseError, ArithmeticError, ValueError):  # no state of zero error was found
             return
         self.linearization.require_regular(x, p.plant)
+
+    def design_model(self, optimum: LqrDesign, p: Any) -> DesignModel:
+        """The nominal equations under no wrench, moved by the midpoint rule."""
+        scratch = np.zeros(2 * len(self.system.states))
+        no_wrench = np.zeros(max(1, 6 * len(self.system.bodies)))
+        return DesignModel(self._motion, np.concatenate([scratch, no_wrench]))
+
+    # Made once for the coordinates: loops are compiled for it.
+    @cached_property
+    def _motion(self) -> Advance:
+        """Motion of the nominal equations."""
+        equations = state_derivative(self.system)
+
+        @jitable
+        def slope_at(x: Any, u: Any, no_wrench: Any, p: Any, slope: Any) -> None:
+            equations(x, u, no_wrench, p.plant, slope)
+
+        return midpoint(slope_at)
 
     def linear_model(self, plant: Plant, p: Any) -> tuple[Array, Array]:
         """(A, B) of the Jacobian linearization, with the inner states at rest.
