@@ -21,7 +21,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading, audit, run_audit
 from grosmc_mj.assumptions.balance import Balance, balance
-from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
+from grosmc_mj.chapter.premises import audit_document, audit_table, failures_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
@@ -429,6 +429,63 @@ def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None
     reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
     assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
+
+
+@pytest.mark.parametrize(("region", "along"), [(-3.0, -1.0), (-1.0, -3.0), (2.0, -3.0)])
+def test_a_premise_is_as_bad_as_at_the_worse_of_its_region_and_its_run(
+    region: float, along: float
+) -> None:
+    failing = premise_of("worse", region, along)
+    (row,) = failures_table([audit_of_premises(failing)]).rows
+    assert row[2] == "-3 A/s (100 %)"
+
+
+def test_the_premise_with_the_largest_shortfall_comes_first() -> None:
+    small = premise_of("small", -2.0, 5.0)
+    large = premise_of("large", 5.0, -4.0)
+    rows = failures_table([audit_of_premises(small, large)]).rows
+    assert [row[1] for row in rows] == ["large", "small"]
+
+
+def premise_of(name: str, region: float, along: float) -> Premise:
+    """A premise with these margins [A/s] in its region and along its run."""
+    return Premise(
+        name,
+        "Assumption 4",
+        "as required",
+        "A/s",
+        region=audits.single_reading(region),
+        along=audits.single_reading(along),
+    )
+
+
+def audit_of_premises(*premises: Premise) -> Audit:
+    return Audit(find_experiment("servo", "nominal").case, "grosmc", premises)
+
+
+LIMIT = 0.2
+
+
+def test_a_limit_of_the_nominal_input_is_one_of_the_reaching_condition() -> None:
+    """s' = G (z' - A z - B u_c), u_c = -K z within its limit: what the limit cuts is no push."""
+    law = robust("servo")
+    limited = replace(law, parameters=replace(law.parameters, limit=LIMIT))
+    p = limited.parameters
+    A = law.designed.lqr.A
+    B = law.designed.lqr.B
+    derivative = perturbed("servo").derivative
+
+    cut = 0
+    for t, z, w, x, _ in instants("servo"):
+        at = balance(limited, perturbed("servo").analytic(), t, x, w)
+        nominal = float(-(p.K @ z)[0])
+        cut += abs(nominal) > LIMIT
+        assert at.u_c == pytest.approx(np.clip(nominal, -LIMIT, LIMIT))
+
+        dz = limited.coordinates.sign * derivative(x, at.u_c, w)
+        pushed = p.G @ (dz - A @ z - B @ at.u_c)
+        assert at.pushes == pytest.approx(pushed, rel=1e-8, abs=1e-8)
+    assert 5 < cut < 20
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +29,13 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import LogModel, best_model, models_of, prediction_errors
+from grosmc_mj.identify.compare import (
+    LogModel,
+    PredictionError,
+    best_model,
+    models_of,
+    prediction_errors,
+)
 from grosmc_mj.identify.fit import Fit, _residual_of, _weak, fit, quality, residuals, slip
 from grosmc_mj.identify.log import Log, held, join_logs, read_log
 from grosmc_mj.identify.parameters import parameters_of
@@ -411,6 +418,29 @@ def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> No
     assert {"corrected", "physics", "loop", "machine"} < set(rungs)
     rows, _ = prediction_errors(rungs, log, 1.0, 1e-3)
     assert best_model(rows) == {"rotor angle": "as it is"}
+
+
+def error_row(rung: str, *rms: float) -> PredictionError:
+    """Prediction errors of a rung after 0.1 s, 0.5 s and 1 s."""
+    return PredictionError(rung, "rotor angle", "rad", (0.1, 0.5, 1.0), rms)
+
+
+@pytest.mark.parametrize(
+    ("rows", "best"),
+    [
+        ([error_row("physics", 1.0, 5.0, 9.0), error_row("machine", 8.0, 6.0, 2.0)], "machine"),
+        ([error_row("physics", 8.0, 6.0, 2.0), error_row("machine", 1.0, 1.0, 3.0)], "physics"),
+        ([error_row("physics", 1.0, 1.0, math.nan), error_row("loop", 2.0, 4.0, 8.0)], "loop"),
+        (
+            [error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.0)],
+            "physics and loop",
+        ),
+    ],
+)
+def test_the_best_rung_is_that_with_the_least_error_at_the_longest_horizon(
+    rows: list[PredictionError], best: str
+) -> None:
+    assert best_model(rows) == {"rotor angle": best}
 
 
 def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(

@@ -25,6 +25,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import Transmission
+from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import ladder as study
 from grosmc_mj.studies.ladder import ENDED, Rung, RungResult, ladder, run_rung, rungs_of
@@ -670,6 +671,41 @@ def test_a_ladder_of_another_version_is_climbed_anew(
     climber.ran.clear()
     assert run(*command, "--resume") == cli.DONE
     assert climber.ran == everything
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"condition": "case2"}, {"law": "grosmc"}, {"rung": "delay"}, {"together": False}],
+    ids=["condition", "law", "rung", "together"],
+)
+def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_path: Path) -> None:
+    """As are those of two laws, of two rungs, and of a rung alone and with those below."""
+    cells = study.Cells(tmp_path, "a ladder")
+    first = row(**{"rung": "sensors", "used": 0.5, "condition": "case1"})
+    second = row(**{"rung": "sensors", "used": 2.0, "condition": "case1"} | other)
+    cells.write(first)
+    cells.write(second)
+    assert cells.read(*first.key) == first
+    assert cells.read(*second.key) == second
+
+
+def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
+    rows = [row("sensors", 0.5, condition=condition) for condition in ("case1", "case2")]
+    names = [value.name for value in study._values("servo/machine", rows)]
+    assert len(set(names)) == 4
+    assert names[0] == "servo/machine case1 lqr, up to sensors"
+
+
+def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes(tmp_path: Path) -> None:
+    """The load of case1 stands in no file of the ladder's own."""
+    studied = ladder("servo", ["lqr"])
+    cells = study.Cells.of(studied, tmp_path)
+    assert study.Cells.of(studied, tmp_path) == cells
+
+    *others, last = studied.conditions
+    heavier = last.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
+    changed = replace(studied, conditions=(*others, replace(last, experiment=heavier)))
+    assert study.Cells.of(changed, tmp_path) != cells
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:

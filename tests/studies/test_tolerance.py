@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import control
@@ -323,6 +324,42 @@ def test_lqr_stands_its_delay_margin(delayed: ToleranceStudy, neighbours: list[T
     # A growth by less than half in fifty seconds is not told from none.
     assert delay.largest_kept * DELAY < 1.1 * margin
     assert delay.smallest_failed * DELAY > 0.95 * margin
+
+
+class AnsweredSearch:
+    """A search that the equations have answered at one end, with this margin."""
+
+    ends = (1.0,)
+
+    def __init__(self, margin: float, largest: float) -> None:
+        self.results = {1.0: tolerance.TrialResult(True, margin, "")}
+        self.weakness = (False, largest)
+
+    def trial(self, _: float) -> AnsweredSearch:
+        return self
+
+
+@pytest.mark.parametrize(("difference", "band"), [(0.01, 0.1), (0.0, tolerance.LEAST_BAND)])
+def test_physics_looks_within_ten_times_the_largest_difference_of_a_margin(
+    difference: float, band: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    least = AnsweredSearch(0.5, 1.0)
+    near = AnsweredSearch(0.99 * band, 2.0)
+    # Beyond the limit it counts as much.
+    beyond = AnsweredSearch(-0.99 * band, 3.0)
+    far = AnsweredSearch(1.01 * band, 4.0)
+    far_beyond = AnsweredSearch(-1.01 * band, 5.0)
+    searches: Any = [least, near, beyond, far, far_beyond]
+
+    physics: Any = SimpleNamespace(known={})
+    for search in searches:
+        margin = search.results[1.0].margin
+        physics.known[search, 0] = tolerance.TrialResult(True, margin, "")
+    physics.known[least, 0] = tolerance.TrialResult(True, 0.5 + difference, "")
+
+    monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
+    monkeypatch.setattr(tolerance, "_confirmed", lambda chosen, _: dict.fromkeys(chosen, True))
+    assert set(tolerance._screened(searches, physics)) == {least, near, beyond}
 
 
 @pytest.mark.slow
