@@ -117,6 +117,33 @@ def test_a_change_is_told_from_noise(
 
 
 @pytest.mark.parametrize(
+    ("package", "effect"),
+    [*((package, NOISE) for package in VERSIONS), ("python", CHANGED), ("matplotlib", CHANGED)],
+)
+def test_only_versions_that_may_change_a_bit_make_scatter_noise(
+    package: str, effect: Effect, tmp_path: Path
+) -> None:
+    new = run_document(deviation=4.1e-3)
+    new["versions"] = {**VERSIONS, package: "another"}
+    assert effects(tmp_path, run_document(), new) == {"deviation": effect}
+
+
+def test_results_without_a_machine_may_come_from_two(tmp_path: Path) -> None:
+    old = run_document(machine="")
+    new = run_document(machine="", deviation=4.1e-3)
+    assert effects(tmp_path, old, new) == {"deviation": NOISE}
+
+
+@pytest.mark.parametrize(
+    ("kind", "effect"), [("run", UNJUDGED), ("validation", WORSE), ("claims", WORSE)]
+)
+def test_no_seed_changes_a_validation_or_a_claim(kind: str, effect: Effect, tmp_path: Path) -> None:
+    old = {**run_document(), "kind": kind}
+    new = {**run_document(margin=0.5, seed=7), "kind": kind}
+    assert effects(tmp_path, old, new) == {"margin": effect}
+
+
+@pytest.mark.parametrize(
     ("before", "after", "effect"),
     [
         ("fails", "holds", BETTER),

@@ -329,6 +329,12 @@ def test_a_film_is_in_the_page(tmp_path: Path) -> None:
     assert page.size == page.path.stat().st_size
 
 
+def test_a_page_has_start_and_speed_of_a_film(tmp_path: Path) -> None:
+    write_documents(tmp_path, "curves")
+    write_film(tmp_path, b"film")
+    assert 'data-start="0.25" data-speed="0.5"' in page_of(tmp_path).text
+
+
 def test_a_film_that_is_not_that_of_its_document_is_named(tmp_path: Path) -> None:
     write_documents(tmp_path, "curves")
     write_film(tmp_path, b"film")
