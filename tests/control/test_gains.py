@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.linalg import solve_continuous_are
 from shipped import error_of, nominal, robust, uncertainty_of, weights_of
 
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.balance import balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
@@ -224,15 +226,15 @@ def test_gains_hold_for_a_term_along_s_as_well_as_for_one_in_each_entry() -> Non
 
 def hung_at(angle: float) -> Task:
     """A damped pendulum with a torque, which holds it anywhere."""
-    a, w, m, c = sp.symbols("angle rate m c")
+    a, w, m, c, g = sp.symbols("angle rate m c g")
     plant = gm.affine_plant(
         "hanging",
         states={"angle": "rad", "rate": "rad/s"},
         inputs={"torque": "N m"},
-        f=[w, (-9.81 * m * sp.sin(a) - c * w) / m],
+        f=[w, (-g * m * sp.sin(a) - c * w) / m],
         g=[0, 1 / m],
         h=[a],
-        parameters={"m": 2.0, "c": 0.5},
+        parameters={"m": 2.0, "c": 0.5, "g": 9.81},
     )
     point = equilibrium(plant, {0: angle})
     return state_task(plant, np.diag([10.0, 1.0]), 1.0, point)
@@ -292,6 +294,44 @@ def test_a_heavier_plant_that_the_nominal_input_does_not_hold_needs_a_constant()
     p = state_grosmc(hung_at(0.8), declared).parameters
     torque = 2.0 * 9.81 * np.sin(0.8)
     assert p.gamma0 == pytest.approx(torque * (1 - 1 / 1.5) * 1.5)
+
+
+@each_law
+def test_a_law_of_a_held_plant_is_designed_for_the_linearization_there(make: Any) -> None:
+    """By hand: gravity turns the pendulum back by g cos, not by the g of the lower position."""
+    design = make(hung_at(0.8)).designed.lqr
+    A = np.array([[0.0, 1.0], [-9.81 * np.cos(0.8), -0.25]])
+    B = np.array([[0.0], [0.5]])
+    np.testing.assert_allclose(design.A, A, rtol=1e-6)
+    np.testing.assert_allclose(design.B, B, rtol=1e-12)
+
+    P = solve_continuous_are(A, B, np.diag([10.0, 1.0]), np.eye(1))
+    np.testing.assert_allclose(design.K, B.T @ P, rtol=1e-6)
+
+
+def test_gains_of_a_held_plant_are_those_of_its_family_there() -> None:
+    """By hand: half of g is missing, m g/2 sin at rest and m g/2 cos for each rad beside it."""
+    declared = StateUncertainty(scales={"g": (1.0, 1.5)})
+    p = state_grosmc(hung_at(0.8), declared).parameters
+    torque = 2.0 * 9.81 / 2
+    assert p.gamma0 == pytest.approx(torque * np.sin(0.8))
+    assert p.gamma1 == pytest.approx(torque * np.cos(0.8))
+
+
+def test_the_reaching_condition_of_a_held_plant_is_about_the_point_where_it_rests() -> None:
+    """s' = G (x' - A z - B u_c) with z = x - x_e and u = u_e + u_c."""
+    task = hung_at(0.8)
+    law = state_grosmc(task)
+    G = law.parameters.G
+    A = law.designed.lqr.A
+    B = law.designed.lqr.B
+    true = task.plant.changed(scales={"g": 1.5})
+
+    for z in ([0.0, 0.0], [0.3, -0.2], [-0.5, 1.0]):
+        at = balance(law, true, 0.0, task.reference.x + z, np.zeros(0))
+        assert at.u_c == pytest.approx(-law.parameters.K @ z, rel=1e-9, abs=1e-9)
+        dx = true.derivative(task.reference.x + z, task.reference.u + at.u_c)
+        assert at.pushes == pytest.approx(G @ (dx - A @ z - B @ at.u_c), rel=1e-9)
 
 
 @pytest.mark.parametrize(

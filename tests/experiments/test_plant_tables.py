@@ -10,13 +10,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from campaign_cases import run
-from case_texts import OWN, STEP, load, written
+from case_texts import MAGLEV, OWN, STEP, load, written
 
 from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.physics.edits import AddedMass
+from grosmc_mj.sweep.runs import Row, run_rows
 
 LEVITATED = """
 [plant]
@@ -78,6 +79,17 @@ at = ["1 cm", "2 cm", "3 cm"]
 """
 
 
+@pytest.mark.parametrize("law", ["lqr", "linear-grosmc"])
+def test_a_law_is_designed_for_the_linearization_at_the_operating_point(tmp_path, law) -> None:
+    """By hand: m g = C (i/y)^2 holds the ball, whose pull falls by 2 m g/y and grows by 2 m g/i."""
+    design = load(tmp_path, MAGLEV.replace('"lqr"', f'"{law}"')).law("corrected", law)
+    gap = 0.01
+    current = gap * np.sqrt(0.05 * 9.81 / 1e-4)
+    A = [[0, 1, 0], [2 * 9.81 / gap, 0, -2 * 9.81 / current], [0, 0, -100]]
+    np.testing.assert_allclose(design.designed.lqr.A, A, rtol=1e-6)
+    np.testing.assert_allclose(design.designed.lqr.B, [[0], [0], [50]], rtol=1e-12)
+
+
 def test_runs_start_at_the_operating_point(tmp_path) -> None:
     experiment = load(tmp_path, LEVITATED)
     point = experiment.nominal.at
@@ -135,6 +147,50 @@ def test_edits_of_one_parameter_multiply_one_after_the_other(tmp_path) -> None:
     experiment = load(tmp_path, OWN + edit)
     nominal = experiment.nominal.plant.parameters.m
     assert experiment.plant("corrected").parameters.m == 1.1 * (1.5 * nominal)
+
+
+def rate(x, u, m):
+    """x' of the pendulum of one's own."""
+    return np.stack([x[:, 1], u - m * np.sin(x[:, 0])], axis=1)
+
+
+def test_a_plant_has_the_edited_parameter_and_its_law_the_nominal_one(tmp_path) -> None:
+    """The file's m is 2 and 1.5 times as much in truth."""
+    run = load(tmp_path, OWN).run().trajectory
+    x = run.state[:-1]
+    np.testing.assert_allclose(run.command, 2 * np.sin(x[:, 0]) - 4 * x[:, 0] - 4 * x[:, 1])
+
+    h = run.time[1]
+    middle = x + h / 2 * rate(x, run.input, 3)
+    for _ in range(2):
+        # The midpoint rule, whose error in a timestep is of the order of h^3.
+        middle = x + h / 2 * rate(middle, run.input, 3)
+    np.testing.assert_allclose(run.state[1:], x + h * rate(middle, run.input, 3), atol=1e-8)
+
+
+def test_a_row_of_a_design_scales_the_edited_parameter_and_not_the_law_s(tmp_path) -> None:
+    """The true m is 1.5 times 2 times the nominal one."""
+    text = OWN.replace('"own:law"\na = 4\nb = 4', '"lqr"')
+    edited = load(tmp_path, text)
+    table = run_rows(edited, [Row("lqr", {"parameter.m.scale": 2.0})], plant="corrected")
+
+    thrice = load(tmp_path, text.replace("scale = 1.5", "scale = 3.0"))
+    run = thrice.run(law="lqr").trajectory
+    np.testing.assert_allclose(table["last"][0], run.state[-1], rtol=1e-12)
+    for experiment in (edited, thrice):
+        assert experiment.law("corrected", "lqr").designed.lqr.A[1, 0] == pytest.approx(-2.0)
+
+
+def test_a_law_for_equations_is_sampled_in_its_control_period(tmp_path) -> None:
+    """Its input changes at multiples of 10 ms, to the law's value for the state there."""
+    periods = 'duration = "0.2 s"\ncontrol_period = "10 ms"\ntimestep = "1 ms"'
+    text = OWN.replace('duration = "0.2 s"', periods)
+    run = load(tmp_path, text).run().trajectory
+    periods_of_input = run.input.reshape(20, 10)
+    x = run.state[:-1:10]
+    sampled = 2 * np.sin(x[:, 0]) - 4 * x[:, 0] - 4 * x[:, 1]
+    assert np.all(np.diff(sampled) != 0)
+    np.testing.assert_allclose(periods_of_input, np.tile(sampled[:, None], 10), rtol=1e-12)
 
 
 def test_a_disturbance_of_zero_acts_on_nothing_but_ends_the_transient(tmp_path) -> None:
