@@ -431,10 +431,12 @@ def error_row(rung: str, *rms: float) -> PredictionError:
         ([error_row("physics", 1.0, 5.0, 9.0), error_row("machine", 8.0, 6.0, 2.0)], "machine"),
         ([error_row("physics", 8.0, 6.0, 2.0), error_row("machine", 1.0, 1.0, 3.0)], "physics"),
         ([error_row("physics", 1.0, 1.0, math.nan), error_row("loop", 2.0, 4.0, 8.0)], "loop"),
+        # Errors that differ by less than 0.1 % are equal.
         (
-            [error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.0)],
+            [error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.001)],
             "physics and loop",
         ),
+        ([error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.003)], "physics"),
     ],
 )
 def test_the_best_rung_is_that_with_the_least_error_at_the_longest_horizon(
