@@ -11,6 +11,7 @@ from case_texts import LEG_MODEL, short_run, short_step
 from mjcf import TREE
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.assumptions.audit import run_audit
 from grosmc_mj.assumptions.loads import idle_loads
 from grosmc_mj.assumptions.matching import unmatched
 from grosmc_mj.experiments.experiment import Experiment
@@ -189,6 +190,16 @@ def test_a_load_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     idle, not_matched = lines(tmp_path, OWN.format(law=law, load=load))
     assert idle == []
     assert not_matched == expected
+
+
+@pytest.mark.parametrize(("load", "holds"), [(LOAD_ON_SPEED, False), (LOAD_ON_INPUT, True)])
+def test_a_load_where_no_input_acts_breaks_the_premise_of_matching(tmp_path, load, holds) -> None:
+    (tmp_path / "own.py").write_text(MOTOR, encoding="utf-8")
+    path = tmp_path / "mine.toml"
+    path.write_text(OWN.format(law="fl-lqr", load=load), encoding="utf-8")
+    audit = run_audit(Experiment.load(path).run())
+    (matching,) = [premise for premise in audit.premises if premise.name == "matching"]
+    assert matching.holds is holds
 
 
 @pytest.mark.parametrize(("parameter", "matched"), [("R", True), ("k", False)])

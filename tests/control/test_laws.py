@@ -24,6 +24,7 @@ from grosmc_mj.control.references import (
     reference,
     setpoint,
 )
+from grosmc_mj.control.surface import surface_rates
 from grosmc_mj.control.switching import SWITCHINGS, find_switching
 from grosmc_mj.control.task import NoNumbers, Realization
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -128,6 +129,17 @@ def test_discrete_time_surface_is_exact_on_a_linear_plant(engine: str) -> None:
     law = nominal_controller("servo", "grosmc", realization=Realization(control_period=T))
     # A sum of some thousand terms of |S z| T <= 1e-3, each to 1e-16.
     assert free_sliding(plant, law, "servo", T) < 1e-13
+
+
+def test_a_discrete_surface_of_a_short_period_is_the_printed_one() -> None:
+    """S and G B differ by the period times the plant's rates."""
+    law = controller("servo", "grosmc")
+    optimum = law.designed.lqr
+    G = law.parameters.G
+    printed = surface_rates(G, optimum, None)
+    short = surface_rates(G, optimum, 1e-6)
+    for held, exact in zip(short, printed, strict=True):
+        np.testing.assert_allclose(held, exact, rtol=1e-4, atol=1e-4)
 
 
 def test_only_the_arm_has_given_gains() -> None:

@@ -31,6 +31,7 @@ from grosmc_mj.studies.tolerance import (
     Imperfection,
     Tolerance,
     ToleranceStudy,
+    geometric_mean,
     tolerance_study,
     tolerances,
     verdict,
@@ -577,3 +578,7 @@ def test_no_line_of_the_command_is_too_wide(name: str, request: pytest.FixtureRe
     studied: Stored = request.getfixturevalue(name)
     lines = studied.said.splitlines()
     assert max(map(len, lines), default=0) <= 100 + len(str(studied.folder))
+
+
+def test_a_search_halves_the_ratio_of_two_factors() -> None:
+    assert geometric_mean(2.0, 18.0) == 6.0

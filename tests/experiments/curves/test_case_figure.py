@@ -12,8 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from grosmc_mj.experiments.curves import curves_document, draw_experiment, figure_size, write_curves
+from grosmc_mj.experiments.curves import (
+    curves_document,
+    draw_experiment,
+    figure_size,
+    levels_of,
+    panels_of,
+    write_curves,
+)
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
@@ -119,6 +127,19 @@ def test_an_output_is_drawn_with_its_reference(circle_runs: list[RunResult]) -> 
     figure = figure_of(circle_runs)
     (line,) = [line for line in figure.axes[1].lines if line.get_label() == "reference"]
     np.testing.assert_array_equal(line.get_ydata(), circle_runs[-1].comparison.reference[:, 1])
+
+
+def test_a_limit_about_a_reference_begins_where_it_holds(circle_runs: list[RunResult]) -> None:
+    run = circle_runs[-1]
+    on = (run.plant,)
+    limit = Limit("stays_within", "3 mm", 0.003, "m", 0.1, (run.controller.name,), on)
+    panel = panels_of(circle_runs)[1]
+    above, below = levels_of(limit, panel)
+    assert panel.reference is not None
+    since = run.comparison.time >= 0.1
+    for (time, line), side in ((above, 1), (below, -1)):
+        assert time[0] == pytest.approx(0.1)
+        np.testing.assert_allclose(line, panel.reference[since] + side * 0.003)
 
 
 # States as a law sees them
