@@ -199,7 +199,10 @@ def test_a_load_where_no_input_acts_breaks_the_premise_of_matching(tmp_path, loa
     path.write_text(OWN.format(law="fl-lqr", load=load), encoding="utf-8")
     audit = run_audit(Experiment.load(path).run())
     (matching,) = [premise for premise in audit.premises if premise.name == "matching"]
-    assert matching.holds is holds
+    assert matching.region is not None
+    assert matching.along is not None
+    assert (matching.region.margin >= 0) is holds
+    assert (matching.along.margin >= 0) is holds
 
 
 @pytest.mark.parametrize(("parameter", "matched"), [("R", True), ("k", False)])
