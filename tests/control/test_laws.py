@@ -131,6 +131,14 @@ def test_discrete_time_surface_is_exact_on_a_linear_plant(engine: str) -> None:
     assert free_sliding(plant, law, "servo", T) < 1e-13
 
 
+def test_a_discrete_surface_pays_back_no_input_that_its_limit_cut() -> None:
+    """s' = G (x' - A x - B u_0) with the applied u_0: what RK4 leaves is (B T/J)^5, some 1e-12."""
+    T = 0.05
+    law = nominal_controller("servo", "grosmc", realization=Realization(control_period=T))
+    limited = replace(law, parameters=replace(law.parameters, limit=0.2))
+    assert free_sliding(nominal("servo"), limited, "servo", T) < 1e-11
+
+
 def test_a_discrete_surface_of_a_short_period_is_the_printed_one() -> None:
     """S and G B differ by the period times the plant's rates."""
     law = controller("servo", "grosmc")

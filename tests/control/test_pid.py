@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 from case_texts import load
 from shipped import task_of
 
@@ -163,6 +164,16 @@ def test_a_tail_is_that_of_a_simulation() -> None:
     loop = PidLoop(-np.eye(1), np.eye(1), np.eye(1), 0.0, None)
     gains = PidGains(np.array([2.0]), np.zeros(1), np.zeros(1))
     assert loop.tail(gains, 1.5) == pytest.approx(math.exp(-4.5))
+
+
+def test_a_filter_of_the_rate_begins_at_the_output() -> None:
+    """y' = -y - kp y - kd d, d = (y - f)/T, f' = d: from y = f = 1 there is no kick."""
+    kp, kd, T = 2.0, 3.0, 0.5
+    loop = PidLoop(-np.eye(1), np.eye(1), np.eye(1), T, None)
+    motion = np.array([[-1 - kp - kd / T, kd / T], [1 / T, -1 / T]])
+    y, _ = scipy.linalg.expm(0.6 * motion) @ [1, 1]
+    gains = PidGains(np.array([kp]), np.zeros(1), np.array([kd]))
+    assert loop.tail(gains, 0.6) == pytest.approx(y)
 
 
 def test_a_sensitivity_is_that_of_the_transfer_function() -> None:
