@@ -630,6 +630,14 @@ def test_an_interval_of_a_rate_on_other_plants_covers_the_change() -> None:
     assert covered >= stats.binom.ppf(1e-4, 500, CONFIDENCE)
 
 
+def test_an_interval_of_a_rate_on_other_plants_shares_its_error_among_both_rates() -> None:
+    """Where all n are kept a rate is at least tail^(1/n), and at most 1."""
+    tail = (1 - CONFIDENCE) / 4
+    interval = other_plants_rate(np.ones(100, bool), np.ones(300, bool))
+    assert interval.low == pytest.approx(tail ** (1 / 300) - 1)
+    assert interval.high == pytest.approx(1 - tail ** (1 / 100))
+
+
 def test_the_interval_of_a_mean_on_the_same_plants_is_that_of_student() -> None:
     random = np.random.default_rng(3)
     before = random.normal(0, 1, 60)

@@ -90,3 +90,14 @@ def test_the_ghost_of_an_edited_plant_is_on_the_reference() -> None:
     angles = math.pi * take.run.time
     circle = np.column_stack([0.45 + 0.15 * np.cos(angles), 0.15 + 0.15 * np.sin(angles)])
     assert np.array(tips) == pytest.approx(circle, abs=1e-9)
+
+
+def test_the_ghost_has_the_joints_that_nothing_controls_where_the_run_has_them() -> None:
+    """The cart moves; the law controls the pole alone."""
+    experiment = find_experiment("cart_pendulum", "nominal").varied(duration=0.02)
+    film = replace(film_of([experiment.run("physics", "fl-lqr")]), format=film_of_servo().format)
+    (take,) = film.takes
+    (scene,) = storyboard(film).scenes
+    rows = film.rows(take)
+    expected = np.column_stack([take.run.state[rows, 0], np.asarray(take.ghost)[rows]])
+    np.testing.assert_array_equal(scene.ghost, expected)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,16 @@ from grosmc_mj.identify.compare import (
     models_of,
     prediction_errors,
 )
-from grosmc_mj.identify.fit import Fit, _residual_of, _weak, fit, quality, residuals, slip
+from grosmc_mj.identify.fit import (
+    Fit,
+    _rescaled,
+    _residual_of,
+    _weak,
+    fit,
+    quality,
+    residuals,
+    slip,
+)
 from grosmc_mj.identify.log import Log, held, join_logs, read_log
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor, likely_slip, unexplained_share
@@ -320,6 +330,14 @@ def test_a_late_sensor_shows_what_the_state_was_before() -> None:
     (errors,) = predictor.errors([ramp], SERVO, sensor)["rotor angle"]
     # Before the window began nothing is predicted.
     assert errors[2:] == pytest.approx(np.zeros(98), abs=1e-12)
+
+
+def test_fitted_starts_take_their_degrees_of_freedom() -> None:
+    """Of three windows two starts each are fitted: three numbers for each measured state."""
+    parts = {"angle": [np.full(4, 2.0)] * 3, "rate": [np.full(4, 6.0)] * 3}
+    residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts)
+    scales = _rescaled(residual, np.zeros(6))
+    assert scales == pytest.approx({"angle": 2 * math.sqrt(12 / 9), "rate": 6 * math.sqrt(12 / 9)})
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import draw_legend_below, figure_written
 from grosmc_mj.results.palette import FAILED, KEPT
-from grosmc_mj.results.result import CellChart
+from grosmc_mj.results.result import CellChart, LineChart, Series
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
 # Documents.
@@ -247,3 +247,11 @@ def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> N
     (heat_map,) = chart_figure(CELLS)["data"]
     hue = rgb_to_hsv(to_rgb(heat_map["colorscale"][end][1]))[0]
     assert hue == pytest.approx(rgb_to_hsv(to_rgb(colour))[0], abs=0.02)
+
+
+@pytest.mark.parametrize(("first", "marks"), [(1.0, [20.0]), (90.0, [0.0, 20.0])])
+def test_a_mark_at_zero_is_left_out_of_a_logarithmic_axis(first: float, marks: list[float]) -> None:
+    curve = Series(name="J", x=[first, 100.0], y=[1.0, 2.0])
+    chart = LineChart(name="J", titles=("rate", "J"), lines=[curve], marks=[0.0, 20.0])
+    layout = chart_figure(chart)["layout"]
+    assert [shape["x0"] for shape in layout["shapes"]] == marks

@@ -805,6 +805,14 @@ def test_no_verdict_depends_on_a_claim(tmp_path: Path) -> None:
     assert alone.claims["servo-before-load"] > 1
 
 
+def test_of_a_claim_s_limits_the_one_that_is_used_most_counts(tmp_path: Path) -> None:
+    """The run leaves its optimum by more than 1 urad; its error and its input are small."""
+    loose = 'input_below = "100 A"\nstays_within = "100 rad"\n'
+    studied = ladder(str(written(tmp_path, CLAIMED + loose)), ["lqr"])
+    climb = (studied.laws[0], studied.alone[0], studied.conditions[0])
+    assert run_rung(studied, *climb, together=False).claims["servo-before-load"] > 1
+
+
 def test_a_law_that_cannot_be_designed_has_its_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -36,6 +36,7 @@ from grosmc_mj.studies.tolerance import (
     tolerances,
     verdict,
 )
+from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.search import Search
 
 DELAY = 0.05
@@ -255,6 +256,18 @@ def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there(
 
 
 # Runs.
+
+
+def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> None:
+    """0.5 N m of 100 is less than 0.1 rad of 0.2."""
+    columns = {"margin effort": np.array([0.5]), "margin error": np.array([0.1])}
+    outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
+    limits: Any = [
+        SimpleNamespace(key="error", value=0.2),
+        SimpleNamespace(key="effort", value=100.0),
+    ]
+    judged = tolerance._judged(outcomes, 0, limits, 3)
+    assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)
 
 
 @pytest.mark.parametrize("failing", [None, 0, 1, 3])

@@ -85,6 +85,16 @@ def test_a_plant_nearer_than_the_shrunk_one_passes(found: WorstPlant) -> None:
     assert relative(declared, *(plant - line / 256)) >= 0
 
 
+def test_the_numbers_that_the_shrunk_plant_needs_are_named(found: WorstPlant) -> None:
+    family = loads(1.0, BOTH).family
+    assert found.shrunk is not None
+    needed = found.shrunk != family.nominal
+    # One of both has no part in it, though the worst plant has it at its end.
+    assert needed.sum() == 1
+    assert np.all(found.values != family.nominal)
+    assert found.changed == tuple(np.array(family.names)[needed])
+
+
 PHASE = uncertain('disturbance = "hum"', 'phase = ["0 rad", "1 rad"]')
 
 
