@@ -94,6 +94,17 @@ def test_both_engines_run_it_alike() -> None:
     np.testing.assert_allclose(native.state, python.state, rtol=1e-9, atol=1e-12)
 
 
+def test_without_its_weight_the_rate_of_a_setpoint_does_not_count() -> None:
+    """With c = 0 the arm's moving reference leaves -kd y' alone, the difference of two samples."""
+    task = task_of("arm")
+    law = pid(task, kp=0.0, kd=2.0, rate_setpoint_weight=0.0)
+    timing: Any = {"duration": 0.05, "control_period": PERIOD, "timestep": PERIOD}
+    run = simulate(task.plant, law, (0.3, 0.1), engine="python", **timing)
+    y = run.state[:-1, 0]
+    assert run.input[0] == 0
+    assert run.input[1:] == pytest.approx(-2.0 * np.diff(y) / PERIOD, abs=1e-9)
+
+
 def test_an_integral_that_held_overshoots_less_than_one_that_wound_up() -> None:
     """A tracking time of an hour is as good as none."""
     wound_up = run_servo(duration=6.0, limit=0.4, tracking_time=3600.0)

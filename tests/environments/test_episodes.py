@@ -50,6 +50,16 @@ def test_episodes_of_one_seed_have_the_same_noise(episode: Episode) -> None:
     assert first_angles(episode) == first_angles(episode)
 
 
+def test_a_new_episode_begins_without_the_last_action(episode: Episode) -> None:
+    """A rotor at rest stays there until the first action."""
+    episode.hold([1.0])
+    episode.advance(5)
+    assert episode.x[1] != 0
+    episode.reset(np.random.default_rng(0))
+    episode.advance(5)
+    assert episode.x.tolist() == [0.5, 0.0]
+
+
 def rewards(episode: Episode, action: float) -> list[float]:
     """Rewards of an action that is held to the end, over the stage costs that they are of."""
     episode.reset(np.random.default_rng(0))

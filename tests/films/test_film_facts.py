@@ -17,6 +17,7 @@ from grosmc_mj.experiments.films import film_of
 from grosmc_mj.films import frames
 from grosmc_mj.films.film import Film
 from grosmc_mj.films.storyboard import storyboard
+from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 
 START = 0.004
 STOP = 0.016
@@ -41,6 +42,16 @@ def test_a_frame_has_the_state_at_its_clock() -> None:
     (take,) = film.takes
     clock = take.run.time[film.rows(take)]
     assert clock == pytest.approx(film.times, abs=1e-9)
+
+
+def test_a_frame_has_the_push_at_its_clock() -> None:
+    """Of frames at 4, 6 ... 14 ms those at 10 and 12 ms are in a push from 9 ms to 13 ms."""
+    push = Disturbance("rotor", (0, 0, 0, 0, 1, 0), Pulse(0.009, 0.013))
+    experiment = find_experiment("servo", "nominal").varied(duration=0.02, disturbances=(push,))
+    film = replace(film_of([experiment.run("physics", "lqr")]), format=film_of_servo().format)
+    (scene,) = storyboard(film).scenes
+    assert scene.wrench is not None
+    assert np.flatnonzero(scene.wrench.any(axis=(1, 2))).tolist() == [3, 4]
 
 
 class Pen:

@@ -18,7 +18,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.page.charts import chart_figure
 from grosmc_mj.results import tables
-from grosmc_mj.results.charts import write_cells
+from grosmc_mj.results.charts import write_cells, write_panels
 from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import draw_legend_below, figure_written
@@ -240,6 +240,19 @@ def test_cells_of_a_figure_are_white_at_the_limit(
     assert colours[0] == pytest.approx(to_rgb(KEPT), abs=5e-3)
     assert colours[1] == pytest.approx([1, 1, 1], abs=5e-3)
     assert colours[2] == pytest.approx(to_rgb(FAILED), abs=5e-3)
+
+
+def test_a_point_that_is_not_judged_is_not_marked_as_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list[Figure] = []
+    write = "grosmc_mj.results.figure.write_figure"
+    monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
+    curve = Series(name="J", x=[1.0, 2.0, 3.0], y=[4.0, 5.0, 6.0], good=[True, None, False])
+    chart = LineChart(name="J", titles=("rate", "J"), lines=[curve])
+    write_panels(tmp_path / "a.png", "a", [[chart]])
+    _, failed, *_ = figures[0].axes[0].lines
+    assert list(np.asarray(failed.get_xdata())) == [3.0]
 
 
 @pytest.mark.parametrize(("end", "colour"), [(0, KEPT), (-1, FAILED)])
