@@ -31,7 +31,7 @@ def _everywhere(x: Any) -> bool:
 
 
 class Model(Protocol):
-    """What a system reads of a compiled model, a ``mujoco.MjModel``: theory imports no MuJoCo."""
+    """Parts of a ``mujoco.MjModel`` that a system reads: theory imports no MuJoCo."""
 
     opt: Any
     dof_armature: Any

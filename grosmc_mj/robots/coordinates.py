@@ -78,7 +78,7 @@ class RobotCoordinates(OutputCoordinates):
         reference = self.reference
         sign = float(self.sign)
         order = self._order
-        lower = self._lower
+        lower = self.lower
 
         # Nested here and below, for numba takes these as constants.
         def error_state(t: float, x: Any, p: Any, z: Any) -> None:

@@ -124,9 +124,10 @@ def acceleration_difference(
         u = random.uniform(low, high)
         w = random.uniform(-_WRENCH_BOUND, _WRENCH_BOUND, 6 * len(system.bodies))
 
-        drift = system.symbolic_equations.drift(x, p)
-        input_matrix = np.reshape(system.symbolic_equations.input_matrix(x, p), (2 * n, -1))
-        disturbance = system.symbolic_equations.disturbance(x, w, p)
+        equations = system.symbolic_equations
+        drift = equations.drift(x, p)
+        input_matrix = np.reshape(equations.input_matrix(x, p), (2 * n, -1))
+        disturbance = equations.disturbance(x, w, p)
 
         terms = np.array([drift, input_matrix @ u, disturbance])[:, n:]
         acceleration = physics.derivative(x, u, w)[n:]

@@ -406,7 +406,7 @@ class OutputCoordinates(Coordinates):
         return tuple((np.cumsum(values) - 1).tolist())
 
     @property
-    def _lower(self) -> tuple[int, ...]:
+    def lower(self) -> tuple[int, ...]:
         """Indices of the reference's values of order below r_i, which z is measured from."""
         indices = np.arange(self.size + self.inputs)
         return tuple(np.delete(indices, self._highest).tolist())
@@ -431,11 +431,11 @@ class OutputCoordinates(Coordinates):
 
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """y_r and its derivatives below r_i at the instants (N,): (N, size)."""
-        return self._reference_rows(time, parameters)[:, self._lower]
+        return self._reference_rows(time, parameters)[:, self.lower]
 
     def raised_along(self, t: ArrayLike, p: Any) -> Array:
         """Derivatives of the values of ``reference_along`` at the instants (N,): (N, size)."""
-        derivatives = np.array(self._lower) + 1
+        derivatives = np.array(self.lower) + 1
         return self._reference_rows(t, p.reference)[:, derivatives]
 
     def _reference_rows(self, time: ArrayLike, parameters: Any) -> Array:

@@ -87,7 +87,7 @@ class ErrorCoordinates(OutputCoordinates):
         reference = self.reference
         transformation = self.linearization.transformation
         sign = float(self.sign)
-        lower = self._lower
+        lower = self.lower
 
         def error_state(t: float, x: Any, p: Any, z: Any) -> None:
             T = transformation(x, p.plant)

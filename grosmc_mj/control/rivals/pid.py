@@ -25,11 +25,8 @@ from grosmc_mj.control.rivals.pid_tuning import (
 )
 from grosmc_mj.control.task import Limit, Matrix, Task
 from grosmc_mj.errors import ArgumentError, GainError
-from grosmc_mj.fields import Is, Range, checked_call
+from grosmc_mj.fields import Is, NotNegative, Range, Seconds, checked_call
 from grosmc_mj.jitable import jitable
-
-NotNegative = Annotated[float, Range(0)]
-Seconds = Annotated[float, Range(0, unit="s")]
 
 
 @checked_call
@@ -250,10 +247,7 @@ def _setpoints(error: OutputCoordinates | StateCoordinates, rows: tuple[int, ...
 
         return jitable(held)
 
-    # The reference has one derivative of each output more than z.
-    values = np.arange(error.size + error.inputs)
-    lower = np.delete(values, np.cumsum(np.array(error.linearization.relative_degree) + 1) - 1)
-    places = lower[list(rows)]
+    places = np.array(error.lower)[list(rows)]
     reference = error.reference
 
     def moving(t: float, p: Any, r: Any) -> None:

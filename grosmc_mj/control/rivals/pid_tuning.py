@@ -31,7 +31,7 @@ _STEP = 1e-5
 
 @checked()
 class Tuning:
-    """What the gains of a PID are computed for.
+    """Specification that the gains of a PID are computed for.
 
     Attributes:
         settles_within: Time in which each output's error shall be within 2 % [s].
@@ -70,7 +70,9 @@ class PidLoop:
     def closed(self, gains: PidGains) -> Array:
         """State matrix of (z, xi, filtered y), with u = -(kp y + ki xi + kd d)."""
         n, m = self.B.shape
-        kp, ki, kd = np.diag(gains.kp), np.diag(gains.ki), np.diag(gains.kd)
+        kp = np.diag(gains.kp)
+        ki = np.diag(gains.ki)
+        kd = np.diag(gains.kd)
         T = self.filter_time
         if T > 0:
             # d = (y - f) / T, f' = d.
