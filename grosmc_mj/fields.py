@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
@@ -22,6 +21,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from grosmc_mj.arguments import real, reals, whole
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, unknown_name, value_text
+from grosmc_mj.refusals import Place, line_of, refusal
 
 Class = TypeVar("Class")
 Returned = TypeVar("Returned")
@@ -36,11 +36,6 @@ class Check:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.no_info_plain_validator_function(self)
-
-
-def refusal(wanted: str) -> PydanticCustomError:
-    """Return the error of a refused value; ``wanted`` are the words that follow "must be"."""
-    return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
 
 
 # Usual sizes of numbers by unit: smaller and larger ones are allowed, but probably a slip.
@@ -367,39 +362,20 @@ def translated(
         label: Beginning of the message.
     """
     refusals: list[Any] = mistakes.errors(include_url=False)
-    for refusal in refusals:
+    for mistake in refusals:
         # An error that a `__post_init__` has raised.
-        if refusal["type"] == "value_error":
-            return refusal["ctx"]["error"]
-    return error(label + "; ".join(_line(refusal, names) for refusal in refusals))
+        if mistake["type"] == "value_error":
+            return mistake["ctx"]["error"]
+
+    lines = []
+    for mistake in refusals:
+        place = Place(_name(mistake["loc"], names), "argument", names)
+        lines.append(line_of(mistake, place))
+    return error(label + "; ".join(lines))
 
 
-def _line(mistake: Any, names: Sequence[str]) -> str:
-    """Write the refusal of one field: its name, its value and what it must be."""
-    place = _place(mistake["loc"], names)
-    value = value_text(mistake["input"])
-    match mistake["type"]:
-        case "refused":
-            return f"{place} = {value} must be {mistake['msg']}"
-        case "literal_error":
-            valid = re.findall("'([^']*)'", mistake["ctx"]["expected"])
-            return unknown_name(place, mistake["input"], valid)
-        case "missing" | "missing_argument":
-            return f"{place} is missing"
-        case "unknown":
-            return mistake["msg"]
-        case "is_instance_of":
-            return f"{place} = {value} must be a {mistake['ctx']['class']}"
-        case "unexpected_keyword_argument" | "unexpected_positional_argument":
-            return f"there is no argument {place}; valid: {', '.join(names)}"
-    # pydantic's own words for a check that is none of this module's.
-    words = mistake["msg"].replace("Input should be", "must be")
-    separator = " " if mistake["msg"].startswith("Input should be ") else ": "
-    return f"{place} = {value}{separator}{words}"
-
-
-def _place(location: Sequence[str | int], names: Sequence[str]) -> str:
-    """Write the place of a mistake; a positional argument is called by its name."""
+def _name(location: Sequence[str | int], names: Sequence[str]) -> str:
+    """Name the place of a mistake; a positional argument is called by its name."""
     parts = [str(part) for part in location]
     first = location[0] if location else None
     if isinstance(first, int) and first < len(names):

@@ -18,8 +18,9 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.switching import Switching, SwitchingNumbers, find_switching
 from grosmc_mj.errors import GainError, value_text
-from grosmc_mj.fields import Is, Range, checked, checked_call, refusal
+from grosmc_mj.fields import Is, Range, checked, checked_call
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
+from grosmc_mj.refusals import refusal
 
 
 @dataclass(frozen=True, eq=False)

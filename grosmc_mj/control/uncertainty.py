@@ -28,8 +28,9 @@ from grosmc_mj.control.reaching import (
     sliding_dynamics,
 )
 from grosmc_mj.errors import GainError, value_text
-from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked, refusal
+from grosmc_mj.fields import Name, NotNegative, Positive, Range, Reals, checked
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
+from grosmc_mj.refusals import refusal
 
 # Points of the grids over which the suprema are taken; both include every corner. The number of
 # states is for all axes together.

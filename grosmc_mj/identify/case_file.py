@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import tomli_w
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.experiments.file.reading import resolved_text
+from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
 from grosmc_mj.identify.fit import Fit
@@ -48,7 +47,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         SetupError: If it cannot be written.
     """
     experiment = fit.parameters.experiment
-    content: dict[str, Any] = tomllib.loads(resolved_text(experiment.path))
+    content = read_content(experiment.path)
     content["title"] = f"{experiment.case.title}, as identified from {log}"
     declared = content.get("plant", {"system": experiment.case.system})
     content["plant"] = _plant_table(fit, declared, path)

@@ -18,10 +18,11 @@ import numpy as np
 
 from grosmc_mj.control.matrices import copy
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.fields import Check, Flag, Known, Range, checked, refusal
+from grosmc_mj.fields import Check, Flag, Known, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
 from grosmc_mj.loop.sensors import measured_at, ring_row
+from grosmc_mj.refusals import refusal
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 KINDS = get_args(EstimatorLaw)

@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, ValidationError
 
 from grosmc_mj.errors import ArgumentError, one_line
+from grosmc_mj.refusals import Place, line_of
 from grosmc_mj.results.result import Number, Part, Provenance, Result, Text
 
 # Kinds of results that have claims of the chapter.
@@ -280,9 +281,9 @@ def _model_of(content: Any) -> type[Result | Curves | Film] | None:
 def _reason(error: Exception) -> str:
     """Write in short why a document cannot be read."""
     if isinstance(error, ValidationError):
-        mistake: Any = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(map(str, mistake["loc"]))
-        reason = f"{place}: {mistake['msg']}"
+        mistake: Any = error.errors(include_url=False)[0]
+        place = Place(".".join(map(str, mistake["loc"])), "key", ())
+        reason = line_of(mistake, place)
     elif isinstance(error, UnicodeDecodeError | json.JSONDecodeError):
         reason = "is no whole JSON"
     elif isinstance(error, RecursionError):

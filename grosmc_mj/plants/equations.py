@@ -13,7 +13,7 @@ from pydantic import PlainValidator
 
 from grosmc_mj.codegen import generate, generate_condition
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import refusal
+from grosmc_mj.refusals import refusal
 
 Column = tuple[float, ...]
 

@@ -12,12 +12,13 @@ from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call, refusal
+from grosmc_mj.fields import Check, Flag, Is, Items, Range, checked_call
 from grosmc_mj.loop.applied import AppliedLoop, apply_loop
 from grosmc_mj.loop.loop import Loop
 from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
+from grosmc_mj.refusals import refusal
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.problem import Meters, Problem
 

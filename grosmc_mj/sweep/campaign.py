@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import tomli_w
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.notes import notes_on_plant
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes, unknown_name
 from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
-from grosmc_mj.experiments.file.reading import parse_case_file, resolved_text
+from grosmc_mj.experiments.file.reading import case_file_of, parse_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
 from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
@@ -154,8 +156,9 @@ def specification_of(target: str, **options: Any) -> Specification:
         ArgumentError: If there is no such file, or a number does not fit.
     """
     path = _path_of(target)
-    text = resolved_text(path)
-    name = parse_case_file(text, path).name
+    content = read_content(path)
+    name = case_file_of(content, path).name
+    text = tomli_w.dumps(content)
     folder = str(path.parent.resolve())
     options = {name: value for name, value in options.items() if value is not None}
     return Specification(name=name, text=text, folder=folder, **options)

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model
-from grosmc_mj.experiments.file.reading import resolved_text, toml_text
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
@@ -181,9 +182,9 @@ def case_text(campaign: Campaign, plant: ChosenPlant, base: Path | None = None) 
 
     content = _content(campaign, plant)
     if base is not None:
-        changes = _changes(content, tomllib.loads(resolved_text(base)))
+        changes = _changes(content, read_content(base))
         content = {"extends": base.name, **changes}
-    return _comment(campaign, plant) + toml_text(content)
+    return _comment(campaign, plant) + tomli_w.dumps(content)
 
 
 def _comment(campaign: Campaign, plant: ChosenPlant) -> str:

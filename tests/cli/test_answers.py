@@ -19,8 +19,8 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
-from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
+from grosmc_mj.experiments.file.text import complete_text
 
 slow = pytest.mark.slow
 MACHINE_WORDS = (
@@ -191,7 +191,7 @@ def test_a_film_shows_one_case_of_a_target(target: str, case: str) -> None:
 def test_results_have_the_name_of_their_case(tmp_path: Path) -> None:
     packaged = shipped_files()["arm/case1"]
     mine = tmp_path / "mine.toml"
-    mine.write_text(resolved_text(packaged), encoding="utf-8")
+    mine.write_text(complete_text(packaged), encoding="utf-8")
     assert shown_experiment(str(mine)).path == mine
     assert result_name(mine) == "mine"
     assert result_name(packaged) == "arm_case1"

@@ -13,8 +13,8 @@ import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
-from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.file.text import complete_text
 
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
@@ -98,7 +98,7 @@ def ended(command: str) -> Ended:
         contextlib.redirect_stderr(error),
     ):
         folder = Path(name)
-        text = resolved_text(shipped_files()["servo/case2"])
+        text = complete_text(shipped_files()["servo/case2"])
         (folder / "small.toml").write_text(text, encoding="utf-8")
 
         patch.chdir(folder)

@@ -20,7 +20,8 @@ from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
-from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file, resolved_text
+from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
+from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
@@ -178,17 +179,17 @@ def test_arrays_of_tables_are_the_files_own(tmp_path: Path) -> None:
     assert [table.called for table in file.controller] == ["grosmc"]
 
 
-def test_the_resolved_text_of_a_file_is_its_whole_content(tmp_path: Path) -> None:
+def test_the_complete_text_of_a_file_is_its_whole_content(tmp_path: Path) -> None:
     path = extended(tmp_path)
-    text = resolved_text(path)
+    text = complete_text(path)
     assert "extends" not in text
     assert parse_case_file(text, path) == read_case_file(path)
 
 
 @pytest.mark.parametrize("name", shipped.shipped_files())
-def test_the_resolved_text_of_a_shipped_file_is_its_whole_content(name: str) -> None:
+def test_the_complete_text_of_a_shipped_file_is_its_whole_content(name: str) -> None:
     path = shipped.shipped_files()[name]
-    text = resolved_text(path)
+    text = complete_text(path)
     assert "extends" not in text
     assert parse_case_file(text, path) == read_case_file(path)
 

@@ -15,8 +15,9 @@ from shipped import find_case, nominal_controller, run_case
 from grosmc_mj import cli
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.file.reading import read_case_file, resolved_text
+from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import find_file
+from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.runs import Settings
 
 ARM = find_file("arm/case1")
@@ -214,7 +215,7 @@ def case2_with_defaults(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
     path = tmp_path_factory.mktemp("explicit") / "case2.toml"
     numbers = "k = 18\nepsilon = 6\nG = [[0, 1]]\nQ = [[10, 2], [2, 1]]\nR = 1\n"
     controller = '[[controller]]\nlaw = "grosmc"\n'
-    text = resolved_text(find_file("arm/case2"))
+    text = complete_text(find_file("arm/case2"))
     assert controller in text
     path.write_text(text.replace(controller, controller + numbers))
     return Experiment.load(path)

@@ -29,8 +29,8 @@ from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.file.reading import resolved_text
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.films.film import Film, Format
@@ -344,7 +344,7 @@ def by_command(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     size = ("--size", "320x240", "--fps", "4", "--to", "0.5", "--laws", "lqr", "--gif")
     output = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(output):
-        Path("small.toml").write_text(resolved_text(shipped_files()["servo/case2"]))
+        Path("small.toml").write_text(complete_text(shipped_files()["servo/case2"]))
         assert run("film", "small.toml", *size) == cli.DONE
     return folder / "renders" / "films", output.getvalue()
 

@@ -356,7 +356,7 @@ def test_the_command_refuses_a_folder_without_a_readable_file(
     assert run("report", tmp_path) == cli.WRONG
     error = capsys.readouterr().err
     assert f"unreadable: {torn}: is no whole JSON" in error
-    assert f"unreadable: {old}: schema_version: Input should be 2" in error
+    assert f"unreadable: {old}: unknown schema_version 1: valid: 2" in error
 
 
 class Reported(NamedTuple):

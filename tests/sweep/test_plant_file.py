@@ -236,7 +236,7 @@ def test_the_recorded_run_of_the_file_ends_in_the_same_state(
 
 @pytest.mark.parametrize(
     ("words", "changed"),
-    [("run = 3", "run = 2"), ('"1 ms", missed', '"4 ms", missed')],
+    [("run = 3", "run = 2"), ('"1 ms"\nmissed', '"4 ms"\nmissed')],
     ids=["another run", "the law knows the drawn delay"],
 )
 def test_a_file_with_another_loop_ends_in_another_state(

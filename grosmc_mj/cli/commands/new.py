@@ -82,9 +82,9 @@ class NewCommand(Command):
 
 def _case_text(name: str) -> str:
     """Return the text of a case of the package."""
-    from grosmc_mj.experiments.file.reading import resolved_text
     from grosmc_mj.experiments.file.shipped import shipped_files
+    from grosmc_mj.experiments.file.text import complete_text
 
     if name not in shipped_files():
         raise ArgumentError(unknown_name("case", name, shipped_files()))
-    return resolved_text(shipped_files()[name])
+    return complete_text(shipped_files()[name])

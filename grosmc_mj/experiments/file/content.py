@@ -1,0 +1,180 @@
+"""The values of a case file, with those of the files that it takes from.
+
+A file takes from another one by ``extends = "base.toml"``, and on a system of the package from the
+base file of that system, so that its laws have their numbers everywhere. Tables are merged key by
+key, and the file's own values count; everything else, arrays of tables too, is the file's own or,
+if it has none, the base's.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.experiments.file.shipped import base_file
+from grosmc_mj.files import require_regular
+
+Content = dict[str, Any]
+EXTENDS = "extends"
+# Number of the line in an error of TOML.
+_LINE = re.compile(r"\(at line (\d+), ")
+# A number with a unit as the value of a key, without quotes.
+_BARE_QUANTITY = re.compile(r"=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-z%][\w^*/% ]*)")
+
+
+def read_content(path: Path) -> Content:
+    """Return the values of a case file with all that it takes from other files.
+
+    Raises:
+        ArgumentError: If one of the files cannot be read, is no TOML, lies elsewhere, or extends
+            itself.
+    """
+    chain = files_of(path)
+    content: Content = {}
+    for own in reversed(chain.values()):
+        # A name is never taken over: results are kept under it.
+        inherited = {key: value for key, value in content.items() if key != "name"}
+        content = merged(inherited, own)
+    return _with_system_base(content, read=chain)
+
+
+def content_of_text(text: str, path: Path) -> Content:
+    """Return the values of the text of a case file, with those of its system's base file.
+
+    Args:
+        text: Text of a file that extends no other one.
+        path: The file that the text is, or was, in.
+
+    Raises:
+        ArgumentError: If it is no TOML.
+    """
+    return _with_system_base(_values(text, path), read={})
+
+
+def files_of(path: Path) -> dict[Path, Content]:
+    """Return the values of a case file and of each file that it extends, in this order.
+
+    Raises:
+        ArgumentError: As for ``read_content``.
+    """
+    if path.suffix in (".xml", ".mjcf"):
+        raise ArgumentError(
+            f"{path} is a model: write a case file beside it that names it, with [plant] model = "
+            f'"{path.name}"; grosmc-mj new NAME writes one to begin with'
+        )
+    files: dict[Path, Content] = {}
+    next_path: Path | None = path
+    while next_path is not None:
+        file = next_path
+        content = _values(read_text(file), file)
+        next_path = None
+        if EXTENDS in content:
+            next_path = _extended_file(content.pop(EXTENDS), file, [*files, file])
+        files[file] = content
+    return files
+
+
+def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
+    """Return the file that a case file extends.
+
+    Args:
+        name: Value of ``extends``.
+        path: The case file.
+        above: The files that extend it, and itself.
+    """
+    if not isinstance(name, str) or Path(name).name != name or not name.endswith(".toml"):
+        raise ArgumentError(
+            f'{path}: extends = {value_text(name)} must be a file beside it, such as "base.toml"'
+        )
+    base = path.parent / name
+    if base in above:
+        raise ArgumentError(f"{path}: extends: {base.name} extends this file in turn")
+    return base
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a case file.
+
+    Raises:
+        ArgumentError: If it cannot be read.
+    """
+    require_regular(path)
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
+        raise ArgumentError(f"{path}: cannot be read: {reason}") from error
+
+
+def merged(base: Content, content: Content) -> Content:
+    """Merge tables key by key; any other value of the base is replaced."""
+    result = {**base, **content}
+    for key in base.keys() & content.keys():
+        if isinstance(base[key], dict) and isinstance(content[key], dict):
+            result[key] = merged(base[key], content[key])
+    return result
+
+
+def _with_system_base(content: Content, read: dict[Path, Content]) -> Content:
+    """Return the content merged into the base file of its system.
+
+    Args:
+        content: Values of a case file.
+        read: Files that it has been merged from already.
+    """
+    plant = content.get("plant")
+    if not isinstance(plant, dict) or not isinstance(plant.get("system"), str):
+        return content
+    base = base_file(plant["system"])
+    if base is None or base in read:
+        return content
+
+    base_content = _values(read_text(base), base)
+    base_content.pop("name", None)
+    return merged(base_content, content)
+
+
+def _values(text: str, path: Path) -> Content:
+    """Return the values of a text of TOML."""
+    try:
+        content = tomllib.loads(text)
+        _refuse_odd(content)
+    except tomllib.TOMLDecodeError as error:
+        raise ArgumentError(f"{path}: no valid TOML: {error}{_hint(text, error)}") from error
+    except RecursionError:
+        raise ArgumentError(f"{path}: no valid TOML: it is nested too deep") from None
+    # TOML's own errors, and one about integers of thousands of digits.
+    except ValueError as error:
+        raise ArgumentError(f"{path}: no valid TOML: {error}") from error
+    return content
+
+
+def _hint(text: str, error: tomllib.TOMLDecodeError) -> str:
+    """Return the correct form of a number with a unit that has no quotes; else an empty text."""
+    place = _LINE.search(str(error))
+    if place is None:
+        return ""
+    line = text.splitlines()[int(place[1]) - 1]
+    bare = _BARE_QUANTITY.search(line)
+    if bare is None:
+        return ""
+    return f': a number with a unit is a text: write "{bare[1]}"'
+
+
+def _refuse_odd(value: Any) -> None:
+    """Refuse control characters, and integers of more than 64 bits, which TOML does not have."""
+    if isinstance(value, str) and not value.isprintable():
+        raise ValueError(f"{value_text(value)} has characters that cannot be printed")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"{value_text(value)} has more than 64 bits")
+
+    members: list[Any] = []
+    if isinstance(value, list):
+        members = value
+    elif isinstance(value, dict):
+        members = [*value, *value.values()]
+    for member in members:
+        _refuse_odd(member)
