@@ -20,8 +20,8 @@ from grosmc_mj.control.coordinates.design_model import Advance
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
-from grosmc_mj.loop.stages import ADVANCE, LoopRun
-from grosmc_mj.loop.start import ideal_loop
+from grosmc_mj.loop.software import ADVANCE
+from grosmc_mj.loop.start import LoopRun, ideal_loop
 from grosmc_mj.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
@@ -263,7 +263,7 @@ class _Worker:
                 design_model["p"] = run.p
                 design_model["own"] = applied.model.own.copy()
             seen = run.now[problem.columns["seen"]]
-            loop = applied.begin(seen, run.seen, **design_model)
+            loop = applied.begin(problem.x0[number], seen, run.seen, **design_model)
         return CompiledRun(run._replace(loop=loop), looped=problem.looped)
 
     def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
@@ -283,7 +283,7 @@ class _Worker:
         start(room.r, problem, number, stepper, self._memory, batch.record)
         room.r.p[:] = batch.numbers[controller]
         if loop is not None:
-            loop.restart(room.r.loop)
+            loop.restart(room.r.loop, problem.x0[number])
         if len(problem.pushes) > 1:
             pushes, values = problem.pushes_of(number)
             room.put(pushes=pushes, values=values)

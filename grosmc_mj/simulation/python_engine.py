@@ -86,7 +86,8 @@ class ClosedLoop:
             loop = ideal_loop(len(run.seen), len(stepper.u))
         else:
             seen = run.now[problem.columns["seen"]]
-            loop = self._loop.begin_uncompiled(self.memory, seen, run.seen)
+            x0 = problem.x0[number]
+            loop = self._loop.begin_uncompiled(x0, self.memory, seen, run.seen)
         run = run._replace(loop=loop)
         start(run, problem, number, stepper, pack(self.memory), kept)
         return run

@@ -15,7 +15,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 def dead_time(loop: AppliedLoop) -> float:
     """Dead time that the law of a loop knows, in timesteps."""
-    return float(loop.start.computer["dead"][0])
+    return float(loop.start.software.setup["dead"][0])
 
 
 def midpoint_error(run: Trajectory, steps: int) -> float:
