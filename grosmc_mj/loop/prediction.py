@@ -9,7 +9,7 @@ from typing import Any
 
 from grosmc_mj.control.matrices import copy
 from grosmc_mj.jitable import jitable
-from grosmc_mj.loop.sent import before_all, put_out, sample_in
+from grosmc_mj.loop.sent import put_out, sample_after, sample_in
 
 # A law that predicts learns the error of its model at this rate times one over its dead time. If it
 # learns faster, a wrong inertia makes it ring; if slower, a load misleads it for longer.
@@ -30,12 +30,13 @@ def move_by_a_period(k: int, clock: int, software: Any) -> None:
     setup = software.setup[0]
     count = int(setup.stride)
     end = clock - int(setup.dead)
+    first = sample_in(end - count, k, software)
 
     for j in range(len(software.inputs)):
         total = 0.0
-        number = before_all(k, software)
+        number = first
         for tick in range(end - count, end):
-            number = sample_in(tick, number, k, software)
+            number = sample_after(number, tick, k, software)
             total += put_out(number, j, software)
         software.mean[j] = total / count
 
@@ -78,10 +79,10 @@ def predict(k: int, clock: int, software: Any) -> None:
     # Until they are as old as their sensors say, measurements are those of the start.
     dead = int(setup.dead) - int(setup.age) + min(clock, int(setup.age))
 
-    number = before_all(k, software)
     tick = clock - dead
+    number = sample_in(tick, k, software)
     while tick < clock:
-        number = sample_in(tick, number, k, software)
+        number = sample_after(number, tick, k, software)
         for j in range(m):
             software.mean[j] = put_out(number, j, software)
 
@@ -89,7 +90,7 @@ def predict(k: int, clock: int, software: Any) -> None:
         count = 1
         same = True
         while same and tick + count < clock and count < setup.stride:
-            following = sample_in(tick + count, number, k, software)
+            following = sample_after(number, tick + count, k, software)
             for j in range(m):
                 same = same and put_out(following, j, software) == software.mean[j]
             if same:

@@ -32,28 +32,21 @@ def keep_output(k: int, u: Any, in_time: bool, measured: Any, software: Any) -> 
 
 
 @jitable
-def before_all(k: int, software: Any) -> int:
-    """Number of the sample before the oldest one of which the output is kept at sample k."""
-    return max(k - software.sent.shape[0], 0) - 1
+def sample_in(tick: int, k: int, software: Any) -> int:
+    """Number of the sample whose output is put out in a tick before sample k; -1 before all."""
+    number = k - 1
+    while number >= 0 and software.sent_at[ring_row(number, software.sent_at), 0] > tick:
+        number -= 1
+    return number
 
 
 @jitable
-def sample_in(tick: int, number: int, k: int, software: Any) -> int:
-    """Number of the sample whose output is put out in a tick.
-
-    Args:
-        tick: A tick before that of sample k.
-        number: Sample from which the search begins, not a later one.
-        k: Number of the present sample, of which there is no output yet.
-        software: Software of the loop.
-
-    Returns:
-        The number; -1 before the first sample.
-    """
-    after = number + 1
-    while after < k and software.sent_at[ring_row(after, software.sent_at), 0] <= tick:
-        after += 1
-    return after - 1
+def sample_after(number: int, tick: int, k: int, software: Any) -> int:
+    """Number of the sample whose output is put out in a tick, not before that of another one."""
+    later = number + 1
+    while later < k and software.sent_at[ring_row(later, software.sent_at), 0] <= tick:
+        later += 1
+    return later - 1
 
 
 @jitable
