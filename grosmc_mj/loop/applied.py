@@ -65,11 +65,6 @@ class AppliedLoop:
     model: DesignModel | None
     start: LoopRun
 
-    @property
-    def ahead(self) -> float:
-        """Time from a sample to the arrival of its output, as the law knows it [s]."""
-        return float(self.start.software.setup["ahead"][0])
-
     def begin(
         self,
         x0: Array,

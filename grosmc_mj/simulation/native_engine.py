@@ -203,9 +203,9 @@ class _Worker:
         self._steppers = steppers
         # Stepper and sizes of the loop for which there is room.
         self._fits: Any = None
-        # Controller and first sample [s] of the last run, the law's memory as a run begins, and the
-        # workspace that the law computes in.
-        self._begun: tuple[Controller, float] | None = None
+        # Controller of the last run, its memory as a run begins, and the workspace that its law
+        # computes in.
+        self._controller: Controller | None = None
         self._memory: Any = None
         self._workspace: Any = None
         self._steps_before_pause = _FIRST_STEPS
@@ -274,10 +274,9 @@ class _Worker:
         loop = problem.loops[number]
         meters = problem.meters[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
-        first = problem.first_sample(number)
-        if (controller, first) != self._begun:
-            memory, self._workspace = controller.begin(first)
-            self._begun = controller, first
+        if controller is not self._controller:
+            memory, self._workspace = controller.begin()
+            self._controller = controller
             self._memory = pack(memory)
 
         start(room.r, problem, number, stepper, self._memory, batch.record)
@@ -344,6 +343,7 @@ def _compiled_law(
             law(t, local_copy(seen, n), memory_record, record_at(p, numbers_dtype), u)
         except Exception:
             return failed
+        memory_record.begun = 1.0
         for i in range(m):
             command[i] = u[i]
 

@@ -54,7 +54,7 @@ class ClosedLoop:
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
-        self.memory, self._workspace = self._controller.begin(problem.first_sample(number))
+        self.memory, self._workspace = self._controller.begin()
         self.meters = deepcopy(self._meters.start) if self._meters else None
         self.run = self._begun(number, record)
 
