@@ -9,12 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, np_cfarray
+
+from grosmc_mj.arrays import Array
+
+# Arrays of floats as members of a structure.
+VECTOR = types.Array(types.float64, 1, "C")
+Vector = Annotated[Array, VECTOR]
+Matrix = Annotated[Array, types.Array(types.float64, 2, "C")]
 
 
 def _pointer(typing_context: Any, address: Any) -> Any:

@@ -20,11 +20,22 @@ from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import actuate
 from grosmc_mj.loop.delay import send
-from grosmc_mj.loop.stages import LoopRun, Matrix, Vector, observe, remember
+from grosmc_mj.loop.sent import keep_output
+from grosmc_mj.loop.software import Software, observe
+from grosmc_mj.loop.start import LoopRun
+from grosmc_mj.loop.world import remember, sense
 from grosmc_mj.simulation.disturbances import push
 from grosmc_mj.simulation.guard import Guard
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import laid_out, laid_out_as, members_at, numba_type, structure_at
+from grosmc_mj.structures import (
+    Matrix,
+    Vector,
+    laid_out,
+    laid_out_as,
+    members_at,
+    numba_type,
+    structure_at,
+)
 
 # Entries of ``KernelRun.progress``.
 NEXT_STEP = 0
@@ -90,7 +101,7 @@ class KernelRun(NamedTuple):
         meters: Accumulated metrics, flat; nothing if none are wanted.
         meter_numbers: Constants of ``note``, flat.
         rows: ``now`` after the kept steps of all runs, (rows, at least its size).
-        loop: Sensors, computer and actuators between law and plant.
+        loop: Sensors, computer, estimators and actuators between law and plant.
     """
 
     address: Annotated[Any, types.voidptr]
@@ -143,7 +154,8 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     @jitable
     def run(r: KernelRun) -> None:
         """Make the timesteps of a run from ``NEXT_STEP`` to before ``LAST_STEP``."""
-        x, u, q, v, w, loop, progress = r.x, r.u, r.q, r.v, r.w, r.loop, r.progress
+        x, u, q, v, w, progress = r.x, r.u, r.q, r.v, r.w, r.progress
+        world, measured, software = r.loop
         n = len(x)
         m = len(u)
         nq = len(q)
@@ -153,13 +165,14 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
         due = sample * r.stride
         for i in range(first, progress[LAST_STEP]):
             if looped:
-                remember(i, x, loop)
-                due = int(loop.computer[0].due)
+                remember(i, x, world)
+                due = int(world.computer[0].due)
 
             # A sample.
             if i >= due:
                 if looped:
-                    t = observe(i, loop)
+                    sample = sense(i, world, measured)
+                    t = observe(sample, measured, software)
                 else:
                     t = sample * r.period
                     sample += 1
@@ -174,13 +187,14 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                     return
 
                 if looped:
-                    send(r.command, loop)
+                    in_time = send(r.command, world)
+                    keep_output(sample, r.command, in_time, measured, software)
                 else:
                     for j in range(m):
                         u[j] = r.command[j]
 
             if looped:
-                actuate(i, loop, u)
+                actuate(i, world, u)
                 for j in range(m):
                     r.given[j] = u[j]
 
@@ -217,12 +231,12 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     return run
 
 
-# Functions for compiled code, from the address of a ``KernelRun``, or of its loop, to the members
-# that a law, a metric and a design model read and write.
+# Functions for compiled code, from the address of a ``KernelRun``, or of a ``Software``, to the
+# members that a law, a metric and a design model read and write.
 _KERNEL_RUN = numba_type(KernelRun)
 law_members_at = members_at(_KERNEL_RUN, "x", "seen", "command", "memory", "p")
 note_members_at = members_at(_KERNEL_RUN, "x", "u", "memory", "p", "meters", "meter_numbers")
-advance_members_at = members_at(numba_type(LoopRun), "memory", "p", "own")
+advance_members_at = members_at(numba_type(Software), "memory", "p", "own")
 _run_at = structure_at(_KERNEL_RUN)
 
 
@@ -260,8 +274,8 @@ class CompiledRun:
         self._kernel = kernel(looped=looped).address
 
         self._structure["address"] = self._address
-        loop_offset = self._structure.dtype.fields["loop"][1]
-        self._structure["loop"]["address"] = self._address + loop_offset
+        software = self._structure["loop"]["software"]
+        software["address"] = software.ctypes.data
 
     def put(self, **arrays: Array) -> None:
         """Replace arrays by others, which the caller keeps alive."""

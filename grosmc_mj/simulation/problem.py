@@ -91,13 +91,6 @@ class Problem:
         """Whether the law is in a loop with sensors and actuators."""
         return self.loops[0] is not None
 
-    def first_sample(self, run: int) -> float:
-        """Time of the law's first sample in one simulation [s], see ``Memory``."""
-        loop = self.loops[run]
-        if loop is None:
-            return 0.0
-        return loop.ahead
-
     @property
     def disturbed(self) -> bool:
         """Whether anything acts on any of the simulations."""

@@ -54,7 +54,7 @@ class ClosedLoop:
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
-        self.memory, self._workspace = self._controller.begin(problem.first_sample(number))
+        self.memory, self._workspace = self._controller.begin()
         self.meters = deepcopy(self._meters.start) if self._meters else None
         self.run = self._begun(number, record)
 
@@ -86,7 +86,8 @@ class ClosedLoop:
             loop = ideal_loop(len(run.seen), len(stepper.u))
         else:
             seen = run.now[problem.columns["seen"]]
-            loop = self._loop.begin_uncompiled(self.memory, seen, run.seen)
+            x0 = problem.x0[number]
+            loop = self._loop.begin_uncompiled(x0, self.memory, seen, run.seen)
         run = run._replace(loop=loop)
         start(run, problem, number, stepper, pack(self.memory), kept)
         return run

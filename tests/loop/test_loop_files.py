@@ -251,8 +251,9 @@ def delays_of(file: Path) -> tuple[float, float]:
     """True delay of the computer, and the dead time that LQR knows, in timesteps."""
     loop = Experiment.load(file).applied_loop("physics", "lqr")
     assert loop is not None
-    (computer,) = loop.start.computer
-    return computer["delay"], computer["dead"]
+    (computer,) = loop.start.world.computer
+    (setup,) = loop.start.software.setup
+    return computer["delay"], setup["dead"]
 
 
 KNOWN_LOOP = """
