@@ -28,6 +28,7 @@ _CHANGING = (
     "actuators",
     "gain",
     "past",
+    "true",
     "queue",
     "x",
     "mean",

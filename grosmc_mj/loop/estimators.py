@@ -21,7 +21,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Check, Flag, Known, Range, checked, refusal
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
-from grosmc_mj.loop.sensors import measured_at, ring_row
+from grosmc_mj.loop.sensors import measured_at
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 KINDS = get_args(EstimatorLaw)
@@ -221,7 +221,7 @@ def estimate(i: int, loop: Any) -> None:
             estimator.last = y
             estimator.at = at
             if estimator.settled != 0.0:
-                estimator.rate = loop.past[ring_row(i, loop.past), rate]
+                estimator.rate = loop.true[rate]
         elif at > estimator.at:
             # A sensor with a period has a clock of its own; others follow the computer's.
             T = q.period

@@ -11,7 +11,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError, one_line
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
-from grosmc_mj.loop.sensors import ring_row
 
 # Larger poles of a filter are 1 up to the rounding of the differences in A and B.
 _FADES = 1 - 1e-9
@@ -27,7 +26,7 @@ def filter_states(i: int, t: float, loop: Any) -> None:
     for j in range(n):
         loop.x[j] = loop.sensors[j].observed
         if q.sample == 0.0 and q.settled != 0.0:
-            loop.x[j] = loop.past[ring_row(i, loop.past), j]
+            loop.x[j] = loop.true[j]
     if q.sample > 0.0 and fresh:
         move_by_a_period(i, t, loop)
     for j in range(n):

@@ -41,7 +41,9 @@ class LoopRun(NamedTuple):
         estimators: Rows of ``ESTIMATOR``, one for each rate that is estimated.
         actuators: Rows of ``ACTUATOR``, (m,).
         gain: Of the Kalman filter on the innovation of each state, (n, n).
-        past: True states of the last timesteps, (a power of two, n).
+        past: States of the last timesteps as sensors measure them, with the disturbances of
+            their measurement, (a power of two, n).
+        true: True state, (n,).
         queue: Outputs of the last timesteps, (a power of two, m).
         seen: State by sensors and estimators at the last sample, (n,).
         predicted: State that the law gets, (n,); room to compute in before that.
@@ -60,6 +62,7 @@ class LoopRun(NamedTuple):
     actuators: Annotated[Any, _rows(ACTUATOR)]
     gain: Matrix
     past: Matrix
+    true: Vector
     queue: Matrix
     seen: Vector
     predicted: Vector
@@ -83,11 +86,18 @@ class LoopRun(NamedTuple):
 
 
 @jitable
-def remember(i: int, x: Any, loop: Any) -> None:
-    """Keep the true state of timestep i, (n,), for sensors whose measurements are late."""
+def remember(i: int, x: Any, disturbance: Any, loop: Any) -> None:
+    """Keep the state of timestep i, (n,), for sensors whose measurements are late.
+
+    A sensor reads the state with the disturbance of its measurement, (n,) or nothing, at the
+    instant at which it measures. Estimators that start settled start from the true state.
+    """
     row = ring_row(i, loop.past)
     for j in range(len(loop.sensors)):
+        loop.true[j] = x[j]
         loop.past[row, j] = x[j]
+    for j in range(len(disturbance)):
+        loop.past[row, j] += disturbance[j]
 
 
 @jitable

@@ -82,6 +82,7 @@ def ideal_loop(n: int, m: int) -> LoopRun:
         actuators=np.zeros(0, ACTUATOR),
         gain=np.zeros((0, 0)),
         past=_ring(0, n),
+        true=np.zeros(n),
         queue=_ring(0, m),
         seen=nothing,
         predicted=nothing,
