@@ -361,7 +361,7 @@ def _restored(table: Any) -> Trajectory:
         raise ArgumentError("time must be finite and increasing")
 
     about = json.loads(table.schema.metadata[_ABOUT.encode()])
-    signals: dict[str, Any] = dict.fromkeys(("sliding", "physics", "seen"))
+    signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen"))
     memory: dict[str, Array] = {}
     for signal, (names, shape) in about["signals"].items():
         rows = _rows(table, names)
