@@ -199,12 +199,14 @@ def members_at(kind: Any, *names: str) -> Any:
     """
     member_types = [kind.types[kind.fields.index(name)] for name in names]
     tuple_type = types.Tuple(member_types)
-    offsets = layout_of(kind).fields
+    # Plain numbers, for compiled code is kept on disk under what it reaches.
+    fields = layout_of(kind).fields
+    offsets = {name: fields[name][1] for name in names}
 
     def load(context: Any, builder: Any, place: Any) -> Any:
         members = []
         for name, member_type in zip(names, member_types, strict=True):
-            member_place = cgutils.pointer_add(builder, place, offsets[name][1])
+            member_place = cgutils.pointer_add(builder, place, offsets[name])
             members.append(_load(context, builder, member_type, member_place))
         return context.make_tuple(builder, tuple_type, members)
 

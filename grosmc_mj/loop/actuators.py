@@ -1,4 +1,4 @@
-"""Actuators: delay, resolution, limit, rate limit, lag and dead zone."""
+"""Actuators: delay, gain, resolution, limit, rate limit, lag and dead zone."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ class Actuator:
     Attributes:
         of: Name of the input.
         delay: [s]; a multiple of the timestep.
+        gain: Factor of the command; 1 of an actuator that is calibrated.
         resolution: Resolution of the command; 0 for none.
         limit: Largest |u|.
         rate_limit: Largest change per second.
@@ -29,6 +30,7 @@ class Actuator:
 
     of: Name
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms late"] = 0.0
+    gain: Annotated[float, Range(), "gain of {value:.4g}"] = 1.0
     resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
     limit: Annotated[
         float, Range(0, unit="{}", above=True, infinite=True), "within {value:.4g} {unit}"
@@ -85,7 +87,8 @@ def actuate(i: int, world: Any, given: Any) -> None:
         world.queue[row, j] = actuator.output
         a = i - int(q.delay) - int(actuator.delay)
         u = actuator.rest if a < 0 else world.queue[ring_row(a, world.queue), j]
-        u = min(actuator.limit, max(-actuator.limit, quantized(u, actuator.resolution)))
+        u = quantized(actuator.gain * u, actuator.resolution)
+        u = min(actuator.limit, max(-actuator.limit, u))
         before, change = actuator.rated, actuator.rate_limit * q.timestep
         u = min(before + change, max(before - change, u))
         actuator.rated = u

@@ -62,11 +62,17 @@ class Measured(NamedTuple):
 
 
 @jitable
-def remember(i: int, x: Any, world: Any) -> None:
-    """Keep the true state of timestep i, (n,), for sensors whose measurements are late."""
+def remember(i: int, x: Any, disturbance: Any, world: Any) -> None:
+    """Keep the state of timestep i, (n,), for sensors whose measurements are late.
+
+    A sensor reads the state with the disturbance of its measurement, (n,) or nothing, at the
+    instant at which it measures.
+    """
     row = ring_row(i, world.past)
     for j in range(len(world.sensors)):
         world.past[row, j] = x[j]
+    for j in range(len(disturbance)):
+        world.past[row, j] += disturbance[j]
 
 
 @jitable

@@ -283,9 +283,9 @@ class _Worker:
         room.r.p[:] = batch.numbers[controller]
         if loop is not None:
             loop.restart(room.r.loop, problem.x0[number])
-        if len(problem.pushes) > 1:
-            pushes, values = problem.pushes_of(number)
-            room.put(pushes=pushes, values=values)
+        if len(problem.packed_disturbances) > 1:
+            disturbances, values = problem.disturbances_of(number)
+            room.put(disturbances=disturbances, values=values)
         if meters is not None:
             room.r.meter_numbers[:] = batch.constants[meters]
             room.r.meters[:] = batch.record.meters[number]
