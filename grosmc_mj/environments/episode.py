@@ -84,7 +84,7 @@ class Episode:
         plant: Its edited model in MuJoCo, or its equations where it has none.
         signals: The entries of an observation.
         index: The index whose stage cost is the reward.
-        problem: Instants and wrenches, as for ``simulate``.
+        problem: Instants and disturbances, as for ``simulate``.
         low: Least action, (m,): the declared or the actuators' limit; infinite without one.
         high: The largest one, (m,).
         reward: Of the last action; 0 before the first.
@@ -281,17 +281,25 @@ class Episode:
             self.ended = f"t = {self.time:g} s: {why}"
 
     def observation(self) -> OrderedDict[str, Array]:
-        """Observation of the last valid state; in a loop of its sensors and estimators."""
+        """Observation of the last valid state as it is measured.
+
+        In a loop its sensors and estimators give it; without one it is the state with the
+        disturbance of its measurement, if any.
+        """
         x = self.x
-        if self.problem.looped:
-            # The next sample is still to come: its sensors are asked in a copy of the loop.
-            step = self._closed.steps
-            ahead = copy.deepcopy(self._closed.run.loop)
-            remember(step, x, ahead.world)
-            sample = sense(step, ahead.world, ahead.measured)
-            observe(sample, ahead.measured, ahead.software)
-            x = ahead.software.seen
-        return self.signals.observe(self.time, x)
+        disturbance = self._closed.output_disturbance()
+        if not self.problem.looped:
+            if len(disturbance):
+                x += disturbance
+            return self.signals.observe(self.time, x)
+
+        # The next sample is still to come: its sensors are asked in a copy of the loop.
+        step = self._closed.steps
+        ahead = copy.deepcopy(self._closed.run.loop)
+        remember(step, x, disturbance, ahead.world)
+        sample = sense(step, ahead.world, ahead.measured)
+        observe(sample, ahead.measured, ahead.software)
+        return self.signals.observe(self.time, ahead.software.seen)
 
     def picture(self, width: int = 640, height: int = 480) -> np.ndarray:
         """A picture of the state, (height, width, 3).

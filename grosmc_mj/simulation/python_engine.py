@@ -13,7 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import Disturbance, OutputDisturbance, disturb
 from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
 from grosmc_mj.simulation.law_inputs import write_inputs
 from grosmc_mj.simulation.problem import Problem, Record
@@ -126,6 +126,20 @@ class ClosedLoop:
         numbers, values = problem.packed(disturbances, steps)
         self.run = self.run._replace(disturbances=numbers, values=values)
         return self.advance()
+
+    def output_disturbance(self) -> Array:
+        """Disturbance of the states as they would be measured now, (n,); empty without any.
+
+        At the end of the run it is that of the last timestep.
+        """
+        problem = self._problem
+        step = min(self.steps, problem.steps - 1)
+        h = problem.timestep
+        signals = np.zeros(len(self.run.disturbed))
+        disturb(self.run.disturbances, self.run.values, step, step * h, h, signals)
+
+        start = problem.columns[OutputDisturbance.part].start - problem.disturbed_columns.start
+        return signals[start : start + problem.disturbed[OutputDisturbance.part]]
 
     def _sample(self, t: float, _address: Any) -> int:
         """Sample the law for the input that is held from now on, see ``kernel.LAW``."""

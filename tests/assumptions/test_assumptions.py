@@ -20,13 +20,13 @@ from shipped import find_case, nominal, robust, run_case, surface_of, task_of
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading, audit, run_audit
-from grosmc_mj.assumptions.balance import Balance, balance
+from grosmc_mj.assumptions.balance import Added, Balance, balance
 from grosmc_mj.chapter.premises import audit_document, audit_table, failures_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.experiments.runs import Settings
@@ -353,6 +353,24 @@ def test_a_force_on_the_cart_turns_the_upright_pole_against_one_on_the_pole() ->
     together = balance(law, plant, 0.0, np.zeros(4), TOGETHER)
     apart = balance(law, plant, 0.0, np.zeros(4), APART)
     assert apart.required > together.required
+
+
+def test_a_current_pushes_as_its_torque_does() -> None:
+    """J w' = Kt (i + d) + torque: a disturbance d of the input is the load Kt d."""
+    plant = MujocoPlant.load("servo").analytic()
+    law = chapter_controller("grosmc", plant)
+    x = np.array([0.3, -0.2])
+    d = 0.25
+    torque = np.array([0, 0, 0, 0, plant.parameters.Kt * d, 0])
+    added = Added(np.array([[d]]), np.zeros((1, 2)))
+    loaded = balance(law, plant, 0.0, x, torque)
+    disturbed = balance(law, plant, 0.0, x, np.zeros(6), added=added)
+    assert disturbed.pushes == pytest.approx(loaded.pushes, rel=1e-12)
+
+    amplitude = Added(np.array([d]), np.zeros(2))
+    least_loaded = audits.least_margin(law, plant, (0.1, 0.1), torque)
+    least = audits.least_margin(law, plant, (0.1, 0.1), np.zeros(6), amplitude)
+    assert least == pytest.approx(least_loaded, rel=1e-12)
 
 
 def test_the_least_margin_is_that_of_the_worst_signs() -> None:

@@ -50,6 +50,35 @@ def test_episodes_of_one_seed_have_the_same_noise(episode: Episode) -> None:
     assert first_angles(episode) == first_angles(episode)
 
 
+MEASURED = """
+[[disturbance]]
+measured = "rotor angle"
+amplitude = "0.25 rad"
+profile = "table"
+values = [1, 2, 3]
+hold = "10 ms"
+"""
+
+
+@pytest.mark.parametrize("sensor", ["", 'delay = "10 ms"'])
+def test_an_agent_observes_the_disturbance_of_a_measurement(tmp_path: Path, sensor: str) -> None:
+    """The rotor rests at 0.5 rad; a late sensor tells the disturbance late, too."""
+    text = NOISY.replace('noise = "10 mrad"', sensor) + MEASURED
+    if not sensor:
+        text = text.replace('[[sensor]]\nof = "rotor angle"\n', "")
+    path = tmp_path / "measured.toml"
+    path.write_text(text, encoding="utf-8")
+    episode = Episode(str(path))
+    angles = []
+    for _ in range(3):
+        angles.append(float(episode.observation()["rotor angle"][0]))
+        episode.advance(10)
+    angles.append(float(episode.observation()["rotor angle"][0]))
+    assert episode.over
+    expected = [0.75, 0.75, 1.0, 1.0] if sensor else [0.75, 1.0, 1.25, 1.25]
+    assert angles == expected
+
+
 def test_a_new_episode_begins_without_the_last_action(episode: Episode) -> None:
     """A rotor at rest stays there until the first action."""
     episode.hold([1.0])

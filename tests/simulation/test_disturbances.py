@@ -266,7 +266,7 @@ def cart(belt: float = 0.0) -> gm.AnalyticPlant:
     )
 
 
-def disturbed_cart(engine: str = "native") -> gm.Trajectory:
+def disturbed_cart(engine: Any = "native") -> gm.Trajectory:
     """The cart under 4 N on a belt of 3 m/s."""
     disturbances = [InputDisturbance("F", 4.0), RateDisturbance("p", 3.0)]
     return simulate(
@@ -288,7 +288,7 @@ def test_equations_are_disturbed_at_a_rate() -> None:
 
 
 @each_engine
-def test_a_disturbance_of_a_rate_is_a_term_of_the_drift(engine: str) -> None:
+def test_a_disturbance_of_a_rate_is_a_term_of_the_drift(engine: Any) -> None:
     """v + b and v + 0 + d round alike."""
     belt = simulate(cart(3.0), held(1.0), [0.0, 0.5], duration=0.1, engine=engine)
     disturbance = RateDisturbance("p", 3.0)
@@ -354,7 +354,7 @@ def steered_in_the_gust(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
 
 @each_kind
 @each_engine
-def test_a_disturbance_of_an_input_is_added_to_what_the_law_gives(kind: str, engine: str) -> None:
+def test_a_disturbance_of_an_input_is_added_to_what_the_law_gives(kind: str, engine: Any) -> None:
     """The run is that of a law that adds it itself, and its input is that without it."""
     setting: Any = {"x0": [1.0, 0.0], "duration": 0.2, "engine": engine}
     disturbance = InputDisturbance("current", 1.5, gust)
@@ -379,9 +379,19 @@ def test_a_disturbance_of_an_input_comes_after_its_actuator(kind: str) -> None:
     np.testing.assert_array_equal(run.input, np.full(50, 0.1))
 
 
+def test_the_gain_of_an_actuator_is_before_its_limit() -> None:
+    """2 times 0.2 A are 0.4 A, and 2 times 0.3 A are cut at 0.5 A."""
+    loop = Loop(actuators=(Actuator("current", gain=2.0, limit=0.5),))
+    setting: Any = {"x0": [1.0, 0.0], "duration": 0.05}
+    within = simulate(servo("physics"), held(0.2), loop=loop, **setting)
+    cut = simulate(servo("physics"), held(0.3), loop=loop, **setting)
+    np.testing.assert_array_equal(within.input, np.full(50, 0.4))
+    np.testing.assert_array_equal(cut.input, np.full(50, 0.5))
+
+
 @each_kind
 @each_engine
-def test_an_input_is_disturbed_between_the_samples_of_a_law(kind: str, engine: str) -> None:
+def test_an_input_is_disturbed_between_the_samples_of_a_law(kind: str, engine: Any) -> None:
     setting: Any = {"x0": [1.0, 0.0], "duration": 0.05, "engine": engine}
     disturbances = [InputDisturbance("current", 1.5, gust)]
     slow = simulate(
@@ -418,7 +428,7 @@ BIASED_LOOPS = {
 
 @pytest.mark.parametrize("name", BIASED_LOOPS)
 @each_engine
-def test_a_constant_disturbance_of_a_measurement_is_a_bias(name: str, engine: str) -> None:
+def test_a_constant_disturbance_of_a_measurement_is_a_bias(name: str, engine: Any) -> None:
     loop = BIASED_LOOPS[name]
     setting: Any = {"x0": [1.0, 0.2], "duration": 0.1, "engine": engine}
     biased = simulate(servo("physics"), regulator(), loop=loop(0.125), **setting)
@@ -449,7 +459,7 @@ def test_a_late_sensor_tells_the_disturbance_of_the_time_at_which_it_measured() 
 
 @each_kind
 @each_engine
-def test_without_a_loop_a_law_gets_the_disturbed_state(kind: str, engine: str) -> None:
+def test_without_a_loop_a_law_gets_the_disturbed_state(kind: str, engine: Any) -> None:
     """u = -x + 0.25 is the law of x - 0.25 under a gain of one."""
     setting: Any = {"x0": [1.0, 0.0], "duration": 0.1, "engine": engine}
     disturbances = [OutputDisturbance(MEASURED[0], -0.25)]
@@ -499,7 +509,7 @@ def as_periodic_function(t: float) -> float:
 @each_engine
 @pytest.mark.parametrize("looped", [False, True])
 def test_a_table_is_the_function_of_time_with_its_values(
-    kind: str, engine: str, periodic: bool, function: Any, looped: bool
+    kind: str, engine: Any, periodic: bool, function: Any, looped: bool
 ) -> None:
     loop = Loop(sensors=sensors(delay=1e-3)) if looped else None
     setting: Any = {"x0": [1.0, 0.0], "duration": 0.03, "engine": engine, "loop": loop}
@@ -564,6 +574,18 @@ def test_simulations_of_a_batch_have_their_own_disturbances() -> None:
 def test_a_disturbance_that_fits_nowhere_is_refused(disturbance: Any, words: str) -> None:
     with pytest.raises(ArgumentError, match=re.escape(words)):
         simulate(servo("physics"), held(0.0), [0.0, 0.0], duration=0.1, disturbances=[disturbance])
+
+
+def test_a_run_says_in_which_intervals_it_is_disturbed() -> None:
+    disturbances = [
+        InputDisturbance("current", 1.0, Pulse(0.002, 0.004)),
+        OutputDisturbance(MEASURED[1], 1.0, Table((0.0, 1.0), 5e-3)),
+    ]
+    run = simulate(
+        servo("physics"), held(0.0), [0.0, 0.0], duration=0.012, disturbances=disturbances
+    )
+    assert run.disturbed is not None
+    assert np.flatnonzero(run.disturbed).tolist() == [2, 3, 5, 6, 7, 8, 9]
 
 
 @pytest.mark.parametrize(
