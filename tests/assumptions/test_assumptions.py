@@ -356,12 +356,12 @@ def test_a_force_on_the_cart_turns_the_upright_pole_against_one_on_the_pole() ->
 
 
 def test_a_current_pushes_as_its_torque_does() -> None:
-    """J w' = Kt (i + d) + torque: a disturbance d of the input is the load Kt d."""
+    """J w' = Kt (i + d) + load: d of the input is the load Kt d. The rotor turns about -y."""
     plant = MujocoPlant.load("servo").analytic()
     law = chapter_controller("grosmc", plant)
     x = np.array([0.3, -0.2])
     d = 0.25
-    torque = np.array([0, 0, 0, 0, plant.parameters.Kt * d, 0])
+    torque = np.array([0, 0, 0, 0, -plant.parameters.Kt * d, 0])
     added = Added(np.array([[d]]), np.zeros((1, 2)))
     loaded = balance(law, plant, 0.0, x, torque)
     disturbed = balance(law, plant, 0.0, x, np.zeros(6), added=added)
