@@ -23,7 +23,7 @@ from grosmc_mj.control.coordinates.base import (
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.law import Law, wrapped, writing
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.memory import Memory, memory_of
+from grosmc_mj.control.memory import Memory, extended_memory_of
 from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.fields import Is, Name, checked_call
@@ -229,16 +229,49 @@ def custom_controller(
         reference=like.parameters.reference,
         **numbers,
     )
+    return noting_controller(
+        name,
+        law,
+        like,
+        parameters,
+        extended_memory_of(design.error.inputs, **initial),
+        source="a law of one's own",
+        gains=gains,
+    )
+
+
+def noting_controller(
+    name: str,
+    law: Callable[..., Any],
+    like: Controller,
+    parameters: Any,
+    memory: Callable[[], Any],
+    *,
+    source: str,
+    gains: dict[str, float],
+) -> Controller:
+    """Make a controller of a law that does not compute v: it is noted after each sample.
+
+    Args:
+        name: Name of the controller.
+        law: The law.
+        like: Controller whose error coordinates and optimum it is judged by.
+        parameters: Numbers of the law.
+        memory: Makes the memory of a new run.
+        source: Source of the law in the literature.
+        gains: Gains worth showing.
+    """
+    design = like.designed
     _, virtual_input = design.error.input_maps(linearizing=design.linearizing)
     return Controller(
         name=name,
         law=_noting(law, virtual_input),
         parameters=parameters,
-        memory=memory_of(design.error.inputs, **initial),
+        memory=memory,
         design=Design(
             design.error,
             design.lqr,
-            source="a law of one's own",
+            source=source,
             gains=gains,
             linearizing=design.linearizing,
             follows_optimum=False,

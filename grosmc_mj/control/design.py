@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller, Design, named_gains
 from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import LqrDesign, design_of_gain
-from grosmc_mj.control.memory import memory_of
+from grosmc_mj.control.memory import FeedbackMemory, memory_of
 from grosmc_mj.control.surface import surface_matrix, surface_rates
 from grosmc_mj.control.task import AS_PRINTED, GrosmcParameters, Limit, Realization, Task
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
@@ -241,7 +241,7 @@ def _feedback(
     )
     law = laws.optimal_feedback(task.error, linearizing=linearizing)
     m, n = optimum.K.shape
-    memory = memory_of(m, z=np.zeros(n))
+    memory = memory_of(FeedbackMemory, v=np.zeros(m), z=np.zeros(n))
     return Controller(name, law, task.feedback(optimum.K), memory, design)
 
 

@@ -34,6 +34,17 @@ class Memory:
 
 
 @dataclass
+class FeedbackMemory(Memory):
+    """Memory of a feedback of the error state without dynamics.
+
+    Attributes:
+        z: Error state at the last sample, in the units of the error coordinates, (n,).
+    """
+
+    z: Array = field(default_factory=partial(np.zeros, 2))
+
+
+@dataclass
 class SurfaceMemory(Memory):
     """Memory of the integral surface, eqs. (8), (31) and (51), for m inputs and n entries of z.
 
@@ -61,26 +72,55 @@ class SurfaceMemory(Memory):
     elapsed: float = 0.0
 
 
-def memory_of(m: int, n: int = 0, **initial: float | Array) -> Callable[[], Any]:
+def memory_of(kind: Callable[..., Memory], **initial: float | Array) -> Callable[[], Any]:
     """Return the function that makes the memory of each run of a law.
 
     Args:
+        kind: Class of the memory.
+        initial: Values with which its fields begin; each run gets copies.
+    """
+    return partial(_new_memory, kind, initial)
+
+
+def _new_memory(kind: Callable[..., Memory], initial: dict[str, Any]) -> Memory:
+    """Memory with arrays of its own: no run may share them with another."""
+    return kind(**deepcopy(initial))
+
+
+def surface_memory_of(
+    kind: Callable[..., SurfaceMemory], m: int, n: int, **initial: float | Array
+) -> Callable[[], Any]:
+    """Return the function that makes the memory of each run of a law with a surface.
+
+    Args:
+        kind: Class of the memory.
         m: Number of inputs.
-        n: Number of entries of z, of a law with a surface; 0 without one.
+        n: Number of entries of z.
+        initial: Values with which the fields of the switching law begin.
+    """
+    return memory_of(
+        kind,
+        v=np.zeros(m),
+        z=np.zeros(n),
+        s=np.zeros(m),
+        phi=np.zeros(m),
+        z0=np.zeros(n),
+        integral=np.zeros(m),
+        rate=np.zeros(m),
+        **initial,
+    )
+
+
+def extended_memory_of(m: int, **initial: float | Array) -> Callable[[], Any]:
+    """Return the function that makes the memory of each run of a user's own law.
+
+    Args:
+        m: Number of inputs.
         initial: Further fields by name, with the values that they begin with.
     """
-    arrays = {"v": np.zeros(m)}
-    if not n:
-        return partial(_new_memory, Memory, arrays, initial)
-
-    for name in ("s", "integral", "rate", "phi"):
-        arrays[name] = np.zeros(m)
-    for name in ("z", "z0"):
-        arrays[name] = np.zeros(n)
-    return partial(_new_memory, SurfaceMemory, arrays, initial)
+    return partial(_extended_memory, m, initial)
 
 
-def _new_memory(kind: Any, arrays: dict[str, Any], initial: dict[str, Any]) -> Any:
-    """Memory with arrays and further fields of its own: no run may share them with another."""
-    memory = kind(**deepcopy(arrays))
-    return with_fields(memory, **deepcopy(initial))
+def _extended_memory(m: int, initial: dict[str, Any]) -> Any:
+    """Memory with further fields of its own."""
+    return with_fields(Memory(v=np.zeros(m)), **deepcopy(initial))

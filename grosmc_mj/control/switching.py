@@ -17,13 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.matrices import norm
-from grosmc_mj.control.memory import memory_of
+from grosmc_mj.control.memory import SurfaceMemory, surface_memory_of
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.jitable import jitable
@@ -55,6 +58,39 @@ class SwitchingNumbers:
     least: Positive = 1e-2
 
 
+@dataclass
+class EstimateMemory(SurfaceMemory):
+    """Memory of the implicit law with an estimate of w, see ``implicit_estimate``.
+
+    Attributes:
+        before: Sliding variable at the last sample, in the law's unit of s, (m,).
+    """
+
+    before: Array = field(default_factory=partial(np.zeros, 1))
+
+
+@dataclass
+class TwistMemory(SurfaceMemory):
+    """Memory of the super-twisting law.
+
+    Attributes:
+        twist: Integral of the law, in the unit of s per second, (m,).
+    """
+
+    twist: Array = field(default_factory=partial(np.zeros, 1))
+
+
+@dataclass
+class AdaptedMemory(SurfaceMemory):
+    """Memory of the adaptive law.
+
+    Attributes:
+        adapted: Switching gain of each sliding variable, in the unit of s per second, (m,).
+    """
+
+    adapted: Array = field(default_factory=partial(np.zeros, 1))
+
+
 class Switching(NamedTuple):
     """A switching law with its numbers, by ``find_switching``.
 
@@ -74,20 +110,18 @@ class Switching(NamedTuple):
     def new_memory(self, m: int, n: int) -> Callable[[], Any]:
         """Return the function that makes the memory of a new run.
 
-        ``before`` is s at the last sample, ``twist`` the integral of the super-twisting law and
-        ``adapted`` the gain of the adaptive law, (m,) each.
-
         Args:
             m: Number of inputs.
             n: Number of entries of z.
         """
         if self.name == "implicit-estimate":
-            return memory_of(m, n, before=np.zeros(m))
+            return surface_memory_of(EstimateMemory, m, n, before=np.zeros(m))
         if self.name == "super-twisting":
-            return memory_of(m, n, twist=np.zeros(m))
+            return surface_memory_of(TwistMemory, m, n, twist=np.zeros(m))
         if self.name == "adaptive":
-            return memory_of(m, n, adapted=np.full(m, self.numbers.least))
-        return memory_of(m, n)
+            least = np.full(m, self.numbers.least)
+            return surface_memory_of(AdaptedMemory, m, n, adapted=least)
+        return surface_memory_of(SurfaceMemory, m, n)
 
 
 @jitable

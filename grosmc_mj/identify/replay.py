@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
-from grosmc_mj.control.memory import memory_of
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.identify.log import SHORTEST_PIECE, Log, held
 from grosmc_mj.loop import Sensor
@@ -216,7 +216,7 @@ def _law(system: System, inputs: Array, timestep: float) -> Controller:
     rows = 1 << (len(inputs) - 1).bit_length()
     padded = np.pad(inputs, ((0, rows - len(inputs)), (0, 0)), mode="edge")
     numbers = LoggedInputs(period=timestep, samples=np.ascontiguousarray(padded))
-    return Controller("log", _replayed, numbers, memory_of(len(system.inputs)))
+    return Controller("log", _replayed, numbers, memory_of(Memory, v=np.zeros(len(system.inputs))))
 
 
 def _windows(log: Log, piece: slice, horizon: float) -> list[Window]:

@@ -3,22 +3,65 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller, Sampled, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.matrices import row_times
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.task import Limit, Task
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.fields import Positive, checked_call
 from grosmc_mj.plants.parametrization import LinearParametrization
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AdaptiveNumbers(Sampled):
+    """Numbers of Slotine and Li's law for m joints.
+
+    Attributes:
+        plant: Parameters of the nominal plant.
+        reference: Parameters of the reference.
+        frequency: Lambda [1/s].
+        adaptation: gamma, the same for all parameters in SI units.
+        damping: K_D, in the unit of the input times seconds per unit of the joint, (m, m).
+        limit: Largest |u|, in the unit of the input; infinite for none.
+    """
+
+    plant: Any
+    reference: Any
+    frequency: float
+    adaptation: float
+    damping: Array
+    limit: float
+
+
+@dataclass
+class AdaptiveMemory(Memory):
+    """Memory of Slotine and Li's law for m joints, n entries of z and k parameters.
+
+    Attributes:
+        theta: Estimates of the parameters for the next sample, in SI units, (k,).
+        composite: s at the last sample by the sign of e = q - q_d, in the unit of the joints per
+            second, (m,).
+        z: Error state at the last sample, in the units of the error coordinates, (n,).
+        r: Reference rate at the last sample, in the unit of the joints per second, (m,).
+        a: Derivative r' at the last sample, in that unit per second, (m,).
+    """
+
+    theta: Array = field(default_factory=partial(np.zeros, 1))
+    composite: Array = field(default_factory=partial(np.zeros, 1))
+    z: Array = field(default_factory=partial(np.zeros, 2))
+    r: Array = field(default_factory=partial(np.zeros, 1))
+    a: Array = field(default_factory=partial(np.zeros, 1))
 
 
 @checked_call
@@ -61,24 +104,33 @@ def adaptive(
 
     q_d = np.array(error.reference(0.0, task.reference))[::3]
     damping = frequency * parametrization.inertia(q_d, task.plant.parameters)
-    gains = {"frequency": frequency, "adaptation": adaptation}
-
-    # The estimates for the next sample, and s of the last one by the sign of e = q - q_d.
-    sizes = {
-        "theta": len(parametrization.theta),
-        "composite": m,
-        "z": error.size,
-        "r": m,
-        "a": m,
-    }
-    law = custom_controller(
+    like = linearized_lqr(task) if linearizing else linear_lqr(task)
+    numbers = AdaptiveNumbers(
+        plant=like.parameters.plant,
+        reference=like.parameters.reference,
+        frequency=frequency,
+        adaptation=adaptation,
+        damping=damping,
+        limit=limit,
+    )
+    memory = memory_of(
+        AdaptiveMemory,
+        v=np.zeros(m),
+        theta=np.zeros(len(parametrization.theta)),
+        composite=np.zeros(m),
+        z=np.zeros(error.size),
+        r=np.zeros(m),
+        a=np.zeros(m),
+    )
+    return noting_controller(
         "adaptive",
         slotine_li(error, parametrization),
-        (linearized_lqr if linearizing else linear_lqr)(task),
-        {**gains, "damping": damping, "limit": limit},
-        {field: np.zeros(size) for field, size in sizes.items()},
+        like,
+        numbers,
+        memory,
+        source="Slotine and Li 1987",
+        gains={"frequency": frequency, "adaptation": adaptation},
     )
-    return replace(law, design=replace(law.designed, source="Slotine and Li 1987", gains=gains))
 
 
 def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,21 +22,21 @@ from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import row_times
-from grosmc_mj.control.memory import memory_of
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.task import Task
 from grosmc_mj.errors import GainError, value_text
 
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """The matrices of a law with N states q, at one control period.
+    """Matrices of a law with N states q, at one control period; units are those of q, z and v.
 
     Attributes:
-        K: Gain of the error state, (m, n).
-        H: Gain of q, (m, N).
+        K: Gain of the error state, unit of v per unit of z, (m, n).
+        H: Gain of q, unit of v per unit of q, (m, N).
         F: State matrix of q+, (N, N).
-        G: Its input matrix for z, (N, n).
-        L: Its input matrix for the v that is applied, (N, m).
+        G: Input matrix of q+ for z, (N, n).
+        L: Input matrix of q+ for the v that is applied, (N, m).
         start: Matrix of q = start z as a run begins, (N, n).
     """
 
@@ -53,9 +53,9 @@ class DynamicParameters(Sampled):
     """Numbers of a law with dynamics.
 
     Attributes:
-        plant: The nominal plant's parameters.
-        reference: The reference's parameters.
-        dynamics: The matrices at the run's control period.
+        plant: Parameters of the nominal plant.
+        reference: Parameters of the reference.
+        dynamics: Matrices at the run's control period.
         limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
     """
 
@@ -63,6 +63,27 @@ class DynamicParameters(Sampled):
     reference: Any
     dynamics: Dynamics
     limit: float = math.inf
+
+
+@dataclass
+class DynamicMemory(Memory):
+    """Memory of a law with N states q, on n entries of z and m inputs.
+
+    Attributes:
+        z: Error state at the last sample, in the units of the error coordinates, (n,).
+        q: State of the law at the next sample: integrals of the outputs' errors, in the units of
+            the outputs times seconds, or an observer's estimates of z and, in the units of v, of
+            the disturbance, (N,).
+        after: Room to compute q in, (N,).
+        within: Input within the limit, in the units of the inputs, (m,).
+        applied: v of that input, (m,).
+    """
+
+    z: Array = field(default_factory=partial(np.zeros, 2))
+    q: Array = field(default_factory=partial(np.zeros, 1))
+    after: Array = field(default_factory=partial(np.zeros, 1))
+    within: Array = field(default_factory=partial(np.zeros, 1))
+    applied: Array = field(default_factory=partial(np.zeros, 1))
 
 
 # Cached, so that all controllers on these coordinates have one law, which is compiled once.
@@ -155,9 +176,10 @@ def dynamic_controller(
     order = len(dynamics.F)
     m = task.error.inputs
     memory = memory_of(
-        m,
+        DynamicMemory,
+        v=np.zeros(m),
         z=np.zeros(task.error.size),
-        q=np.zeros(order),  # the integrals, or the observer's state
+        q=np.zeros(order),
         after=np.zeros(order),
         within=np.zeros(m),
         applied=np.zeros(m),

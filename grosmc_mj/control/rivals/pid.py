@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, partial
 from typing import Annotated, Any
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, custom_controller, named_gains
+from grosmc_mj.control.controller import Controller, Sampled, named_gains, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.rivals.pid_tuning import (
     PidGains,
     Tuning,
@@ -27,6 +28,59 @@ from grosmc_mj.control.task import Limit, Matrix, Task
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.fields import Is, NotNegative, Range, Seconds, checked_call
 from grosmc_mj.jitable import jitable
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PidNumbers(Sampled):
+    """Numbers of a PID of m outputs, each of which acts on the input of the same number.
+
+    Attributes:
+        plant: Parameters of the nominal plant.
+        reference: Parameters of the reference.
+        kp: Gain of the error, in the unit of the input per unit of the output, (m,).
+        ki: Gain of its integral, in that unit per second, (m,).
+        kd: Gain of its rate, in that unit times seconds, (m,).
+        filter: Time constant of the rate's filter [s]; 0 for none.
+        setpoint_weight: Weight b of the setpoint in the proportional part.
+        rate_setpoint_weight: Weight c of the setpoint in the rate.
+        low: Least input, in its unit, (m,).
+        high: Largest input, in its unit, (m,).
+        tracking_time: Time constant of the anti-windup [s]; 0 to hold the integral instead.
+    """
+
+    plant: Any
+    reference: Any
+    kp: Array
+    ki: Array
+    kd: Array
+    filter: float
+    setpoint_weight: float
+    rate_setpoint_weight: float
+    low: Array
+    high: Array
+    tracking_time: float
+
+
+@dataclass
+class PidMemory(Memory):
+    """Memory of a PID of m outputs, on n entries of z.
+
+    Attributes:
+        z: Error state at the last sample, in the units of the error coordinates, (n,).
+        setpoint: Setpoint r at the last sample, in the units of the outputs, (m,).
+        first_output: Output at the first sample, in its unit, (m,).
+        integral: Integral part of the input at the next sample, in the units of the inputs, (m,).
+        rate: Filtered rate of ``last``, in the units of the outputs per second, (m,).
+        last: Weighted setpoint less output, c r - y, at the last sample, in the units of the
+            outputs, (m,).
+    """
+
+    z: Array = field(default_factory=partial(np.zeros, 2))
+    setpoint: Array = field(default_factory=partial(np.zeros, 1))
+    first_output: Array = field(default_factory=partial(np.zeros, 1))
+    integral: Array = field(default_factory=partial(np.zeros, 1))
+    rate: Array = field(default_factory=partial(np.zeros, 1))
+    last: Array = field(default_factory=partial(np.zeros, 1))
 
 
 @checked_call
@@ -89,35 +143,40 @@ def pid(
     m = error.inputs
     of_outputs = isinstance(error, OutputCoordinates)
     like = linearized_lqr(task) if of_outputs else linear_lqr(task)
-    law = custom_controller(
-        "pid",
-        _law(error, tuple(rows)),
-        like,
-        numbers={
-            "kp": gains.kp,
-            "ki": gains.ki,
-            "kd": gains.kd,
-            "filter": filter,
-            "setpoint_weight": setpoint_weight,
-            "rate_setpoint_weight": rate_setpoint_weight,
-            "low": np.broadcast_to(low, m).astype(float),
-            "high": np.broadcast_to(high, m).astype(float),
-            "tracking_time": tracking_time,
-        },
-        memory={
-            "z": np.zeros(error.size),
-            "setpoint": np.zeros(m),
-            "first_output": np.zeros(m),
-            "integral": np.zeros(m),
-            "rate": np.zeros(m),
-            "last": np.zeros(m),
-        },
+    numbers = PidNumbers(
+        plant=like.parameters.plant,
+        reference=like.parameters.reference,
+        kp=gains.kp,
+        ki=gains.ki,
+        kd=gains.kd,
+        filter=filter,
+        setpoint_weight=setpoint_weight,
+        rate_setpoint_weight=rate_setpoint_weight,
+        low=np.broadcast_to(low, m).astype(float),
+        high=np.broadcast_to(high, m).astype(float),
+        tracking_time=tracking_time,
+    )
+    memory = memory_of(
+        PidMemory,
+        v=np.zeros(m),
+        z=np.zeros(error.size),
+        setpoint=np.zeros(m),
+        first_output=np.zeros(m),
+        integral=np.zeros(m),
+        rate=np.zeros(m),
+        last=np.zeros(m),
     )
     shown = named_gains(kp=gains.kp[None], ki=gains.ki[None], kd=gains.kd[None])
     if m == 1:
         shown = {name.rstrip("1"): value for name, value in shown.items()}
-    return replace(
-        law, design=replace(law.designed, source="Astrom and Hagglund 2006", gains=shown)
+    return noting_controller(
+        "pid",
+        _law(error, tuple(rows)),
+        like,
+        numbers,
+        memory,
+        source="Astrom and Hagglund 2006",
+        gains=shown,
     )
 
 
