@@ -73,7 +73,8 @@ class Trajectory:
             law that knows it.
         unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
             batch one such tuple for each run.
-        meters: The accumulated metrics, a structured array, () or (nsim,); None without any.
+        accumulated: Values of the accumulator, a structured array, () or (nsim,); None without
+            any.
     """
 
     system: System
@@ -90,7 +91,7 @@ class Trajectory:
     valid_until: Array
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
-    meters: Any = None
+    accumulated: Any = None
 
     def __repr__(self) -> str:
         """System, number of instants and how it ended, without rows."""
@@ -223,7 +224,7 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
             unseen=self.unseen[run],
-            meters=None if self.meters is None else self.meters[run],
+            accumulated=None if self.accumulated is None else self.accumulated[run],
             **cut,
         )
 

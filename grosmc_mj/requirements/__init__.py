@@ -1,0 +1,33 @@
+"""Requirements on runs, one file a kind, and the metrics that they limit.
+
+``requirement`` has their base class and the judging, ``metrics`` the names, units and tolerances of
+metrics, ``accumulator`` how they are accumulated and ``measurement`` how they are told of runs.
+"""
+
+from __future__ import annotations
+
+from grosmc_mj.requirements.cost_ratio_below import CostRatioBelow
+from grosmc_mj.requirements.deviation_below import DeviationBelow
+from grosmc_mj.requirements.final_error_below import FinalErrorBelow
+from grosmc_mj.requirements.input_below import InputBelow
+from grosmc_mj.requirements.no_reaching_phase import NoReachingPhase
+from grosmc_mj.requirements.overshoot_below import OvershootBelow
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.rms_below import RmsBelow
+from grosmc_mj.requirements.settles_within import SettlesWithin
+from grosmc_mj.requirements.sliding_below import SlidingBelow
+from grosmc_mj.requirements.stays_within import StaysWithin
+
+# All kinds, in the order in which a table of a file is read.
+KINDS: tuple[type[Requirement], ...] = (
+    SettlesWithin,
+    StaysWithin,
+    FinalErrorBelow,
+    RmsBelow,
+    OvershootBelow,
+    DeviationBelow,
+    InputBelow,
+    SlidingBelow,
+    NoReachingPhase,
+    CostRatioBelow,
+)
