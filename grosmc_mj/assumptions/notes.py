@@ -13,7 +13,7 @@ from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.physics.dry_friction import creeping_joints
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.requirements.requirement import unfailing
+from grosmc_mj.requirements.judging import unfailing
 
 
 def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:

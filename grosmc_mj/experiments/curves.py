@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case, seed_of
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.requirements.requirement import Judgement, Requirement
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.palette import (
@@ -306,19 +307,12 @@ def levels_of(limit: Requirement, panel: Panel) -> Iterator[tuple[Array, Array]]
         yield time, middle - limit.number
 
 
-def _shown_in(requirement: Requirement) -> str:
-    """Return the quantity or signal in whose panel a requirement is shown; empty for none."""
-    if requirement.shown_in and requirement.signal:
-        return requirement.signal
-    return requirement.shown_in
-
-
 def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
     """Return the judgements that a panel shows."""
     judgements = []
     for run in results:
         judgements += [
-            item for item in run.requirements if _shown_in(item.requirement) in panel.shows
+            item for item in run.requirements if item.requirement.shown_with in panel.shows
         ]
     return judgements
 
@@ -498,7 +492,7 @@ def failures_without_panel(
         failed += [
             item
             for item in run.requirements
-            if not item.kept and _shown_in(item.requirement) not in shown
+            if not item.kept and item.requirement.shown_with not in shown
         ]
     return failed
 

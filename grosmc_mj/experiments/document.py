@@ -15,8 +15,8 @@ from grosmc_mj.experiments.tables import (
     results_table,
 )
 from grosmc_mj.experiments.weights import named_gains, named_weights
+from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.metrics import tolerance_of
-from grosmc_mj.requirements.requirement import Judgement
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
+from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.metrics import Metric, largest_of
-from grosmc_mj.requirements.requirement import Judgement
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 

@@ -1,7 +1,8 @@
 """Requirements on runs, one file a kind, and the metrics that they limit.
 
-``requirement`` has their base class and the judging, ``metrics`` the names, units and tolerances of
-metrics, ``accumulator`` how they are accumulated and ``measurement`` how they are told of runs.
+``requirement`` has the base class of the kinds, ``judging`` the judgements. ``metrics`` has names,
+units and tolerances of metrics, ``accumulator`` how they are accumulated, ``measurement`` what is
+measured of a run, ``optimum`` the optimum that a run is compared with.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from grosmc_mj.requirements.requirement import MeasuredRun, Requirement
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import Requirement
 
 
 @dataclass(frozen=True, kw_only=True)

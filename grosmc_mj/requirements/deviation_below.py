@@ -13,7 +13,7 @@ class DeviationBelow(Requirement):
 
     key = "deviation_below"
     quantity = "output"
-    shown_in = "deviation"
+    figure = "deviation"
 
     @property
     def metric(self) -> str:

@@ -15,7 +15,7 @@ class FinalErrorBelow(Requirement):
     key = "final_error_below"
     quantity = "output"
     options = ("state",)
-    shown_in = "output"
+    figure = "output"
 
     @classmethod
     def holds_from(cls, after: float, duration: float) -> float:

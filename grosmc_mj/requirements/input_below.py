@@ -11,7 +11,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.requirements.requirement import MeasuredRun, Requirement
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import Requirement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +21,7 @@ class InputBelow(Requirement):
 
     key = "input_below"
     quantity = "input"
-    shown_in = "input"
+    figure = "input"
     of_actuators = True
 
     @classmethod

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.task import GrosmcParameters
-from grosmc_mj.requirements.requirement import ROUNDING, MeasuredRun, SurfaceRequirement
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import ROUNDING, SurfaceRequirement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +19,7 @@ class NoReachingPhase(SurfaceRequirement):
     """
 
     key = "no_reaching_phase"
-    shown_in = "sliding"
+    figure = "sliding"
     is_level = False
 
     number: float = ROUNDING

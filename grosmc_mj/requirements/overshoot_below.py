@@ -9,7 +9,8 @@ from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.requirements.requirement import MeasuredRun, Requirement, require_initial_error
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import Requirement, require_initial_error
 
 
 @dataclass(frozen=True, kw_only=True)

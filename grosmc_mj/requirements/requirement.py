@@ -1,74 +1,23 @@
-"""Requirements on runs, and judgements with their margins."""
+"""The base class of all kinds of requirements."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows, metrics_of_record
 from grosmc_mj.requirements.metrics import Metric
-from grosmc_mj.requirements.optimum import Comparison
-from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # s(0) and an error at the start are zero to rounding of z and of its reference.
 ROUNDING = 1e-9
-
-
-class MeasuredRun(Protocol):
-    """A run that can be judged."""
-
-    @property
-    def plant(self) -> str:
-        """Name of the plant."""
-        ...
-
-    @property
-    def controller(self) -> Controller:
-        """The law."""
-        ...
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The recorded run."""
-        ...
-
-    @property
-    def comparison(self) -> Comparison:
-        """The run beside its optimum."""
-        ...
-
-    @property
-    def metrics(self) -> Mapping[str, Metric]:
-        """The usual metrics."""
-        ...
-
-    @property
-    def onset(self) -> float:
-        """Onset of the first disturbance [s]."""
-        ...
-
-    @property
-    def status(self) -> Status:
-        """Status at the end of the run."""
-        ...
-
-    @property
-    def input_limits(self) -> Array:
-        """Least and largest of each input, (2, m); infinite for none."""
-        ...
-
-    @property
-    def saturated(self) -> float:
-        """Share of the time in which the law asks an actuator for its limit or more."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +31,7 @@ class Requirement:
         quantity: The quantity whose unit the number has: ``output``, ``input``, ``sliding``, or
             the unit itself; empty for a kind that is asked for with ``true``.
         options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``.
-        shown_in: The quantity in whose figure it is shown; empty for none.
+        figure: The quantity in whose figure it is shown; empty for none.
         is_level: Whether it is a line in that figure.
         of_actuators: Whether it is about the range of the actuators, not about the task.
         number: The largest value allowed.
@@ -98,7 +47,7 @@ class Requirement:
     key: ClassVar[str] = ""
     quantity: ClassVar[str] = ""
     options: ClassVar[tuple[str, ...]] = ()
-    shown_in: ClassVar[str] = ""
+    figure: ClassVar[str] = ""
     is_level: ClassVar[bool] = True
     of_actuators: ClassVar[bool] = False
 
@@ -205,6 +154,13 @@ class Requirement:
             words += f" from {self.after:g} s on"
         return words
 
+    @property
+    def shown_with(self) -> str:
+        """The quantity, state or output in whose figure it is shown; empty for none."""
+        if self.figure and self.signal:
+            return self.signal
+        return self.figure
+
     def applies_to(self, run: MeasuredRun) -> bool:
         """Whether it is about a run."""
         return run.controller.name in self.laws and run.plant in self.plants
@@ -263,170 +219,6 @@ class SurfaceRequirement(Requirement):
         """Refuse laws without a surface."""
         if not laws:
             raise ArgumentError("no law that it is asked of has a surface")
-
-
-class Judgement(NamedTuple):
-    """A requirement of one run, judged.
-
-    Attributes:
-        requirement: The requirement.
-        controller: Name of the run's controller.
-        plant: Name of the run's plant.
-        measured: Measured value in the requirement's unit; None if nothing could be measured.
-        margin: Allowed less measured value; None without one.
-        kept: Whether the run keeps it.
-        note: Reason why nothing was measured; of an input its time at the actuators' limit.
-    """
-
-    requirement: Requirement
-    controller: str
-    plant: str
-    measured: float | None
-    margin: float | None
-    kept: bool
-    note: str = ""
-
-    @property
-    def share(self) -> float:
-        """Measured over allowed value; infinite without a measurement."""
-        if self.margin is None:
-            return math.inf
-        return 1 - self.margin / self.requirement.number
-
-
-def judge_runs(requirements: Iterable[Requirement], runs: Sequence[MeasuredRun]) -> list[Judgement]:
-    """Judge each run by each requirement that is about it."""
-    judgements = []
-    for requirement in requirements:
-        runs_of_it = filter(requirement.applies_to, runs)
-        judgements += [judge_run(requirement, run) for run in runs_of_it]
-    return judgements
-
-
-def judge_run(requirement: Requirement, run: MeasuredRun) -> Judgement:
-    """Judge a run by a requirement; a run that ended early keeps none."""
-    measured = None
-    margin = None
-    kept = False
-    if run.status is not Status.COMPLETED:
-        note = f"the run ended at {float(run.trajectory.valid_until):.3g} s"
-    else:
-        measured, note = requirement.measured(run)
-        if measured is not None:
-            margin = requirement.number - measured
-            kept = margin >= 0
-        notes = (note, requirement.note(run, kept=kept))
-        note = "; ".join(filter(None, notes))
-    return Judgement(requirement, run.controller.name, run.plant, measured, margin, kept, note)
-
-
-# -- all requirements of some runs ---------------------------------------------------------------
-
-
-def of_laws(requirements: Iterable[Requirement], laws: Container[str]) -> tuple[Requirement, ...]:
-    """Return the requirements of the laws that are run, with unique names.
-
-    Args:
-        requirements: All requirements.
-        laws: Names of the laws that are run.
-    """
-    chosen: list[Requirement] = []
-    taken = Counter[str]()
-    for requirement in requirements:
-        names = tuple(name for name in requirement.laws if name in laws)
-        if not names:
-            continue
-        name = f"{requirement.key} {requirement.signal}".rstrip()
-        taken[name] += 1
-        if taken[name] > 1:
-            name = f"{name} {taken[name]}"
-        chosen.append(replace(requirement, laws=names, name=name))
-    return tuple(chosen)
-
-
-def transient_of_runs(duration: float, onsets: Iterable[tuple[float, float]]) -> float:
-    """Return the time before a disturbance begins or the run ends, in every run [s].
-
-    Args:
-        duration: Duration of a run [s].
-        onsets: Earliest and latest onset of each disturbance [s]; one that acts from the start of
-            every run is part of the transient.
-    """
-    ends = [duration]
-    for earliest, latest in onsets:
-        if latest > 0:
-            ends.append(max(earliest, 0.0))
-    return min(ends)
-
-
-def decidable(
-    requirements: Iterable[Requirement], transient: float
-) -> tuple[list[Requirement], list[str]]:
-    """Return the requirements that runs can decide, and a note about each of the other ones.
-
-    Args:
-        requirements: All requirements.
-        transient: Time before a disturbance begins or a run ends [s].
-    """
-    judged = []
-    notes = []
-    for requirement in requirements:
-        reason = requirement.why_undecidable(transient)
-        if reason:
-            notes.append(f"not judged: {requirement.words}: {reason}")
-        else:
-            judged.append(requirement)
-    return judged, notes
-
-
-def unfailing(requirements: Iterable[Requirement], runs: Sequence[MeasuredRun]) -> list[str]:
-    """Return a line for each requirement that none of the runs could fail, with the reason."""
-    lines = []
-    for requirement in requirements:
-        reasons = [
-            requirement.why_unfailing(run.controller, run.input_limits)
-            for run in runs
-            if requirement.applies_to(run)
-        ]
-        lines += unfailing_line(requirement, reasons)
-    return list(dict.fromkeys(lines))
-
-
-def unfailing_line(requirement: Requirement, reasons: Sequence[str]) -> list[str]:
-    """Return the line on a requirement if there is a reason for each of its runs, else none."""
-    if not reasons or not all(reasons):
-        return []
-    return [f"cannot fail: {requirement.words} ({max(reasons, key=len)})"]
-
-
-def windows_of(requirements: Iterable[Requirement]) -> Windows:
-    """Return the windows, bands and signals that requirements need."""
-    after: set[float] = set()
-    bands: set[float] = set()
-    signals: set[str] = set()
-    for requirement in requirements:
-        windows = requirement.windows
-        after.update(windows.after)
-        bands.update(windows.bands)
-        signals.update(windows.signals)
-    return Windows(tuple(sorted(after)), tuple(sorted(bands)), tuple(sorted(signals)))
-
-
-def margins_of(
-    requirements: Iterable[Requirement], metrics: Mapping[str, Array], completed: Array
-) -> dict[str, Array]:
-    """Return allowed less measured value of n runs by name, (n,) each; -inf if one ended early.
-
-    Args:
-        requirements: Requirements of the runs' controller.
-        metrics: Metrics of the runs, (n,) each.
-        completed: Whether each run reached its end, (n,).
-    """
-    margins = {}
-    for requirement in requirements:
-        margin = requirement.number - metrics[requirement.metric]
-        margins[requirement.name] = np.where(completed, margin, -np.inf)
-    return margins
 
 
 # -- the error at the start ------------------------------------------------------------------------

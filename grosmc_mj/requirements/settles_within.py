@@ -10,9 +10,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows, settling_time
 from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Metric, settled_in
-from grosmc_mj.requirements.requirement import MeasuredRun, Requirement, require_initial_error
+from grosmc_mj.requirements.requirement import Requirement, require_initial_error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +29,7 @@ class SettlesWithin(Requirement):
     key = "settles_within"
     quantity = "s"
     options = ("band",)
-    shown_in = "output"
+    figure = "output"
     is_level = False
 
     band: float | None = None

@@ -13,7 +13,7 @@ class SlidingBelow(SurfaceRequirement):
 
     key = "sliding_below"
     quantity = "sliding"
-    shown_in = "sliding"
+    figure = "sliding"
 
     @property
     def metric(self) -> str:

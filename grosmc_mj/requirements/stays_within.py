@@ -15,7 +15,7 @@ class StaysWithin(Requirement):
     key = "stays_within"
     quantity = "output"
     options = ("state", "after")
-    shown_in = "output"
+    figure = "output"
 
     @property
     def metric(self) -> str:

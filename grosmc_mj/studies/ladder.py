@@ -38,7 +38,7 @@ from grosmc_mj.machine import (
     Wall,
 )
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.requirement import judge_run
+from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (

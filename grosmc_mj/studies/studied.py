@@ -15,12 +15,8 @@ from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import kinds_in, requirement_of
 from grosmc_mj.loop import Loop
-from grosmc_mj.requirements.requirement import (
-    Requirement,
-    decidable,
-    of_laws,
-    transient_of_runs,
-)
+from grosmc_mj.requirements.judging import decidable, of_laws, transient_of_runs
+from grosmc_mj.requirements.requirement import Requirement
 
 UNDER_LOAD = "under load"
 # Laws that GROSMC is compared with; studied on request.

@@ -28,15 +28,15 @@ from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.requirements.measurement import Measurement
-from grosmc_mj.requirements.requirement import (
-    Requirement,
+from grosmc_mj.requirements.judging import (
     decidable,
     of_laws,
     transient_of_runs,
     unfailing_line,
     windows_of,
 )
+from grosmc_mj.requirements.measurement import Measurement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points

@@ -12,7 +12,7 @@ from commands import Patch, Screen, run
 from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.tables import gains_table, requirements_table
-from grosmc_mj.requirements.requirement import judge_runs
+from grosmc_mj.requirements.judging import judge_runs
 
 # A law that asks for 5 A in the first half of the run, and for 1 A in the second.
 LAW = """

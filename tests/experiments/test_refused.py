@@ -182,7 +182,7 @@ REQUIREMENTS = [
     ),
     (
         'input_below = "1 A"\nstate = "rotor angle"',
-        "state is for stays_within, final_error_below and rms_below, which are not there",
+        "state is for stays_within or final_error_below or rms_below, which is not there",
     ),
     (
         'cart_travel_below = "10 m"',

@@ -14,7 +14,7 @@ from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.physics.files import load_model
-from grosmc_mj.requirements.requirement import judge_runs
+from grosmc_mj.requirements.judging import judge_runs
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.sweep.campaign import Campaign, specification_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows

@@ -17,7 +17,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.requirements.requirement import Judgement, judge_runs
+from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 

@@ -322,17 +322,10 @@ class RequirementTable(_Limits):
     @model_validator(mode="after")
     def _option_of_something(self) -> RequirementTable:
         """Refuse a key that no requirement of the table reads."""
-        for option in ("after", "band", "state"):
-            kinds = [kind.key for kind in KINDS if option in kind.options]
-            required = [key for key in kinds if getattr(self, key) is not None]
-            if option in self.model_fields_set and not required:
-                *others, last = kinds
-                keys = last
-                verb = "is"
-                if others:
-                    keys = f"{', '.join(others)} and {last}"
-                    verb = "are"
-                raise ValueError(f"{option} is for {keys}, which {verb} not there")
+        for option in sorted({"after", "band", "state"} & self.model_fields_set):
+            readers = [kind.key for kind in KINDS if option in kind.options]
+            if all(getattr(self, key) is None for key in readers):
+                raise ValueError(f"{option} is for {' or '.join(readers)}, which is not there")
         if self.after < 0:
             raise ValueError(f"after {self.after:g} s must not be negative")
         return self
