@@ -41,10 +41,10 @@ from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.requirements.judging import Judgement, decidable, judge_runs, transient_of_runs
-from grosmc_mj.requirements.measurement import measure
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant

@@ -17,9 +17,9 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
-from grosmc_mj.requirements.measurement import cost_shares
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison
+from grosmc_mj.requirements.run_metrics import cost_shares
 from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -124,7 +124,7 @@ class Run:
 
     @property
     def cost_shares(self) -> tuple[Metric, Metric]:
-        """J(u_c)/J* and J(u_d)/J* a second, see ``measurement.cost_shares``."""
+        """J(u_c)/J* and J(u_d)/J* a second, see ``run_metrics.cost_shares``."""
         return cost_shares(self.metrics, float(self.trajectory.time[-1]))
 
     def save(self, path: str | Path) -> Path:

@@ -1,8 +1,10 @@
 """Requirements on runs, one file a kind, and the metrics that they limit.
 
-``requirement`` has the base class of the kinds, ``judging`` the judgements. ``metrics`` has names,
-units and tolerances of metrics, ``accumulator`` how they are accumulated, ``measurement`` what is
-measured of a run, ``optimum`` the optimum that a run is compared with.
+``requirement`` has the base class of the kinds, ``judging`` the judgements.
+
+``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
+run, ``accumulator`` accumulates it, ``run_metrics`` gives the metrics, and ``error_metrics`` those
+of an error alone. ``optimum`` has the optimum that a run is compared with.
 """
 
 from __future__ import annotations

@@ -21,6 +21,8 @@ from grosmc_mj.control.matrices import quadratic, row_times
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import pack, record_dtype
 
+# Number of the error among the signals, see ``Constants.signals``.
+ERROR = -1.0
 # Rounding of an instant k h.
 _EARLIER = 1 - 1e-12
 _LATER = 1 + 1e-12

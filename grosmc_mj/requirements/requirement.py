@@ -13,8 +13,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.requirements.measurement import Windows, metrics_of_record
+from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.run_metrics import metrics_of_record
 
 # s(0) and an error at the start are zero to rounding of z and of its reference.
 ROUNDING = 1e-9

@@ -23,8 +23,8 @@ from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
-from grosmc_mj.requirements.measurement import measure
 from grosmc_mj.requirements.optimum import compare_with_optimum
+from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -21,7 +21,7 @@ from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.requirements.measurement import settling_time
+from grosmc_mj.requirements.error_metrics import settling_time
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -23,7 +23,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.plants import Plant
-from grosmc_mj.requirements.measurement import overshoot
+from grosmc_mj.requirements.error_metrics import overshoot
 
 _SYSTEM = "servo"
 _MEASURES = ("damping ratio", "phase margin", "slowest pole", "delay margin")
