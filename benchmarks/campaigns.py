@@ -22,7 +22,7 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.sweep.campaign import Campaign, specification_of
-from grosmc_mj.sweep.runs import prepare_run, shared_meters
+from grosmc_mj.sweep.runs import measurements_of, prepare_run
 from grosmc_mj.sweep.screening import Batch
 from grosmc_mj.sweep.store import Folder, part_runner
 
@@ -102,7 +102,9 @@ def benchmark_campaign(rounds: int, integrator: Integrator) -> list[Throughput]:
         [run.law for run in runs],
         starts,
         _STEPS,
-        meters=shared_meters(experiment, runs, campaign.requirements),
+        accumulator=[
+            item.accumulator for item in measurements_of(experiment, runs, campaign.requirements)
+        ],
         control_period=experiment.settings.control_period,
         disturbances=[list(run.case.disturbances) for run in runs],
     )

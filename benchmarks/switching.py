@@ -21,7 +21,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.cli import screen
 from grosmc_mj.control.switching import SWITCHINGS, Switching, find_switching
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import variation_rate
 from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.result import LineChart, Series, finite
 from grosmc_mj.results.tables import Table, number, numbers, table, words
@@ -177,7 +176,7 @@ def scalar_run(law: Switching, sample_time: float, gain_ratio: float = 1.0) -> S
         gain_ratio=gain_ratio,
         max_sliding=float(np.abs(s).max()),
         crossings=crossings(s) / seconds,
-        total_variation=variation_rate(phi, seconds),
+        total_variation=float(np.abs(np.diff(phi, axis=0)).sum() / seconds),
     )
 
 

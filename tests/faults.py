@@ -18,11 +18,11 @@ from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import AnyDisturbance
 
 ChangeLaw = Callable[[Controller, Experiment, PlantName], Controller]
 ChangePlant = Callable[[Plant, Experiment], Plant]
-Disturbances = tuple[Disturbance, ...]
+Disturbances = tuple[AnyDisturbance, ...]
 ChangeDisturbances = Callable[[Disturbances], Disturbances]
 
 
@@ -176,10 +176,7 @@ def no_disturbances(_disturbances: Disturbances) -> Disturbances:
 
 
 def tenfold(disturbances: Disturbances) -> Disturbances:
-    return tuple(
-        replace(disturbance, wrench=tuple(10 * entry for entry in disturbance.wrench))
-        for disturbance in disturbances
-    )
+    return tuple(disturbance.scaled(10.0) for disturbance in disturbances)
 
 
 SLOW = replace(Settings(), control_period=10 * Settings().control_period)

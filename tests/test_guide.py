@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import grosmc_mj as gm
-from grosmc_mj.experiments.requirements import judge_all
+from grosmc_mj.requirements.judging import judge_runs
 
 pytestmark = pytest.mark.slow
 
@@ -148,6 +148,6 @@ def test_the_case_file_of_a_page_meets_its_requirements(
         pytest.importorskip("gymnasium")
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     experiment = gm.Experiment.load(tmp_path / "mine.toml")
-    judgements = judge_all(experiment.limits, list(experiment.runs()))
+    judgements = judge_runs(experiment.limits, list(experiment.runs()))
     assert len(judgements) == count
     assert all(judgement.kept for judgement in judgements), judgements

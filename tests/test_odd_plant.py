@@ -275,4 +275,4 @@ def test_a_plant_of_a_campaign_is_the_case_with_its_numbers(file: Path, tmp_path
     (tmp_path / "drawn.toml").write_text(text)
     (limit,) = outcome.limits
     (judgement,) = Experiment.load(tmp_path / "drawn.toml").run(law="lqr").requirements
-    assert outcome[MARGIN + limit.key][0] == pytest.approx(judgement.margin, rel=1e-12)
+    assert outcome[MARGIN + limit.name][0] == pytest.approx(judgement.margin, rel=1e-12)

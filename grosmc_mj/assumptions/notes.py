@@ -9,11 +9,11 @@ from grosmc_mj.assumptions.loads import idle_loads
 from grosmc_mj.assumptions.matching import unmatched
 from grosmc_mj.errors import name_list
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.requirements import unfailing
 from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.physics.dry_friction import creeping_joints
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.judging import unfailing
 from grosmc_mj.simulation.disturbances import OutputDisturbance
 
 

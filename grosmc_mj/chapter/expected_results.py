@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.metrics import tolerance_of
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.requirements.metrics import tolerance_of
 from grosmc_mj.results.document import write_json
 
 EXPECTED_FILE = Path(__file__).with_name("expected_results.json")

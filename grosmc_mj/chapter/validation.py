@@ -20,9 +20,9 @@ from grosmc_mj.chapter.claims.results import (
 from grosmc_mj.experiments.case import Case, case_document
 from grosmc_mj.experiments.document import run_document, standings
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.metrics import Metric, tolerance_of
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.tables import metric_cell
+from grosmc_mj.requirements.metrics import Metric, largest_of, tolerance_of
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     KEPT,
@@ -45,7 +45,7 @@ _COLUMNS = {
     "J(u_c) / J*": "continuous",
     "J(u_d) / J* per s": "switching",
     "max |u|": "max_input",
-    "cart travel": "cart_travel",
+    "max |internal position|": "internal",
 }
 _TITLE = "Runs in MuJoCo"
 
@@ -284,6 +284,8 @@ def cases_table(results: Sequence[RunResult]) -> Table:
             continue
         continuous, switching = run.cost_shares
         metrics = {**run.metrics, "continuous": continuous, "switching": switching}
+        for position in run.trajectory.system.internal_positions:
+            metrics["internal"] = metrics[largest_of(position.name)]
         cells = [_cell(metrics.get(name)) for name in _COLUMNS.values()]
         rows.append([run.case.system, run.case.name, run.controller.name, *cells])
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.case import Case, seed_of
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.metrics import has_cart
-from grosmc_mj.experiments.requirements import Judgement, Limit
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.envelope import envelope, jumps
 from grosmc_mj.results.palette import (
@@ -69,7 +69,7 @@ class Panel(NamedTuple):
     Attributes:
         label: Name and unit.
         curves: Curves of the runs.
-        limits: Kinds of requirements that limit the quantity.
+        shows: Quantities and signals whose requirements it shows.
         reference: Reference of the quantity, at the instants of the first run; None without one.
         signed: Whether it has a sign, so that a limit is one to both sides.
         play: Backlash of a transmission, shaded to both sides of zero.
@@ -77,7 +77,7 @@ class Panel(NamedTuple):
 
     label: str
     curves: Sequence[Curve]
-    limits: tuple[str, ...] = ()
+    shows: tuple[str, ...] = ()
     reference: Array | None = None
     signed: bool = True
     play: float = 0.0
@@ -92,7 +92,7 @@ def panels_of(results: Sequence[RunResult]) -> list[Panel]:
     )
     panels = _output_panels(results)
     panels.append(_deviation_panel(results, single=len(panels) == 1))
-    panels += _travel_panels(results)
+    panels += _state_panels(results)
     if results[0].trajectory.seen is not None:
         panels.append(_measurement_error_panel(chattering_first))
         panels += _rate_panels(on_last_plant[-1])
@@ -119,7 +119,7 @@ def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
             Panel(
                 label=f"{name} [{error.units[row]}]",
                 curves=[Curve(run, _output(run, j)) for run in results],
-                limits=("stays_within", "final_error_below", "settles_within"),
+                shows=("output", error.names[row]),
                 reference=first.comparison.reference[:, j],
             )
         )
@@ -141,24 +141,24 @@ def _deviation_panel(results: Sequence[RunResult], *, single: bool) -> Panel:
     return Panel(
         label=f"{distance} [{unit}]",
         curves=[Curve(run, run.comparison.deviation) for run in results],
-        limits=("deviation_below",),
+        shows=("deviation",),
         signed=single,
     )
 
 
-def _travel_panels(results: Sequence[RunResult]) -> list[Panel]:
-    """Return a panel of the cart's travel, if it is limited."""
+def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each state that a requirement names and that is no output."""
     first = results[0]
-    system = first.trajectory.system
-    kinds = [limit.kind for limit in first.experiment.limits]
-    if "cart_travel_below" not in kinds or not has_cart(system):
-        return []
-    curves = []
-    for run in results:
-        position = run.trajectory.state[:, 0]
-        curves.append(Curve(run, position - position[0]))
-    cart = system.states[0].name.removesuffix(" position")
-    return [Panel(f"travel of the {cart} [m]", curves, limits=("cart_travel_below",))]
+    error = first.controller.designed.error
+    outputs = [error.names[row] for row in first.comparison.outputs]
+    named = [requirement.signal for requirement in first.experiment.limits]
+
+    panels = []
+    for i, state in enumerate(first.trajectory.system.states):
+        if state.name in named and state.name not in outputs:
+            curves = [Curve(run, run.trajectory.state[:, i]) for run in results]
+            panels.append(Panel(f"{state.name} [{state.unit}]", curves, shows=(state.name,)))
+    return panels
 
 
 def _measurement_error_panel(results: Sequence[RunResult]) -> Panel:
@@ -221,7 +221,7 @@ def _sliding_panels(results: Sequence[RunResult], drawn: Sequence[RunResult]) ->
         Panel(
             label=f"{name} [{units[0]}]",
             curves=[Curve(run, _sliding(run)) for run in drawn],
-            limits=("sliding_below", "no_reaching_phase"),
+            shows=("sliding",),
             signed=single,
         )
     ]
@@ -246,7 +246,7 @@ def _input_panel(results: Sequence[RunResult]) -> Panel:
     return Panel(
         label=f"{name} [{system.input.unit}]",
         curves=[Curve(run, _largest(run.trajectory.input)) for run in results],
-        limits=("input_below",),
+        shows=("input",),
         signed=single,
     )
 
@@ -290,9 +290,9 @@ def _hidden_panel(
     return Panel(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
 
 
-def levels_of(limit: Limit, panel: Panel) -> Iterator[tuple[Array, Array]]:
+def levels_of(limit: Requirement, panel: Panel) -> Iterator[tuple[Array, Array]]:
     """Return the lines of a limit in a panel as times [s] and values; none without a level."""
-    if limit.kind in ("no_reaching_phase", "settles_within"):
+    if not limit.is_level:
         return
     first = panel.curves[0].run
     time = np.array([limit.after, first.case.duration])
@@ -302,16 +302,18 @@ def levels_of(limit: Limit, panel: Panel) -> Iterator[tuple[Array, Array]]:
         time = first.comparison.time[since]
         middle = panel.reference[since]
 
-    yield time, middle + limit.value
+    yield time, middle + limit.number
     if panel.signed:
-        yield time, middle - limit.value
+        yield time, middle - limit.number
 
 
 def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
     """Return the judgements that a panel shows."""
     judgements = []
     for run in results:
-        judgements += [item for item in run.requirements if item.limit.kind in panel.limits]
+        judgements += [
+            item for item in run.requirements if item.requirement.shown_with in panel.shows
+        ]
     return judgements
 
 
@@ -465,8 +467,8 @@ def _mark_end(
 
 def _draw_limits(axes: Axes, panel: Panel, judgements: Sequence[Judgement]) -> None:
     """Draw the limits of a panel, and a frame where one of them is not kept."""
-    failed_limits = [item.limit for item in judgements if not item.kept]
-    for limit in dict.fromkeys(item.limit for item in judgements):
+    failed_limits = [item.requirement for item in judgements if not item.kept]
+    for limit in dict.fromkeys(item.requirement for item in judgements):
         style = {**_LIMIT, "label": "limit"}
         if limit in failed_limits:
             style = {**_LIMIT, "lw": 2.0, "label": "limit, not kept"}
@@ -484,11 +486,13 @@ def failures_without_panel(
     """Return the requirements that are not kept and that no panel shows."""
     shown: set[str] = set()
     for panel in panels:
-        shown.update(panel.limits)
+        shown.update(panel.shows)
     failed: list[Judgement] = []
     for run in results:
         failed += [
-            item for item in run.requirements if not item.kept and item.limit.kind not in shown
+            item
+            for item in run.requirements
+            if not item.kept and item.requirement.shown_with not in shown
         ]
     return failed
 
@@ -496,7 +500,7 @@ def failures_without_panel(
 def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
     """Write the requirements that are not kept above a panel, a line for each law."""
     if failed:
-        lines = [f"not kept by {item.controller}: {item.limit.words}" for item in failed]
+        lines = [f"not kept by {item.controller}: {item.requirement.words}" for item in failed]
         title = "\n".join(dict.fromkeys(lines))
         axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
@@ -572,7 +576,7 @@ def _panel_document(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any
     if panel.reference is not None:
         reference = _drawn(results[0].comparison.time, panel.reference)
     limits = []
-    for limit in dict.fromkeys(item.limit for item in judged_in(panel, results)):
+    for limit in dict.fromkeys(item.requirement for item in judged_in(panel, results)):
         for time, values in levels_of(limit, panel):
             limits.append({"words": limit.words, **_drawn(time, values)})
     return {

@@ -8,8 +8,6 @@ from typing import Any
 
 from grosmc_mj.experiments.case import case_document, seed_of
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.metrics import tolerance_of
-from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.tables import (
     LEGEND,
     gains_table,
@@ -17,6 +15,8 @@ from grosmc_mj.experiments.tables import (
     results_table,
 )
 from grosmc_mj.experiments.weights import named_gains, named_weights
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.metrics import tolerance_of
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -148,19 +148,21 @@ def standings(
 
 def _measured(item: Judgement) -> str:
     """Return a requirement with its measured value, in words."""
-    limit = item.limit
-    value = f"{number(item.measured)} of {number(limit.value)}"
-    if limit.unit not in ("", "1"):
-        value += f" {limit.unit}"
-    return f"{limit.kind.replace('_', ' ')}: {value}"
+    requirement = item.requirement
+    value = f"{number(item.measured)} of {number(requirement.number)}"
+    if requirement.unit not in ("", "1"):
+        value += f" {requirement.unit}"
+    return f"{requirement.title}: {value}"
 
 
 def _judgement_document(item: Judgement) -> dict[str, Any]:
     """Return a judgement as plain values."""
+    requirement = item.requirement
     return {
-        "requirement": item.limit.kind,
-        "limit": {"value": item.limit.value, "unit": item.limit.unit},
-        "after": item.limit.after,
+        "requirement": requirement.key,
+        "limit": {"value": requirement.number, "unit": requirement.unit},
+        "state": requirement.signal,
+        "after": requirement.after,
         "controller": item.controller,
         "plant": item.plant,
         "measured": item.measured,
@@ -176,17 +178,16 @@ def _judged_values(
     """Return verdict and margin of each requirement."""
     switched = {run.controller.name for run in results if run.controller.designed.switching}
     for item in judgements:
-        limit = item.limit
-        metric = limit.metric
-        if limit.kind == "settles_within":
-            metric = "settling_time"
-        relative, absolute = tolerance_of(metric, switched=item.controller in switched)
-        name = f"{target} {item.plant} {item.controller}: {limit.words}"
+        requirement = item.requirement
+        relative, absolute = tolerance_of(
+            requirement.tolerated_as, switched=item.controller in switched
+        )
+        name = f"{target} {item.plant} {item.controller}: {requirement.words}"
         yield Value(name=name, value=KEPT if item.kept else NOT_KEPT)
         yield Value(
             name=f"{name}, margin",
             value=finite(item.margin),
-            unit=limit.unit,
+            unit=requirement.unit,
             better=1,
             relative=relative,
             absolute=absolute,

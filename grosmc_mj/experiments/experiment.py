@@ -32,23 +32,19 @@ from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, Require
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.laws import design
-from grosmc_mj.experiments.metrics import Metric, compare_with_optimum, measure
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import implausible
-from grosmc_mj.experiments.requirements import (
-    Judgement,
-    Limit,
-    judge_all,
-    judgeable,
-    limits,
-    require_initial_error,
-    transient,
-)
+from grosmc_mj.experiments.requirements import requirements_in
 from grosmc_mj.experiments.runs import Run, Settings
 from grosmc_mj.files import name_in_files
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.requirements.judging import Judgement, decidable, judge_runs, transient_of_runs
+from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.optimum import compare_with_optimum
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
@@ -157,10 +153,10 @@ class Experiment:
         return laws
 
     @property
-    def limits(self) -> Sequence[Limit]:
+    def limits(self) -> Sequence[Requirement]:
         """Requirements that a single run can decide."""
-        decidable, _ = self._decidable_limits()
-        return decidable
+        judged, _ = self._decidable_limits()
+        return judged
 
     @property
     def not_judged(self) -> Sequence[str]:
@@ -168,24 +164,24 @@ class Experiment:
         _, notes = self._decidable_limits()
         return notes
 
-    def _decidable_limits(self) -> tuple[Sequence[Limit], Sequence[str]]:
+    def _decidable_limits(self) -> tuple[Sequence[Requirement], Sequence[str]]:
         """Return the requirements that a run can decide, and notes about the other ones."""
         case = self.case
         onsets = [(item.window[0], item.window[0]) for item in case.disturbances]
-        return judgeable(self.required, transient(case.duration, onsets))
+        return decidable(self.required, transient_of_runs(case.duration, onsets))
 
     # Every judgement of a run asks for it.
     @cached_property
-    def required(self) -> Sequence[Limit]:
+    def required(self) -> Sequence[Requirement]:
         """All requirements of the file."""
         return self._all_limits("requirement", self.file.requirement)
 
     @property
-    def claimed(self) -> Sequence[Limit]:
+    def claimed(self) -> Sequence[Requirement]:
         """All limits in the file's claims."""
         return self._all_limits("claim", self.file.claim)
 
-    def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Limit]:
+    def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Requirement]:
         """Return the limits in the tables of a kind."""
         laws = [self.laws[self.plant_names[0], name] for name in self._declared]
         required = []
@@ -196,7 +192,7 @@ class Experiment:
         mistakes.refuse()
         return required
 
-    def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Limit]:
+    def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Requirement]:
         """Return the limits in a table."""
         for name in table.of or ():
             require_known("controller", name, self._declared)
@@ -207,10 +203,9 @@ class Experiment:
             raise ArgumentError(
                 f"after = {table.after:g} s must be before the end of a run at {end:g} s"
             )
-        required = limits(table, laws, self.plant_names, self.case.duration)
-        for limit in required:
-            if limit.of_initial_error:
-                require_initial_error(limit.kind, laws[0], self.case.x0)
+        required = requirements_in(table, laws, self.plant_names, self.case.duration)
+        for requirement in required:
+            requirement.refuse_start(laws[0], self.case.x0)
         return required
 
     def checked(self) -> Experiment:
@@ -522,7 +517,7 @@ class RunResult(Run):
     @cached_property
     def requirements(self) -> list[Judgement]:
         """Judgements of this run by the experiment's requirements."""
-        return judge_all(self.experiment.limits, [self])
+        return judge_runs(self.experiment.limits, [self])
 
     def film(self, path: str | Path) -> Path:
         """Write a film of the run, and return its path.
@@ -630,7 +625,7 @@ def judge(target: str | Path | Experiment) -> list[Judgement]:
         GrosmcError: If the file is wrong, or a user's own law fails.
     """
     experiment = target if isinstance(target, Experiment) else Experiment.load(target)
-    return judge_all(experiment.limits, list(experiment.runs()))
+    return judge_runs(experiment.limits, list(experiment.runs()))
 
 
 def experiment_of(file: CaseFile, path: Path) -> Experiment:

@@ -14,14 +14,12 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.metrics import (
-    Comparison,
-    Metric,
-    cost_shares,
-)
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.optimum import Comparison
+from grosmc_mj.requirements.run_metrics import cost_shares
 from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -91,6 +89,11 @@ class Run:
     true: Plant | None = None
 
     @property
+    def onset(self) -> float:
+        """Onset of the first disturbance of the case [s]; infinite without any."""
+        return self.case.onset
+
+    @property
     def input_limits(self) -> Array:
         """Least and largest of each input that the actuators give, (2, m); infinite for none."""
         if self.true is None:
@@ -121,7 +124,7 @@ class Run:
 
     @property
     def cost_shares(self) -> tuple[Metric, Metric]:
-        """J(u_c)/J* and J(u_d)/J* a second, see ``metrics.cost_shares``."""
+        """J(u_c)/J* and J(u_d)/J* a second, see ``run_metrics.cost_shares``."""
         return cost_shares(self.metrics, float(self.trajectory.time[-1]))
 
     def save(self, path: str | Path) -> Path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.metrics import Metric, has_cart
-from grosmc_mj.experiments.requirements import Judgement
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.metrics import Metric, largest_of
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 
@@ -25,7 +25,6 @@ _COLUMNS = (
     ("var. of\nu per s", "total_variation"),
     ("max\n|u|", "max_input"),
 )
-_CART = ("cart\n[m]", "cart_travel")
 
 
 def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
@@ -45,8 +44,9 @@ def results_table(results: Sequence[RunResult]) -> Table:
     error = results[0].controller.designed.error
     output_unit = error.units[error.output_rows[0]]
     columns = list(_COLUMNS)
-    if has_cart(system):
-        columns.append(_CART)
+    for position in system.internal_positions:
+        header = f"max |{position.name}|\n[{position.unit}]"
+        columns.append((header, largest_of(position.name)))
 
     rows = []
     styles = []
@@ -92,13 +92,14 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
     for item in judgements:
         measured = "-"
         if item.measured is not None:
-            unit = item.limit.unit if item.limit.unit != "1" else ""
+            unit = item.requirement.unit if item.requirement.unit != "1" else ""
             measured = f"{number(item.measured)} {unit}".strip()
         verdict = "kept" if item.kept else "FAILED"
         if item.note:
             verdict += f": {item.note}"
         margin = number(item.margin)
-        rows.append((item.controller, item.plant, item.limit.words, measured, margin, verdict))
+        words_of_it = item.requirement.words
+        rows.append((item.controller, item.plant, words_of_it, measured, margin, verdict))
     styles = ["" if item.kept else "red" for item in judgements]
     return table("Requirements", columns, rows, styles=styles)
 

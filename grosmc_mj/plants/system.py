@@ -167,6 +167,12 @@ class System:
         """Coordinates of the model."""
         return self.states[: self.degrees_of_freedom]
 
+    @property
+    def internal_positions(self) -> tuple[Signal, ...]:
+        """Coordinates that no output stands for: theory says nothing about how far they move."""
+        controlled = [self.states[i] for i in self.controlled]
+        return tuple(position for position in self.positions if position not in controlled)
+
     def joint_units(self, joint: str) -> dict[str, str]:
         """Units of a joint's damping, dry friction and armature: of a hinge or of a slide.
 

@@ -29,6 +29,7 @@ from grosmc_mj.physics.hooks import (
 )
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.guard import Guard, c_address, guard
 from grosmc_mj.simulation.kernel import (
     ANSWER,
@@ -43,7 +44,7 @@ from grosmc_mj.simulation.kernel import (
     note_members_at,
 )
 from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, write_inputs
-from grosmc_mj.simulation.problem import Meters, Problem, Record
+from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
@@ -125,10 +126,10 @@ class _Batch:
 
         controllers = dict.fromkeys(problem.controllers)
         self.numbers = {controller: pack(controller.parameters) for controller in controllers}
-        self.constants: dict[Meters | None, Array] = {}
-        for meters in dict.fromkeys(problem.meters):
-            if meters is not None:
-                self.constants[meters] = pack(meters.numbers)
+        self.constants: dict[Accumulator | None, Array] = {}
+        for accumulator in dict.fromkeys(problem.accumulators):
+            if accumulator is not None:
+                self.constants[accumulator] = pack(accumulator.numbers)
 
         self._compile(problem)
         self._first_steppers = Steppers(problem.timestep)
@@ -158,9 +159,9 @@ class _Batch:
                     self.advances[advance] = _compiled_advance(system, advance, *dtypes).address
 
             self.note = 0
-            meters = problem.meters[0]
-            if meters is not None:
-                note, *metric_dtypes = meters.kind
+            accumulator = problem.accumulators[0]
+            if accumulator is not None:
+                note, *metric_dtypes = accumulator.kind
                 self.note = _compiled_note(system, note, *dtypes, *metric_dtypes).address
         kernel(looped=problem.looped)
 
@@ -272,7 +273,7 @@ class _Worker:
         problem = batch.problem
         controller = problem.controllers[number]
         loop = problem.loops[number]
-        meters = problem.meters[number]
+        accumulator = problem.accumulators[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
         if controller is not self._controller:
             memory, self._workspace = controller.begin()
@@ -286,9 +287,9 @@ class _Worker:
         if len(problem.packed_disturbances) > 1:
             disturbances, values = problem.disturbances_of(number)
             room.put(disturbances=disturbances, values=values)
-        if meters is not None:
-            room.r.meter_numbers[:] = batch.constants[meters]
-            room.r.meters[:] = batch.record.meters[number]
+        if accumulator is not None:
+            room.r.meter_numbers[:] = batch.constants[accumulator]
+            room.r.meters[:] = batch.record.accumulated[number]
 
     def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
         """Run one simulation, with pauses for Ctrl-C."""
@@ -308,7 +309,7 @@ class _Worker:
 
         record.valid[number] = progress[NEXT_STEP]
         record.status[number] = progress[ANSWER] - ANSWERED
-        record.meters[number] = room.r.meters
+        record.accumulated[number] = room.r.meters
         if record.status[number] == _FAILED:
             batch.stopped.set()
 
@@ -380,7 +381,7 @@ def _compiled_note(
     note: Any,
     memory_dtype: Any,
     numbers_dtype: Any,
-    meters_dtype: Any,
+    values_dtype: Any,
     constants_dtype: Any,
 ) -> Any:
     """Compile the accumulation of metrics to a C function that the kernel calls."""
@@ -389,14 +390,14 @@ def _compiled_note(
     m = len(system.inputs)
 
     def accumulate(t: float, address: Any) -> None:
-        x, u, memory, p, meters, constants = note_members_at(address)
+        x, u, memory, p, values, constants = note_members_at(address)
         note(
             t,
             local_copy(x, n),
             local_copy(u, m),
             record_at(memory, memory_dtype),
             record_at(p, numbers_dtype),
-            record_at(meters, meters_dtype),
+            record_at(values, values_dtype),
             record_at(constants, constants_dtype),
         )
 

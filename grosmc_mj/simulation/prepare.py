@@ -19,8 +19,9 @@ from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
 from grosmc_mj.refusals import refusal
+from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance, RateDisturbance
-from grosmc_mj.simulation.problem import Meters, Problem
+from grosmc_mj.simulation.problem import Problem
 
 ANALYTIC_TIMESTEP = 1e-3
 # Timesteps of a run: if every one is kept, it takes some GB.
@@ -85,7 +86,9 @@ def prepare(
     control_period: ControlPeriod = None,
     timestep: Annotated[float, Range(SHORTEST, LONGEST, unit="s")] | None = None,
     disturbances: Annotated[Any, _Lists()] = ((),),
-    meters: Annotated[Any, OneOrMore((Meters, type(None)), "Meters or a list of them")] = None,
+    accumulator: Annotated[
+        Any, OneOrMore((Accumulator, type(None)), "an Accumulator or a list of them")
+    ] = None,
     record: Flag = True,
     threads: Annotated[int, Range(0, 1024, whole=True)] = 0,
 ) -> tuple[Problem, bool]:
@@ -100,14 +103,14 @@ def prepare(
     plants = _several(plant)
     controllers = _several(controller)
     loops = _several(loop)
-    accumulated = _several(meters)
+    accumulators = _several(accumulator)
     states = reals(x0)
     starts = np.atleast_2d(states)
 
-    nsim = _number_of_simulations(plants, controllers, loops, disturbances, accumulated, starts)
+    nsim = _number_of_simulations(plants, controllers, loops, disturbances, accumulators, starts)
     system = plants[0].system
     _require_starts(x0, starts, system)
-    _require_alike(plants, controllers, loops, accumulated)
+    _require_alike(plants, controllers, loops, accumulators)
     plants[0].require_unchanged(plants)
 
     h = _timestep(plants[0], timestep)
@@ -121,7 +124,7 @@ def prepare(
         plants=plants * (nsim // len(plants)),
         controllers=controllers,
         loops=_applied(loops * (nsim // len(loops)), controllers, system, h, period),
-        meters=accumulated * (nsim // len(accumulated)),
+        accumulators=accumulators * (nsim // len(accumulators)),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
         steps=_number_of_steps(duration, h),
         stride=stride,
@@ -154,11 +157,11 @@ def _number_of_simulations(
     controllers: tuple[Controller, ...],
     loops: tuple[Any, ...],
     disturbances: tuple[Any, ...],
-    meters: tuple[Any, ...],
+    accumulators: tuple[Any, ...],
     starts: Array,
 ) -> int:
     """Length of the arguments that are several; a single one serves every simulation."""
-    arguments = (plants, controllers, loops, disturbances, meters, starts)
+    arguments = (plants, controllers, loops, disturbances, accumulators, starts)
     lengths = {len(items) for items in arguments}
     several = lengths - {1}
     if len(several) > 1 or 0 in several:
@@ -216,7 +219,7 @@ def _require_alike(
     plants: tuple[Plant, ...],
     controllers: tuple[Controller, ...],
     loops: tuple[Loop | AppliedLoop | None, ...],
-    meters: tuple[Meters | None, ...],
+    accumulators: tuple[Accumulator | None, ...],
 ) -> None:
     """Refuse a batch that one compiled loop cannot run."""
     several = dict.fromkeys(controllers)
@@ -236,8 +239,8 @@ def _require_alike(
         "controllers of a batch must have the same kind of memory": {
             record_dtype(memory()) for memory in memories
         },
-        "runs of a batch must have the same kind of meters": {
-            item and item.kind for item in dict.fromkeys(meters)
+        "runs of a batch must have the same kind of accumulator": {
+            item and item.kind for item in dict.fromkeys(accumulators)
         },
     }
     for rule, values in kinds.items():

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +15,8 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance, packed, widths
-
-
-@dataclass(frozen=True, eq=False)
-class Meters:
-    """Metrics that are accumulated during a run.
-
-    Attributes:
-        note: Jitable (t, x, u, memory, p, meters, numbers): accumulate the timestep that begins at
-            t [s] in the state x, (n,), under the input u, (m,), of the law with memory and p.
-        start: Values of the metrics as a run begins, a dataclass of numbers and arrays.
-        numbers: Constants of ``note``, a dataclass of numbers and arrays.
-    """
-
-    note: Callable[[float, Any, Any, Any, Any, Any, Any], None]
-    start: Any
-    numbers: Any
-
-    @property
-    def kind(self) -> tuple[Any, ...]:
-        """Properties shared by the runs of one batch."""
-        return self.note, record_dtype(self.start), record_dtype(self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +27,7 @@ class Problem:
         plants: One per simulation, all analytic or all in MuJoCo.
         controllers: One per simulation, with the same law.
         loops: One per simulation, around its controller; None for ideal ones.
-        meters: One per simulation, with the same ``note``; None for no metrics.
+        accumulators: One per simulation, with the same ``note``; None for no metrics.
         x0: Starts, (nsim, n).
         steps: Number of timesteps.
         stride: Timesteps in a control period.
@@ -62,7 +41,7 @@ class Problem:
     plants: tuple[Plant, ...]
     controllers: tuple[Controller, ...]
     loops: tuple[AppliedLoop | None, ...]
-    meters: tuple[Meters | None, ...]
+    accumulators: tuple[Accumulator | None, ...]
     x0: Array
     steps: int
     stride: int
@@ -162,13 +141,13 @@ class Record:
             a model with hidden states, (nsim, kept steps + 1, width + size).
         status: ``Status`` values, (nsim,).
         valid: Number of valid steps, (nsim,).
-        meters: Accumulated metrics, flat, (nsim, size).
+        accumulated: Values of the accumulators, flat, (nsim, size).
     """
 
     rows: Array
     status: NDArray[np.int64]
     valid: NDArray[np.int64]
-    meters: Array
+    accumulated: Array
 
     @classmethod
     def empty(cls, problem: Problem, size: int = 0) -> Record:
@@ -180,17 +159,19 @@ class Record:
         """
         nsim = len(problem.x0)
         kept = problem.steps if problem.record else 1
-        starts = {meters: _packed_start(meters) for meters in dict.fromkeys(problem.meters)}
+        starts = {}
+        for accumulator in dict.fromkeys(problem.accumulators):
+            starts[accumulator] = _packed_start(accumulator)
         return cls(
             rows=np.zeros((nsim, kept + 1, problem.width + size)),
             status=np.zeros(nsim, np.int64),
             valid=np.full(nsim, problem.steps, np.int64),
-            meters=np.array([starts[meters] for meters in problem.meters]),
+            accumulated=np.array([starts[item] for item in problem.accumulators]),
         )
 
 
-def _packed_start(meters: Meters | None) -> Array:
-    """Values of metrics as a run begins, flat; nothing without metrics."""
-    if meters is None:
+def _packed_start(accumulator: Accumulator | None) -> Array:
+    """Values of an accumulator as a run begins, flat; nothing without metrics."""
+    if accumulator is None:
         return np.zeros(0)
-    return pack(meters.start)
+    return pack(accumulator.start)

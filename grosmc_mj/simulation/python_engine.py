@@ -35,7 +35,7 @@ class ClosedLoop:
     Attributes:
         steps: Timesteps done.
         memory: Memory of the law.
-        meters: Metrics accumulated so far; None without any.
+        accumulated: Values of the accumulator so far; None without any.
         run: State of the kernel: ``run.x`` is the last valid state, ``run.u`` the input.
     """
 
@@ -50,13 +50,15 @@ class ClosedLoop:
         self._problem = problem
         self._controller = problem.controllers[number]
         self._loop = problem.loops[number]
-        self._meters = problem.meters[number]
+        self._accumulator = problem.accumulators[number]
         steppers = steppers or Steppers(problem.timestep)
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
         self.memory, self._workspace = self._controller.begin()
-        self.meters = deepcopy(self._meters.start) if self._meters else None
+        self.accumulated = None
+        if self._accumulator is not None:
+            self.accumulated = deepcopy(self._accumulator.start)
         self.run = self._begun(number, record)
 
     def _begun(self, number: int, record: Record | None) -> KernelRun:
@@ -157,15 +159,15 @@ class ClosedLoop:
 
     def _note(self, t: float, _address: Any) -> None:
         """Accumulate the metrics of a timestep, see ``kernel.NOTE``."""
-        assert self._meters is not None
-        self._meters.note(
+        assert self._accumulator is not None
+        self._accumulator.note(
             t,
             self.run.x,
             self.run.u,
             self.memory,
             self._controller.parameters,
-            self.meters,
-            self._meters.numbers,
+            self.accumulated,
+            self._accumulator.numbers,
         )
 
     def _read(
@@ -191,7 +193,7 @@ def kernel_run(
         stepper: Stepper of its plant.
         of_engine: Fields of ``KernelRun`` in which the engines differ.
     """
-    meters = problem.meters[number]
+    accumulator = problem.accumulators[number]
     disturbances, values = problem.disturbances_of(number)
     now = np.zeros(problem.width)
     signals = {name: now[columns] for name, columns in problem.columns.items()}
@@ -216,8 +218,8 @@ def kernel_run(
         now=now,
         disturbed=now[problem.disturbed_columns],
         **signals,
-        meters=record.meters[number].copy(),
-        meter_numbers=pack(meters.numbers) if meters else np.zeros(0),
+        meters=record.accumulated[number].copy(),
+        meter_numbers=pack(accumulator.numbers) if accumulator else np.zeros(0),
         rows=record.rows.reshape(-1, record.rows.shape[2]),
         loop=cast(Any, None),
         **of_engine,
@@ -274,6 +276,6 @@ def run_python(problem: Problem) -> Record:
             status = loop.advance(problem.steps)
             record.status[number] = status.value
             record.valid[number] = loop.steps
-            if loop.meters is not None:
-                record.meters[number] = pack(loop.meters)
+            if loop.accumulated is not None:
+                record.accumulated[number] = pack(loop.accumulated)
     return record

@@ -13,10 +13,11 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
 from grosmc_mj.loop import AppliedLoop, Loop
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.problem import Meters, Problem, Record
+from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 
@@ -34,7 +35,7 @@ def simulate(
     control_period: float | None = None,
     timestep: float | None = None,
     disturbances: Sequence[AnyDisturbance] | Sequence[Sequence[AnyDisturbance]] = (),
-    meters: Meters | Sequence[Meters] | None = None,
+    accumulator: Accumulator | Sequence[Accumulator] | None = None,
     engine: Engine = "native",
     record: bool = True,
     threads: int = 0,
@@ -56,7 +57,7 @@ def simulate(
         timestep: Of an analytic plant [s], 1 ms by default; a model in MuJoCo has its own.
         disturbances: Of bodies, inputs, measured states and rates, in one list for all
             simulations, or one list for each.
-        meters: Metrics to accumulate, for all simulations or one for each.
+        accumulator: Metrics to accumulate, for all simulations or one for each.
         engine: ``native`` compiles law and loop; ``python`` runs any callable law.
         record: Whether to keep every timestep, or only start and end.
         threads: For the native engine; 0 for all cores.
@@ -80,7 +81,7 @@ def simulate(
         control_period=control_period,
         timestep=timestep,
         disturbances=disturbances,
-        meters=meters,
+        accumulator=accumulator,
         record=record,
         threads=threads,
     )
@@ -119,7 +120,11 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
     if not problem.record:
         time = time[[0, -1]]
     output = held["given"] if problem.looped else held["command"]
-    meters = problem.meters[0]
+    accumulated = None
+    accumulator = problem.accumulators[0]
+    if accumulator is not None:
+        _note, values_dtype, _numbers_dtype = accumulator.kind
+        accumulated = record.accumulated.view(values_dtype)[:, 0]
     return Trajectory(
         system=problem.system,
         time=time,
@@ -138,7 +143,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
-        meters=record.meters.view(meters.kind[1])[:, 0] if meters else None,
+        accumulated=accumulated,
     )
 
 

@@ -75,7 +75,8 @@ class Trajectory:
             law that knows it.
         unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
             batch one such tuple for each run.
-        meters: The accumulated metrics, a structured array, () or (nsim,); None without any.
+        accumulated: Values of the accumulator, a structured array, () or (nsim,); None without
+            any.
         input_disturbance: Disturbances of the inputs, in their units, (..., N); None if none was
             given.
         output_disturbance: Disturbances of the states as they are measured, (..., N, n); None if
@@ -97,7 +98,7 @@ class Trajectory:
     valid_until: Array
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
-    meters: Any = None
+    accumulated: Any = None
     input_disturbance: Array | None = None
     output_disturbance: Array | None = None
     rate_disturbance: Array | None = None
@@ -259,7 +260,7 @@ class Trajectory:
             status=self.status[run],
             valid_until=self.valid_until[run],
             unseen=self.unseen[run],
-            meters=None if self.meters is None else self.meters[run],
+            accumulated=None if self.accumulated is None else self.accumulated[run],
             **cut,
         )
 

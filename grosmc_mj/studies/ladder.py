@@ -23,9 +23,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.metrics import settling_time
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop
@@ -40,6 +38,7 @@ from grosmc_mj.machine import (
     Wall,
 )
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (
@@ -515,7 +514,7 @@ def run_rung(
 
     limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
     limits = judgeable_in(limits, rung.loop, studied.machine.case.loop)
-    shares = {limit.key: judge(limit, run).share for limit in limits if limit.value}
+    shares = {limit.name: judge_run(limit, run).share for limit in limits}
     claims = _shares_of_claims(studied.machine, law, condition, run)
     row = row.model_copy(update={"shares": shares, "claims": claims, "tightest": ENDED})
     if run.ended:
@@ -525,8 +524,9 @@ def run_rung(
     share = shares.get(tightest, 0.0)
     optimum_settles = None
     if share > 1:
-        broken = next(limit for limit in limits if limit.key == tightest)
-        optimum_settles = _optimum_settles(run, broken)
+        broken = next(limit for limit in limits if limit.name == tightest)
+        optimum = broken.of_optimum(run)
+        optimum_settles = None if optimum is None else optimum.value
     deviation = None
     if law.controller.designed.follows_optimum:
         deviation = run.metrics["deviation"].value
@@ -542,14 +542,6 @@ def run_rung(
         "optimum_settles": optimum_settles,
     }
     return row.model_copy(update=measured)
-
-
-def _optimum_settles(run: RunResult, limit: Limit) -> float | None:
-    """Settling time of the nominal optimum of a run's law, by the band of a limit [s]."""
-    if limit.kind != "settles_within":
-        return None
-    optimum = run.comparison._replace(z=run.comparison.optimal)
-    return settling_time(optimum.time, optimum.error, limit.band).value
 
 
 def run_of(
@@ -589,7 +581,7 @@ def _shares_of_claims(
         if claim.under != condition.name or not _is_about(machine, claim, law):
             continue
         for limit in limits_in([claim], law, condition, [result.plant]):
-            share = judge(limit, result).share
+            share = judge_run(limit, result).share
             shares[claim.id] = max(share, shares.get(claim.id, share))
     return shares
 

@@ -13,8 +13,10 @@ from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit, judgeable, limits, required, transient
+from grosmc_mj.experiments.requirements import kinds_in, requirement_of
 from grosmc_mj.loop import Loop
+from grosmc_mj.requirements.judging import decidable, of_laws, transient_of_runs
+from grosmc_mj.requirements.requirement import Requirement
 
 UNDER_LOAD = "under load"
 # Laws that GROSMC is compared with; studied on request.
@@ -32,21 +34,6 @@ _SWITCHED = (
 )
 # Switching laws that are studied with prediction, too.
 _PREDICTED = ("implicit", "implicit-estimate", "super-twisting")
-# Requirements of a law with a surface, and their values for a law without one.
-_OF_SURFACE = {"sliding_below": None, "no_reaching_phase": False}
-# Requirements that a study judges.
-_REQUIRED = (
-    "settles_within",
-    "overshoot_below",
-    "stays_within",
-    "rms_below",
-    "final_error_below",
-    "deviation_below",
-    "input_below",
-    "cart_travel_below",
-    "cost_ratio_below",
-    *_OF_SURFACE,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +132,7 @@ def limits_in(
     law: StudiedLaw,
     condition: Condition,
     plants: Sequence[PlantName],
-) -> tuple[Limit, ...]:
+) -> tuple[Requirement, ...]:
     """Return the limits of a law that a run can judge, whichever laws the requirements name.
 
     Args:
@@ -156,22 +143,22 @@ def limits_in(
     """
     case = condition.experiment.case
     controller = law.controller
-    changes = {"of": None, "on": None}
-    if not controller.designed.sliding_unit:
-        changes |= _OF_SURFACE
-
-    limits_of_law: list[Limit] = []
-    for requirement in tables:
-        table = requirement.model_copy(update=changes)
-        if any(getattr(table, name) for name in _REQUIRED):
-            limits_of_law += limits(table, [controller], plants, case.duration)
+    limits_of_law: list[Requirement] = []
+    for table in tables:
+        of_any_law = table.model_copy(update={"of": None, "on": None})
+        kinds = [kind for kind in kinds_in(table) if kind.can_be_asked_of(controller)]
+        limits_of_law += [
+            requirement_of(kind, of_any_law, [controller], plants, case.duration) for kind in kinds
+        ]
 
     onsets = [(push.window[0], push.window[0]) for push in case.disturbances]
-    judged, _notes = judgeable(limits_of_law, transient(case.duration, onsets))
-    return required(judged, {controller.name})
+    judged, _notes = decidable(limits_of_law, transient_of_runs(case.duration, onsets))
+    return of_laws(judged, {controller.name})
 
 
-def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tuple[Limit, ...]:
+def judgeable_in(
+    limits: Sequence[Requirement], loop: Loop, built: Loop | None
+) -> tuple[Requirement, ...]:
     """Return the limits that a run in a loop can be judged by.
 
     The input limit is judged only with the actuators of the built loop. An input beyond their range
@@ -184,7 +171,7 @@ def judgeable_in(limits: Sequence[Limit], loop: Loop, built: Loop | None) -> tup
     """
     if built is None or _ranges(loop) == _ranges(built):
         return tuple(limits)
-    return tuple(limit for limit in limits if limit.kind != "input_below")
+    return tuple(limit for limit in limits if not limit.of_actuators)
 
 
 def _ranges(loop: Loop) -> dict[str, float]:

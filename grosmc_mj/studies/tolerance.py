@@ -18,10 +18,10 @@ from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import LOOP_UNITS, unit_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.plants import System
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import (
@@ -372,7 +372,7 @@ class ToleranceStudy:
         """The equations, if the target has any, and physics, if it has it."""
         return [name for name in self.experiment.nominal.names if name != "printed"]
 
-    def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Limit, ...]:
+    def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Requirement, ...]:
         """Return the limits that a law must keep, whichever laws the file names."""
         return limits_in(self.experiment.file.requirement, law, condition, self.plants)
 
@@ -576,7 +576,7 @@ class Trials:
 
     law: StudiedLaw
     plant: PlantName
-    limits: Mapping[Condition, Sequence[Limit]]
+    limits: Mapping[Condition, Sequence[Requirement]]
     built: Loop
     seeds: int
     threads: int = 0
@@ -644,7 +644,7 @@ class Trials:
 def _judged(
     outcomes: Outcomes,
     row: int,
-    limits: Sequence[Limit],
+    limits: Sequence[Requirement],
     number: int,
 ) -> TrialResult:
     """The result of a row of outcomes, judged by these limits."""
@@ -656,8 +656,8 @@ def _judged(
 
     margins: list[tuple[float, str]] = []
     for limit in limits:
-        margin = float(outcomes[MARGIN + limit.key][row] / limit.value)
-        margins.append((margin, limit.key))
+        margin = float(outcomes[MARGIN + limit.name][row] / limit.number)
+        margins.append((margin, limit.name))
     margin, worst = min(margins, default=(1.0, ""))
     return TrialResult(margin >= 0, margin, worst, number)
 

@@ -22,23 +22,21 @@ from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.file.reading import case_file_of, parse_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
-from grosmc_mj.experiments.metrics import NO_WINDOWS, meters_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import (
-    Limit,
-    judgeable,
-    require_initial_error,
-    required,
-    transient,
-    unfailing_line,
-    why_unfailing,
-    windows,
-)
 from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.judging import (
+    decidable,
+    of_laws,
+    transient_of_runs,
+    unfailing_line,
+    windows_of,
+)
+from grosmc_mj.requirements.measurement import Measurement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
@@ -200,7 +198,7 @@ class Campaign:
     experiment: Experiment
     family: Family
     laws: Mapping[str, Controller]
-    requirements: tuple[Limit, ...]
+    requirements: tuple[Requirement, ...]
     not_judged: tuple[str, ...] = ()
 
     @classmethod
@@ -248,16 +246,15 @@ class Campaign:
 
         laws = {name: experiment.laws[kind, name] for name in experiment.controllers}
         onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
-        limits, notes = judgeable(experiment.required, transient(case.duration, onsets))
-        return cls(specification, experiment, family, laws, required(limits, laws), tuple(notes))
+        judged, notes = decidable(experiment.required, transient_of_runs(case.duration, onsets))
+        return cls(specification, experiment, family, laws, of_laws(judged, laws), tuple(notes))
 
     def _refuse_impossible(self) -> None:
         """Refuse what cannot be run or measured on the nominal plant, or at the ranges' ends."""
         nominal = self.plant_sample(self.family.nominal)
         nominal.plant(self.plant)
-        for limit in self.requirements:
-            if limit.of_initial_error:
-                require_initial_error(limit.kind, self.laws[limit.of[0]], nominal.case.x0)
+        for requirement in self.requirements:
+            requirement.refuse_start(self.laws[requirement.laws[0]], nominal.case.x0)
         for owners in (_OF_MACHINES, LOOP_PARTS):
             for values in _extremes(self.family, owners):
                 self._refuse_extreme(values, owners)
@@ -280,7 +277,7 @@ class Campaign:
     def _refuse_unmeasured(self, law: Controller) -> None:
         """Refuse a law that cannot be run or measured, and an error after the end of its run."""
         settings = self.experiment.settings
-        meters_of(law, settings.timestep, NO_WINDOWS, 0.0)
+        _ = Measurement(law, settings.timestep, self.duration).accumulator
         problem, _ = prepare(
             self.plant,
             law,
@@ -292,7 +289,7 @@ class Campaign:
             record=False,
         )
         last = (problem.steps - 1) * problem.timestep
-        for after in windows(self.requirements).after:
+        for after in windows_of(self.requirements).after:
             # Rounding must not refuse an error that is measured from the last timestep on.
             if after * (1 - 1e-12) > last:
                 raise ArgumentError(
@@ -313,7 +310,9 @@ class Campaign:
     @property
     def judged(self) -> list[str]:
         """The laws that something is required of."""
-        names = {name for limit in self.requirements for name in limit.of}
+        names: set[str] = set()
+        for requirement in self.requirements:
+            names.update(requirement.laws)
         return [law for law in self.laws if law in names]
 
     # Every run asks for it.
@@ -375,9 +374,12 @@ class Campaign:
         lines = list(self.not_judged)
         late = f"never acts: runs end at {self.duration:g} s, before it begins."
         lines += [f"{name} {late}" for name in self.idle]
-        for limit in self.requirements:
-            reasons = [why_unfailing(limit, self.laws[law], self._input_limits) for law in limit.of]
-            lines += unfailing_line(limit, reasons)
+        for requirement in self.requirements:
+            reasons = [
+                requirement.why_unfailing(self.laws[law], self._input_limits)
+                for law in requirement.laws
+            ]
+            lines += unfailing_line(requirement, reasons)
         lines += notes_on_plant(self.experiment, self.plant)
         return list(dict.fromkeys(lines))
 

@@ -24,9 +24,9 @@ from grosmc_mj.experiments.file.schema import (
     UncertainTable,
 )
 from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
-from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.machine.part import MOST
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.metrics import may_be_stored
 from grosmc_mj.results.tables import shown_unit
 from grosmc_mj.sweep.parameters import Parameter
 from grosmc_mj.sweep.runs import MARGIN
@@ -201,7 +201,7 @@ def inside(points: Array) -> Array:
 # Columns of rows that may have been screened by equations, with their units.
 SCREENING = {"judged_by": "", "screened": "1", "overturned": "1", "drawn": "1", "band": "1"}
 # Columns of the results, beside the uncertain numbers.
-_RESERVED = {"id", "controller", *METRICS, "relative", "order", "status", "ended", *SCREENING}
+_RESERVED = {"id", "controller", "relative", "order", "status", "ended", *SCREENING}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -353,7 +353,7 @@ def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
     _refuse_twice("uncertain", [_words(number) for number in quantities])
     _refuse_twice("called", names)
     for name in names:
-        if name in _RESERVED or name.startswith(MARGIN):
+        if name in _RESERVED or name.startswith(MARGIN) or may_be_stored(name):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
 

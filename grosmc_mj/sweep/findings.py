@@ -252,7 +252,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     if specification.screen != "none":
         judges = {law: ScreeningSummary.of(rows) for law, rows in columns.items()}
     units = {ALL: "of the limit"}
-    units |= {limit.words: limit.unit for limit in campaign.requirements}
+    units |= {item.words: item.unit for item in campaign.requirements}
 
     return Findings(
         sampled=sampled,
@@ -275,7 +275,7 @@ def _columns(campaign: Campaign, folder: Folder) -> dict[str, dict[str, Array]]:
         SetupError: If there are none.
     """
     names = [*_COLUMNS, *campaign.family.names]
-    names += [MARGIN + limit.key for limit in campaign.requirements]
+    names += [MARGIN + item.name for item in campaign.requirements]
     if campaign.specification.screen != "none":
         names += SCREENING
     columns = folder.columns(campaign, names, range(campaign.specification.shards))
@@ -289,9 +289,9 @@ def _margins(
 ) -> dict[tuple[str, str], Array]:
     """Margins by requirement, in words, and law, (n,) each: first the least of all requirements."""
     margins = {(ALL, law): columns[law]["relative"] for law in campaign.judged}
-    for limit in campaign.requirements:
-        for law in limit.of:
-            margins[limit.words, law] = columns[law][MARGIN + limit.key]
+    for requirement in campaign.requirements:
+        for law in requirement.laws:
+            margins[requirement.words, law] = columns[law][MARGIN + requirement.name]
     return margins
 
 

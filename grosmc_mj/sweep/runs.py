@@ -14,25 +14,13 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import (
-    DWELL,
-    Recording,
-    meters_of,
-    metrics_of_simulations,
-    transient_of,
-)
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import (
-    Limit,
-    costs_wanted,
-    initial_error,
-    margins_of,
-    required,
-    windows,
-)
 from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.problem import Meters
+from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
+from grosmc_mj.requirements.measurement import Measurement
+from grosmc_mj.requirements.requirement import Requirement, initial_error
+from grosmc_mj.requirements.run_metrics import metrics_of_simulations
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.sweep.parameters import CaseSample, Parameter, with_values
@@ -84,7 +72,7 @@ class Outcomes:
         impossible: Reasons why there can be no run of a row, by number of the row.
     """
 
-    limits: Sequence[Limit]
+    limits: Sequence[Requirement]
     columns: Mapping[str, NDArray[Any]]
     impossible: Mapping[int, str] = field(default_factory=dict)
 
@@ -99,7 +87,7 @@ class Outcomes:
     @property
     def shares(self) -> list[Array]:
         """Margins in parts of their limits, (n,) for each limit."""
-        return [self[MARGIN + limit.key] / limit.value for limit in self.limits]
+        return [self[MARGIN + limit.name] / limit.number for limit in self.limits]
 
     def changed(self, **columns: Any) -> Outcomes:
         """Return the outcomes with other columns."""
@@ -129,7 +117,7 @@ class Run(NamedTuple):
 def run_rows(
     experiment: Experiment,
     rows: Sequence[Row],
-    limits: Sequence[Limit] | None = None,
+    limits: Sequence[Requirement] | None = None,
     plant: PlantName = "physics",
     *,
     keep_impossible: bool = False,
@@ -150,7 +138,7 @@ def run_rows(
         GrosmcError: If there can be no such run.
     """
     if limits is None:
-        limits = required(experiment.limits, experiment.controllers)
+        limits = of_laws(experiment.limits, experiment.controllers)
 
     plants: dict[Any, Plant] = {}
     # Runs of one law and duration, by number of their row.
@@ -178,10 +166,10 @@ def run_rows(
     return Outcomes(limits, columns, impossible)
 
 
-def _columns_without_runs(count: int, limits: Sequence[Limit]) -> dict[str, NDArray[Any]]:
+def _columns_without_runs(count: int, limits: Sequence[Requirement]) -> dict[str, NDArray[Any]]:
     """Columns of rows none of which can be run, (count,) each; metrics are not among them."""
     columns: dict[str, NDArray[Any]] = {
-        MARGIN + limit.key: np.full(count, np.nan) for limit in limits
+        MARGIN + limit.name: np.full(count, np.nan) for limit in limits
     }
     columns["relative"] = np.full(count, -np.inf)
     columns["order"] = np.full(count, -np.inf)
@@ -247,66 +235,62 @@ def _loop_around(
     return experiment.loop_around(law, case.loop, predict=bool(predict), run=number)
 
 
-def shared_meters(
-    experiment: Experiment, runs: Sequence[Run], limits: Sequence[Limit]
-) -> list[Meters]:
-    """Return the meters that limits need, of each run; runs with the same ones share them."""
-    meters: dict[Any, Meters] = {}
-    keys: list[Any] = []
+def measurements_of(
+    experiment: Experiment, runs: Sequence[Run], limits: Sequence[Requirement]
+) -> list[Measurement]:
+    """Return what is measured of each run of one law; runs with the same numbers share it."""
+    shared: dict[Any, Measurement] = {}
+    measurements = []
     for run in runs:
         onset = run.case.onset
         duration = run.case.duration
         input_limits = run.plant.input_limits
-
         key = onset, duration, input_limits.tobytes()
-        keys.append(key)
-        if key not in meters:
-            meters[key] = meters_of(
-                runs[0].law,
-                experiment.settings.timestep,
-                windows(limits),
-                onset,
-                costs=costs_wanted(limits),
-                limits=input_limits,
-                late=(1 - DWELL) * float(transient_of(onset, duration)),
+        if key not in shared:
+            shared[key] = Measurement(
+                controller=runs[0].law,
+                timestep=experiment.settings.timestep,
+                duration=duration,
+                onset=onset,
+                windows=windows_of(limits),
+                input_limits=input_limits,
             )
-    return [meters[key] for key in keys]
+        measurements.append(shared[key])
+    return measurements
 
 
 def _run_group(
     experiment: Experiment,
     runs: Sequence[Run],
-    limits: Sequence[Limit],
+    limits: Sequence[Requirement],
     threads: int,
 ) -> dict[str, NDArray[Any]]:
     """The columns of ``Outcomes`` of runs of one law and duration."""
     law = runs[0].law
     duration = runs[0].case.duration
     x0 = np.array([run.case.x0 for run in runs], float)
-    batch = _simulated(experiment, runs, x0, limits, threads)
+    measurements = measurements_of(experiment, runs, limits)
+    batch = _simulated(experiment, runs, x0, measurements, threads)
 
     status = np.array([end.name.lower() for end in batch.status], object)
     completed = status == COMPLETED
     ended = np.where(completed, duration, np.asarray(batch.valid_until, float))
     last = batch.state[:, -1]
 
-    onsets = np.array([run.case.onset for run in runs])
-    timestep = experiment.settings.timestep
-    recording = Recording.sampled(timestep, duration, onsets, windows(limits))
-    costs = costs_wanted(limits)
-    metrics = metrics_of_simulations(law, batch.meters, recording, x0, last, completed, costs=costs)
+    metrics = metrics_of_simulations(measurements, batch.accumulated, last, completed)
+    transient = np.array([item.transient for item in measurements])
 
     start = initial_error(law, experiment.case.x0)
-    limits_of_law = [limit for limit in limits if law.name in limit.of]
+    limits_of_law = [limit for limit in limits if law.name in limit.laws]
     margins = margins_of(limits_of_law, metrics, completed)
-    shares = [margins[limit.key] / limit.value for limit in limits_of_law]
+    shares = [margins[limit.name] / limit.number for limit in limits_of_law]
     # A margin is at most all of its limit, also of a law of which nothing is required.
     shares.append(np.ones(len(runs)))
-    order = _order(limits_of_law, shares, metrics, recording, start)
+    order = _order(limits_of_law, shares, metrics, transient, start)
 
     columns = {name: np.where(completed, values, np.nan) for name, values in metrics.items()}
     for limit in limits:
-        columns[MARGIN + limit.key] = margins.get(limit.key, np.full(len(runs), np.nan))
+        columns[MARGIN + limit.name] = margins.get(limit.name, np.full(len(runs), np.nan))
     columns["relative"] = np.where(completed, np.min(shares, axis=0), -np.inf)
     columns["order"] = np.where(completed, order, -_CUT / (1 + ended))
     columns["status"] = status
@@ -319,7 +303,7 @@ def _simulated(
     experiment: Experiment,
     runs: Sequence[Run],
     x0: Array,
-    limits: Sequence[Limit],
+    measurements: Sequence[Measurement],
     threads: int,
 ) -> Trajectory:
     """Runs of one law and duration as one batch, of which only the last state is kept."""
@@ -333,7 +317,7 @@ def _simulated(
         control_period=settings.control_period,
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],
-        meters=shared_meters(experiment, runs, limits),
+        accumulator=[item.accumulator for item in measurements],
         engine=settings.engine_for(runs[0].law),
         record=False,
         threads=threads,
@@ -341,24 +325,22 @@ def _simulated(
 
 
 def _order(
-    limits: Sequence[Limit],
+    limits: Sequence[Requirement],
     shares: Sequence[Array],
     metrics: Mapping[str, Array],
-    recording: Recording,
+    transient: Array,
     start: float,
 ) -> Array:
     """The least margin in parts of its limit, without the bound that a run's length gives it.
 
-    The margin of a settling time is that of the transient's end T where a run never settles. Then
-    it is less the error left in the last tenth of T over the nominal error at the start, or over
-    the band if that is wider: (limit - T) / limit - max|e| / max(|e(0)|, band). So the larger error
-    is the worse one.
+    Args:
+        limits: Requirements of the runs' law.
+        shares: Margins of each of them in parts of its limit, and those that no margin exceeds.
+        metrics: Metrics of the runs.
+        transient: Length of their transients [s].
+        start: Size of the nominal error at the start.
     """
     unbounded = list(shares)
-    for limit in limits:
-        if limit.kind == "settles_within":
-            never = metrics[limit.metric] > (1 - DWELL) * recording.transient
-            error_left = metrics["left"] / max(start, limit.band or 0.0)
-            worse = 1 - recording.transient / limit.value - error_left
-            unbounded.append(np.where(never, worse, np.inf))
+    for i, limit in enumerate(limits):
+        unbounded[i] = limit.order_share(shares[i], metrics, transient, start)
     return np.min(unbounded, axis=0)

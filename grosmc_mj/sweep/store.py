@@ -25,8 +25,8 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
-from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.files import atomic_write, cannot_write
+from grosmc_mj.requirements.metrics import stored_metrics
 from grosmc_mj.results.document import git_revision, machine_words, write_json
 from grosmc_mj.results.result import result
 from grosmc_mj.sweep.campaign import Campaign, Specification
@@ -440,10 +440,10 @@ def _units(campaign: Campaign) -> dict[str, str]:
     units = {"id": "", "controller": ""}
     for number in campaign.family.quantities:
         units[number.name] = number.unit
-    for name, unit in METRICS.items():
+    for name, unit in stored_metrics(error.system).items():
         units[name] = metric_units.get(unit, unit)
-    for limit in campaign.requirements:
-        units[MARGIN + limit.key] = limit.unit
+    for requirement in campaign.requirements:
+        units[MARGIN + requirement.name] = requirement.unit
     units |= {"relative": "1", "order": "1", "status": "", "ended": "s"}
     if campaign.specification.screen != "none":
         units |= SCREENING

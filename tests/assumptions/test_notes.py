@@ -11,8 +11,8 @@ from commands import Patch, Screen, run
 
 from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.requirements import judge_all
 from grosmc_mj.experiments.tables import gains_table, requirements_table
+from grosmc_mj.requirements.judging import judge_runs
 
 # A law that asks for 5 A in the first half of the run, and for 1 A in the second.
 LAW = """
@@ -110,7 +110,7 @@ def test_the_time_at_the_limit_stands_beside_the_largest_input(
 ) -> None:
     """The law asks for more than the limit of 4 A in ten of twenty samples."""
     experiment = read(tmp_path, case(f'input_below = "{limit}"', "own:half") + loop)
-    judgements = judge_all(experiment.limits, list(experiment.runs()))
+    judgements = judge_runs(experiment.limits, list(experiment.runs()))
     (row,) = requirements_table(judgements).rows
     assert row[-1] == words
 

@@ -14,8 +14,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.cases.jaco import jaco as arms
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate

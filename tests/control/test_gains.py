@@ -24,8 +24,8 @@ from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoint
 from grosmc_mj.control.task import Task, state_task
 from grosmc_mj.control.uncertainty import StateUncertainty, SwitchingGains, Uncertainty
 from grosmc_mj.errors import GainError
-from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, equilibrium
+from grosmc_mj.requirements.optimum import compare_with_optimum
 
 # gamma1 is a supremum over a grid of directions of z that are at most pi/40 from any other, so
 # it is short of the true one by at most 1 - cos(pi/40) of itself.

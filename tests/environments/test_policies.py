@@ -21,9 +21,10 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.metrics import compare_with_optimum, measure
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.requirements.optimum import compare_with_optimum
+from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -253,7 +253,7 @@ def test_a_run_has_its_metrics(short_servo: gm.Experiment) -> None:
 
 def test_requirements_are_of_physics(short_servo: gm.Experiment) -> None:
     assert short_servo.run(plant="corrected", law="grosmc").requirements == []
-    kinds = {judgement.limit.kind for judgement in short_servo.run().requirements}
+    kinds = {judgement.requirement.key for judgement in short_servo.run().requirements}
     assert kinds == {"deviation_below", "no_reaching_phase"}
 
 

@@ -122,7 +122,7 @@ def test_a_law_without_surface_is_not_asked_for_its_surface(tmp_path: Path) -> N
     path = tmp_path / "mine.toml"
     path.write_text(CASE.format(run="", more=more), encoding="utf-8")
     (limit,) = Experiment.load(path).limits
-    assert limit.of == ("grosmc",)
+    assert limit.laws == ("grosmc",)
 
 
 def test_a_file_whose_name_is_no_text_is_refused(tmp_path: Path, capsys: Screen) -> None:

@@ -15,19 +15,16 @@ from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.metrics import (
-    Comparison,
-    Metric,
-    compare_with_optimum,
-    cost_shares,
-    measure,
-    overshoot,
-    settling_time,
-)
-from grosmc_mj.experiments.requirements import Limit, judge
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
+from grosmc_mj.requirements import KINDS
+from grosmc_mj.requirements.error_metrics import overshoot, settling_time
+from grosmc_mj.requirements.judging import judge_run
+from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.run_metrics import cost_shares, measure
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -202,29 +199,21 @@ def test_a_run_is_measured_up_to_the_onset_of_its_case() -> None:
 
 
 WAVE = np.sin(2 * np.pi * np.arange(10_000) / 1000)
-CLIPPED = servo_run(np.ones(10_001), np.zeros(10_001), np.minimum(WAVE, 0.5))
+# The error is twice the wave.
+CLIPPED = servo_run(1.0 - np.append(2 * WAVE, 0.0), np.zeros(10_001), np.minimum(WAVE, 0.5))
 SLIDING = replace(CLIPPED, sliding=np.column_stack([0.3 * WAVE, 0.1 * np.ones(10_000)]))
 
 
-def metrics_of_a_wave() -> dict[str, Metric]:
-    """Metrics of a run whose error is twice the wave, beside an optimum without error."""
-    error = np.append(2 * WAVE, 0.0)
-    z = np.column_stack([error, np.zeros(10_001)])
-    nothing = np.zeros((10_001, 1))
-    comparison = Comparison(TIME, z, np.zeros_like(z), (0,), nothing, nothing)
-    return measure(SLIDING, LQR, comparison)
-
-
 def test_a_largest_input_is_of_both_signs() -> None:
-    assert metrics_of_a_wave()["max_input"] == (1.0, "A", "")
+    assert measured(SLIDING)["max_input"] == (1.0, "A", "")
 
 
 def test_the_rms_error_of_a_sine_is_its_amplitude_over_the_root_of_two() -> None:
-    assert metrics_of_a_wave()["rms_error"].value == pytest.approx(2**0.5, rel=1e-4)
+    assert measured(SLIDING)["rms_error"].value == pytest.approx(2**0.5, rel=1e-4)
 
 
 def test_the_size_of_s_is_its_largest_entry() -> None:
-    metrics = metrics_of_a_wave()
+    metrics = measured(SLIDING)
     assert metrics["max_sliding"].value == pytest.approx(0.3)
     largest = np.maximum(0.3 * np.abs(WAVE), 0.1)
     rms = float(np.mean(largest**2)) ** 0.5
@@ -245,12 +234,15 @@ def test_the_total_variation_is_of_the_applied_input() -> None:
     assert measured(run)["total_variation"].value == pytest.approx(9999 / 10)
 
 
-def test_a_cart_travels_from_where_it_starts() -> None:
-    case = replace(find_case("cart_pendulum", "nominal"), x0=(5.0, 0.0, -0.5, 0.0), duration=0.1)
+def test_an_internal_position_is_measured_by_its_largest_magnitude() -> None:
+    case = replace(find_case("cart_pendulum", "nominal"), x0=(-5.0, 0.0, -0.5, 0.0), duration=0.1)
     result = run_case(case, "corrected", "lqr", Settings(engine="python"))
     cart = result.trajectory.state[:, 0]
-    assert result.metrics["cart_travel"].value == pytest.approx(5.0 - cart.min(), rel=1e-12)
-    assert 5.0 - cart.min() < 0.1
+    assert result.metrics["largest cart position"] == (np.abs(cart).max(), "m", "")
+
+
+def test_a_controlled_position_is_no_internal_one() -> None:
+    assert not any(name.startswith("largest") for name in measured(RUN))
 
 
 def test_error_of_several_outputs_is_the_norm_of_theirs() -> None:
@@ -265,9 +257,10 @@ def test_error_of_several_outputs_is_the_norm_of_theirs() -> None:
 # Requirements
 
 
-def limit(kind: str, value: float, after: float = 0.0) -> Limit:
-    """A requirement of the servo's LQR."""
-    return Limit(kind, "", value, "", after, ("lqr",), ("physics",))
+def limit(key: str, number: float, **options: Any) -> Requirement:
+    """A requirement of a kind."""
+    (kind,) = [kind for kind in KINDS if kind.key == key]
+    return kind(number=number, **options)
 
 
 COSTS = {"cost_continuous": 5.0, "cost_whole": 3.0, "cost_optimal": 2.0}
@@ -280,7 +273,6 @@ COSTS = {"cost_continuous": 5.0, "cost_whole": 3.0, "cost_optimal": 2.0}
         ("settles_within", {"settling_time": 0.125}, 0.125),
         ("deviation_below", {"deviation": 0.125}, 0.125),
         ("sliding_below", {"max_sliding": 0.125}, 0.125),
-        ("cart_travel_below", {"cart_travel": 0.125}, 0.125),
         ("cost_ratio_below", COSTS, 1.5),
         ("input_below", {"max_input": 1.5}, 1.5),
     ],
@@ -289,7 +281,7 @@ def test_a_limit_is_of_its_own_metric(kind, metrics, value, factor, kept) -> Non
     """It is kept if it is just met."""
     result = result_of(RUN, **{name: Metric(size, "") for name, size in metrics.items()})
     allowed = factor * value
-    judgement = judge(limit(kind, allowed), result)
+    judgement = judge_run(limit(kind, allowed), result)
     assert judgement.measured == value
     assert judgement.kept == kept
     assert judgement.margin == allowed - value
@@ -308,7 +300,7 @@ def test_the_rest_of_the_input_costs_a_second_over_the_optimum() -> None:
 )
 def test_a_surface_starts_at_zero_to_rounding(start, kept) -> None:
     run = replace(RUN, sliding=np.append(start, np.zeros(9999)))
-    judgement = judge(limit("no_reaching_phase", 1e-9), result_of(run))
+    judgement = judge_run(limit("no_reaching_phase", 1e-9), result_of(run))
     assert judgement.measured == abs(start)
     assert judgement.kept == kept
 
@@ -317,8 +309,29 @@ def test_a_surface_starts_at_zero_to_rounding(start, kept) -> None:
 def test_an_error_stays_within_from_the_instant_itself_on(row, error) -> None:
     """To both sides: theta beyond theta_d is a negative error, after 6 s of decay."""
     within = limit("stays_within", 0.1, after=6.0)
-    judgement = judge(within, result_of(bumped(row, 0.25)))
+    judgement = judge_run(within, result_of(bumped(row, 0.25)))
     assert judgement.measured == pytest.approx(error, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        ("stays_within", np.abs(RUN.state[2000:, 1]).max()),
+        ("final_error_below", np.abs(RUN.state[9000:, 1]).max()),
+        ("rms_below", np.sqrt(np.mean(RUN.state[2000:, 1] ** 2))),
+    ],
+)
+def test_a_requirement_on_a_state_limits_its_magnitude(key: str, expected: float) -> None:
+    after = 9.0 if key == "final_error_below" else 2.0
+    of_state = limit(key, 1.0, signal="rotor speed", after=after)
+    judgement = judge_run(of_state, result_of(RUN))
+    assert judgement.measured == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_requirement_on_an_output_by_its_name_limits_its_error() -> None:
+    of_output = limit("stays_within", 1.0, signal="rotor angle", after=2.0)
+    judgement = judge_run(of_output, result_of(RUN))
+    assert judgement.measured == pytest.approx(np.abs(1.0 - RUN.state[2000:, 0]).max(), rel=1e-12)
 
 
 # The record

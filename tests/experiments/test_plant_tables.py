@@ -15,8 +15,8 @@ from case_texts import MAGLEV, OWN, STEP, load, written
 from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.experiments.requirements import Limit
 from grosmc_mj.physics.edits import AddedMass
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.sweep.runs import Row, run_rows
 
 LEVITATED = """
@@ -249,7 +249,7 @@ def test_the_command_prints_a_line_for_an_implausible_number(tmp_path, capsys, m
 class LoadedCase(NamedTuple):
     """Limits of a shipped case, and the warnings until they are there."""
 
-    limits: Sequence[Limit]
+    limits: Sequence[Requirement]
     warned: list[str]
 
 

@@ -181,6 +181,27 @@ REQUIREMENTS = [
     ('settles_within = "1 s"\nband = "0 rad"', "'0 rad' must be positive"),
     ('rms_below = "1 mrad"\nafter = "7 s"', "after = 7 s must be before the end of a run at 6 s"),
     ('stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
+    (
+        'stays_within = "1 rad"\nstate = "rotor angel"',
+        "unknown state 'rotor angel': did you mean 'rotor angle'?",
+    ),
+    (
+        'stays_within = "1 rad"\nstate = "rotor speed"',
+        'stays_within: "1 rad" cannot be converted to rad/s',
+    ),
+    (
+        'stays_within = "1 rad"\ninput_below = "1 A"\nstate = "rotor angle"',
+        "input_below: it is not asked of a state: stays_within, final_error_below, rms_below are",
+    ),
+    (
+        'input_below = "1 A"\nstate = "rotor angle"',
+        "state is for stays_within or final_error_below or rms_below, which is not there",
+    ),
+    (
+        'cart_travel_below = "10 m"',
+        'requirement 1: cart_travel_below is now written state = "cart position", '
+        'stays_within = "10 m"',
+    ),
 ]
 # Limits that are shares of the error at the start.
 SHARES = ["overshoot_below = 0.1", 'settles_within = "4 s"']

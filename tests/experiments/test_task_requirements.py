@@ -12,7 +12,9 @@ from case_texts import STEP, load
 
 from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.requirements import Judgement, Limit, judge, judge_all
+from grosmc_mj.requirements.judging import Judgement, judge_run, judge_runs
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.settles_within import SettlesWithin
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result, Value
 
@@ -46,8 +48,8 @@ def step(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def measured(result: RunResult, kind: str) -> float:
     """The measured value of a kind of limit."""
-    (limit,) = [limit for limit in result.experiment.limits if limit.kind == kind]
-    value = judge(limit, result).measured
+    (limit,) = [limit for limit in result.experiment.limits if limit.key == kind]
+    value = judge_run(limit, result).measured
     assert value is not None
     return value
 
@@ -93,7 +95,7 @@ def test_a_band_that_is_reached_late_says_how_long_the_optimum_takes(tmp_path) -
     """By the law's own error dynamics, without the lag of twice the inertia."""
     experiment = load(tmp_path, STEP + HEAVIER)
     (limit,) = experiment.limits
-    judgement = judge(limit, experiment.run("corrected", "pd"))
+    judgement = judge_run(limit, experiment.run("corrected", "pd"))
     assert not judgement.kept
     assert (judgement.measured or 0) > settled(0.02) + 0.5
     assert judgement.note == f"its nominal optimum itself: takes {settled(0.02):.3g} s"
@@ -125,7 +127,7 @@ def test_a_band_that_is_never_reached_says_so_of_the_optimum_too(tmp_path) -> No
     """Poles at 3 rad/s leave 1 % of the step after 1.5 s, not a millionth."""
     experiment = load(tmp_path, SHORT)
     (limit,) = experiment.limits
-    judgement = judge(limit, experiment.run("physics", "pd"))
+    judgement = judge_run(limit, experiment.run("physics", "pd"))
     assert not judgement.kept
     assert judgement.measured is None
     assert judgement.note == "not reached; its nominal optimum itself: not reached"
@@ -148,15 +150,15 @@ FOLLOWING = [
 ]
 
 
-def limits_of(experiment: Experiment) -> dict[str, Limit]:
+def limits_of(experiment: Experiment) -> dict[str, Requirement]:
     """The first limit of each kind."""
-    return {limit.kind: limit for limit in reversed(experiment.limits)}
+    return {limit.key: limit for limit in reversed(experiment.limits)}
 
 
 @pytest.mark.parametrize("name", REGULATED + FOLLOWING)
 def test_a_machine_asks_something_of_every_law(name: str) -> None:
     experiment = Experiment.load(name)
-    laws = set[str]().union(*(limit.of for limit in limits_of(experiment).values()))
+    laws = set[str]().union(*(limit.laws for limit in limits_of(experiment).values()))
     assert laws == set(experiment.controllers)
 
 
@@ -166,7 +168,7 @@ def test_a_machines_input_may_use_the_range_of_its_actuators(name: str) -> None:
     loop = experiment.case.loop
     assert loop is not None
     largest = max(actuator.limit for actuator in loop.actuators)
-    assert limits_of(experiment)["input_below"].value == largest
+    assert limits_of(experiment)["input_below"].number == largest
 
 
 @pytest.mark.parametrize("name", REGULATED)
@@ -178,26 +180,28 @@ def test_a_regulated_machine_ends_within_two_steps_of_its_sensor(name: str) -> N
     outputs = {system.states[row].name for row in system.controlled}
     (step,) = (sensor.resolution for sensor in loop.sensors if sensor.of in outputs)
     limit = limits_of(experiment)["final_error_below"]
-    assert limit.value == pytest.approx(2 * step, rel=0.01)
+    assert limit.number == pytest.approx(2 * step, rel=0.01)
 
 
 @pytest.mark.parametrize("name", REGULATED)
 def test_a_regulated_machine_stays_where_it_has_settled(name: str) -> None:
     limits = limits_of(Experiment.load(name))
-    assert limits["stays_within"].after == limits["settles_within"].value
+    assert limits["stays_within"].after == limits["settles_within"].number
 
 
 @pytest.mark.parametrize("name", FOLLOWING)
 def test_a_machine_that_follows_stays_in_the_band_of_its_settling(name: str) -> None:
     limits = limits_of(Experiment.load(name))
-    assert limits["settles_within"].band == limits["stays_within"].value
+    settles = limits["settles_within"]
+    assert isinstance(settles, SettlesWithin)
+    assert settles.band == limits["stays_within"].number
 
 
 @pytest.mark.parametrize("name", FOLLOWING)
 def test_the_rms_error_of_a_machine_that_follows_is_half_its_largest(name: str) -> None:
     limits = limits_of(Experiment.load(name))
-    half = limits["stays_within"].value / 2
-    assert limits["rms_below"].value == pytest.approx(half, rel=0.01)
+    half = limits["stays_within"].number / 2
+    assert limits["rms_below"].number == pytest.approx(half, rel=0.01)
 
 
 SPEED = """
@@ -268,7 +272,7 @@ class Judged(NamedTuple):
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
     experiment = load(tmp_path_factory.mktemp("judged"), CASE)
     runs = list(experiment.runs())
-    return Judged(experiment, runs, judge_all(experiment.limits, runs))
+    return Judged(experiment, runs, judge_runs(experiment.limits, runs))
 
 
 def test_a_run_answers_which_requirement_is_nearest(judged: Judged) -> None:

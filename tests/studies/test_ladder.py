@@ -349,10 +349,10 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
         expected: Any = pytest.approx(share * start, rel=2e-3)
         if claim.id == "arm-tracking":
             expected = share * 1.0
-        elif limit.kind == "settles_within":
+        elif limit.key == "settles_within":
             expected = 2 * (1 + share)
         assert claim.system == system
-        assert limit.value == expected
+        assert limit.number == expected
 
 
 TWO_CONDITIONS = [

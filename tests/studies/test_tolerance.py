@@ -224,7 +224,7 @@ def test_every_system_s_laws_switch_in_every_way(system: str) -> None:
 def test_requirements_hold_for_every_law_that_they_can_be_about(law: str, kinds: list[str]) -> None:
     arm = tolerance_study("arm/case1", [law])
     limits = arm.limits(arm.laws[0], arm.conditions[0])
-    assert [limit.kind for limit in limits] == kinds
+    assert [limit.key for limit in limits] == kinds
 
 
 SERVO = tolerance_study("servo", ["sign"])
@@ -248,11 +248,11 @@ def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there(
 ) -> None:
     """sgn asks for 6 A of an ideal actuator on the servo's bench, whose amplifier gives 4 A."""
     limits = SERVO.limits(SERVO.laws[0], SERVO.conditions[0])
-    kinds = {limit.kind for limit in limits}
+    kinds = {limit.key for limit in limits}
     assert "input_below" in kinds
     if not judged:
         kinds.remove("input_below")
-    assert {limit.kind for limit in judgeable_in(limits, loop, bench)} == kinds
+    assert {limit.key for limit in judgeable_in(limits, loop, bench)} == kinds
 
 
 # Runs.
@@ -263,8 +263,8 @@ def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> N
     columns = {"margin effort": np.array([0.5]), "margin error": np.array([0.1])}
     outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
     limits: Any = [
-        SimpleNamespace(key="error", value=0.2),
-        SimpleNamespace(key="effort", value=100.0),
+        SimpleNamespace(name="error", number=0.2),
+        SimpleNamespace(name="effort", number=100.0),
     ]
     judged = tolerance._judged(outcomes, 0, limits, 3)
     assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)

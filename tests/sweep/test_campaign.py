@@ -244,7 +244,7 @@ def test_a_requirement_that_runs_cannot_decide_is_not_judged(text: str, words: s
     declared = campaign(text)
     (line,) = declared.not_judged
     assert words in line
-    assert "settles_within" not in {limit.kind for limit in declared.requirements}
+    assert "settles_within" not in {limit.key for limit in declared.requirements}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.requirements import Judgement
+from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.studies.tolerance import Trial, Trials, tolerance_study
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.screening import evaluate

@@ -133,8 +133,8 @@ def test_plants_with_the_same_edits_are_one() -> None:
 
 def test_an_amplitude_scales_its_disturbance_alone() -> None:
     load, hum = sample(of("disturbance", "load", "amplitude = [-2, 2]"), -1.5).case.disturbances
-    assert (load.wrench, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
-    assert hum.wrench == (0, 0, 0, 0, 0.1, 0)
+    assert (load.amplitudes, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
+    assert hum.amplitudes == (0, 0, 0, 0, 0.1, 0)
 
 
 def test_a_pulse_with_another_onset_keeps_its_length() -> None:

@@ -26,8 +26,8 @@ from case_texts import LEG_MODEL
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.units import number_in
-from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.requirements.metrics import DEFINITIONS
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.plant_file import (
     ChosenPlant,
@@ -40,6 +40,7 @@ from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
 from grosmc_mj.sweep.store import Folder, part_runner
 
+STORED = [name for name, definition in DEFINITIONS.items() if definition.stored]
 DAMPING = of("joint", "shaft", "damping = [0, 1]")
 # All that a predicting law would otherwise take from the drawn loop.
 DELAYS = """
@@ -159,16 +160,16 @@ def again(file: Path, law: str, kind: PlantName) -> Outcomes:
 
 def assert_equal_to_the_bit(outcome: Outcomes, stored: dict[str, Any]) -> None:
     """The first run of an outcome has the stored numbers."""
-    margins = [MARGIN + limit.key for limit in outcome.limits]
-    for name in (*METRICS, *margins, "relative", "ended"):
+    margins = [MARGIN + limit.name for limit in outcome.limits]
+    for name in (*STORED, *margins, "relative", "ended"):
         assert outcome[name][0].tobytes() == np.asarray(stored[name]).tobytes(), name
     assert outcome["status"][0] == stored["status"]
 
 
 def stored_row(declared: Campaign, folder: Folder, number: int, law: str) -> dict[str, Any]:
     """The row of a run by column."""
-    margins = [MARGIN + limit.key for limit in declared.requirements]
-    names = [*METRICS, *margins, "relative", "ended", "status"]
+    margins = [MARGIN + limit.name for limit in declared.requirements]
+    names = [*STORED, *margins, "relative", "ended", "status"]
     part, place = divmod(number, declared.specification.shard)
     columns = folder.columns(declared, names, [part])[law]
     return {name: columns[name][place] for name in names}

@@ -15,9 +15,9 @@ from grosmc_mj.cli import screen
 from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
-from grosmc_mj.experiments.requirements import Judgement, judge_all
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
+from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 
@@ -64,7 +64,7 @@ def judge(
     complete: bool,
 ) -> RunAnswer:
     """Judge the runs of an experiment, and make their document."""
-    judgements = judge_all(experiment.limits, results)
+    judgements = judge_runs(experiment.limits, results)
     content = experiment_document(
         experiment,
         results,
@@ -206,18 +206,18 @@ def _requirements_table(judgements: Sequence[Judgement]) -> Table:
     rows = []
     styles = []
     for judgement in sorted(judgements, key=lambda judgement: judgement.kept):
-        limit = judgement.limit
+        requirement = judgement.requirement
         verdict = "kept" if judgement.kept else "FAILED"
         if judgement.note:
             verdict += f": {judgement.note}"
         rows.append(
             (
                 verdict,
-                limit.words,
+                requirement.words,
                 judgement.controller,
                 judgement.plant,
-                _quantity(judgement.measured, limit.unit),
-                _quantity(judgement.margin, limit.unit),
+                _quantity(judgement.measured, requirement.unit),
+                _quantity(judgement.margin, requirement.unit),
             )
         )
         styles.append("" if judgement.kept else "red")

@@ -38,6 +38,8 @@ from grosmc_mj.experiments.file.units import (
     Three,
     is_number,
 )
+from grosmc_mj.requirements import KINDS
+from grosmc_mj.requirements.requirement import Requirement
 
 
 def file_name(name: str) -> str:
@@ -274,54 +276,66 @@ class DisturbanceTable(Table):
         return self
 
 
-class RequirementTable(Table):
+_SECONDS: Any = Seconds
+_SECONDS_OR_NONE = _SECONDS | None
+
+
+def _key_of(kind: type[Requirement]) -> tuple[Any, Any]:
+    """Type and default of the key of a kind of requirement, by the quantity that it limits."""
+    if not kind.quantity:
+        return bool, False
+    if kind.quantity == "s":
+        return _SECONDS_OR_NONE, None
+    if kind.quantity == "1":
+        return float | None, None
+    # A number with a unit that the laws know.
+    return Any, None
+
+
+_KEYS_OF_KINDS: dict[str, Any] = {kind.key: _key_of(kind) for kind in KINDS}
+_Limits = create_model("_Limits", __base__=Table, **_KEYS_OF_KINDS)
+# Keys of former versions, and how they are written today.
+_FORMER = {"cart_travel_below": 'state = "cart position", stays_within = "{}"'}
+
+
+class RequirementTable(_Limits):
     """``[[requirement]]``: limits that runs must keep, each in the unit of its quantity.
+
+    Its further keys are those of the kinds in ``grosmc_mj.requirements``.
 
     Attributes:
         of: Controllers that must keep it; all by default.
         on: Plants on which they must keep it; physics by default, or all where there is none.
-        settles_within: The error stays in the band from then on [s], up to the onset of a later
-            disturbance.
-        band: Width of that band; by default 2 % of the error at the start, which must not be zero.
-            Where a sensor's steps are coarse, three of them.
-        overshoot_below: Largest error beyond zero up to then, as a share of the error at the
-            start: 0.05 are 5 %.
-        stays_within: Largest error from ``after`` on.
-        rms_below: Root mean square of the error from ``after`` on.
+        state: State or output that ``stays_within``, ``rms_below`` and ``final_error_below`` are
+            about: of a state its magnitude, of an output its error; the error of all outputs by
+            default.
+        band: Width of the band of ``settles_within``; by default 2 % of the error at the start,
+            which must not be zero. Where a sensor's steps are coarse, three of them.
         after: Instant from which on ``stays_within`` and ``rms_below`` hold [s].
-        final_error_below: Largest error in the last tenth of the run.
-        deviation_below: Largest distance from the law's own nominal optimum.
-        input_below: Largest input.
-        sliding_below: Largest |s|; by default for the laws that have a surface.
-        cart_travel_below: Largest distance of the cart from its start [m].
-        no_reaching_phase: The sliding variable starts at zero, as an integral surface does by its
-            definition; by default for the laws that have a surface.
-        cost_ratio_below: J with the whole input over J*. Under a law that chatters it grows with
-            the run's length: the limit belongs to this file's duration.
     """
 
     of: list[str] | None = Field(None, min_length=1)
     on: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
-    settles_within: Seconds | None = None
+    state: str | None = None
     band: Any = None
-    overshoot_below: float | None = None
-    stays_within: Any = None
-    rms_below: Any = None
     after: Seconds = 0.0
-    final_error_below: Any = None
-    deviation_below: Any = None
-    input_below: Any = None
-    sliding_below: Any = None
-    cart_travel_below: Metres | None = None
-    no_reaching_phase: bool = False
-    cost_ratio_below: float | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _today(cls, table: Any) -> Any:
+        """Refuse a key of a former version, with the words of today."""
+        for key, today in _FORMER.items():
+            if isinstance(table, dict) and key in table:
+                raise ValueError(f"{key} is now written {today.format(table[key])}")
+        return table
 
     @model_validator(mode="after")
-    def _after_something(self) -> RequirementTable:
-        if "after" in self.model_fields_set and self.stays_within is self.rms_below is None:
-            raise ValueError("after is for stays_within and rms_below, which are not there")
-        if self.band is not None and self.settles_within is None:
-            raise ValueError("band is for settles_within, which is not there")
+    def _option_of_something(self) -> RequirementTable:
+        """Refuse a key that no requirement of the table reads."""
+        for option in sorted({"after", "band", "state"} & self.model_fields_set):
+            readers = [kind.key for kind in KINDS if option in kind.options]
+            if all(getattr(self, key) is None for key in readers):
+                raise ValueError(f"{option} is for {' or '.join(readers)}, which is not there")
         if self.after < 0:
             raise ValueError(f"after {self.after:g} s must not be negative")
         return self

@@ -21,7 +21,7 @@ from grosmc_mj.experiments.curves import (
     write_curves,
 )
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.requirements import Limit
+from grosmc_mj.requirements.stays_within import StaysWithin
 from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
@@ -32,7 +32,9 @@ JUDGED = """
 law = "grosmc"
 [[requirement]]
 deviation_below = "{}"
-cart_travel_below = "40 cm"
+[[requirement]]
+state = "cart position"
+stays_within = "40 cm"
 """
 # The link is pushed through the angle at which its cable has no length.
 PUSH = """
@@ -76,7 +78,7 @@ def test_panels_have_their_own_units(kept: Figure) -> None:
     assert labels(kept) == [
         "pole angle [rad]",
         "distance from y* [rad]",
-        "travel of the cart [m]",
+        "cart position [m]",
         "s [rad/s]",
         "force [N]",
     ]
@@ -131,8 +133,7 @@ def test_an_output_is_drawn_with_its_reference(circle_runs: list[RunResult]) -> 
 
 def test_a_limit_about_a_reference_begins_where_it_holds(circle_runs: list[RunResult]) -> None:
     run = circle_runs[-1]
-    on = (run.plant,)
-    limit = Limit("stays_within", "3 mm", 0.003, "m", 0.1, (run.controller.name,), on)
+    limit = StaysWithin(number=0.003, unit="m", after=0.1)
     panel = panels_of(circle_runs)[1]
     above, below = levels_of(limit, panel)
     assert panel.reference is not None
@@ -347,7 +348,9 @@ def test_every_requirement_that_is_not_kept_is_named(tmp_path) -> None:
     results = list(
         load(tmp_path, short_run("servo", '"rotor angle" = "0 rad"', "0.1 s") + ALL_FAIL).runs()
     )
-    failed = {item.limit.words for run in results for item in run.requirements if not item.kept}
+    failed = {
+        item.requirement.words for run in results for item in run.requirements if not item.kept
+    }
     titles = "\n".join(axes.get_title(loc="right") for axes in figure_of(results).axes)
     assert {words for words in failed if words in titles} == failed
     assert len(failed) >= 5

@@ -24,12 +24,12 @@ from grosmc_mj.control.reaching import mismatch, sliding_dynamics
 from grosmc_mj.control.task import Realization
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.metrics import SETTLING_BAND
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.requirements.metrics import SETTLING_BAND
 from grosmc_mj.simulation.trajectory import Status
 
 SYSTEM = "cart_pendulum"

@@ -16,12 +16,13 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     within,
 )
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.metrics import compare_with_optimum, settling_time
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
+from grosmc_mj.requirements.error_metrics import settling_time
+from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 _SYSTEM = "cart_pendulum"

@@ -21,9 +21,9 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.metrics import Comparison, compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.

@@ -20,10 +20,10 @@ from grosmc_mj.chapter.claims.measurements.measures import (
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.metrics import overshoot
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.error_metrics import overshoot
 
 _SYSTEM = "servo"
 _MEASURES = ("damping ratio", "phase margin", "slowest pole", "delay margin")

@@ -23,11 +23,11 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.metrics import compare_with_optimum
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import AnalyticPlant, find_system
+from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status

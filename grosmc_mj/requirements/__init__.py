@@ -1,0 +1,36 @@
+"""Requirements on runs, one file a kind, and the metrics that they limit.
+
+``requirement`` has the base class of the kinds, ``judging`` the judgements.
+
+``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
+run, ``accumulator`` accumulates it, ``run_metrics`` gives the metrics, and ``error_metrics`` those
+of an error alone. ``optimum`` has the optimum that a run is compared with.
+"""
+
+from __future__ import annotations
+
+from grosmc_mj.requirements.cost_ratio_below import CostRatioBelow
+from grosmc_mj.requirements.deviation_below import DeviationBelow
+from grosmc_mj.requirements.final_error_below import FinalErrorBelow
+from grosmc_mj.requirements.input_below import InputBelow
+from grosmc_mj.requirements.no_reaching_phase import NoReachingPhase
+from grosmc_mj.requirements.overshoot_below import OvershootBelow
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.rms_below import RmsBelow
+from grosmc_mj.requirements.settles_within import SettlesWithin
+from grosmc_mj.requirements.sliding_below import SlidingBelow
+from grosmc_mj.requirements.stays_within import StaysWithin
+
+# All kinds, in the order in which a table of a file is read.
+KINDS: tuple[type[Requirement], ...] = (
+    SettlesWithin,
+    StaysWithin,
+    FinalErrorBelow,
+    RmsBelow,
+    OvershootBelow,
+    DeviationBelow,
+    InputBelow,
+    SlidingBelow,
+    NoReachingPhase,
+    CostRatioBelow,
+)

@@ -1,0 +1,33 @@
+"""Cost of a run over the least one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import Requirement
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostRatioBelow(Requirement):
+    """J with the whole input over J*.
+
+    Under a law that chatters it grows with the run's length: the number belongs to a file's
+    duration.
+    """
+
+    key = "cost_ratio_below"
+    quantity = "1"
+
+    @property
+    def metric(self) -> str:
+        """Name of J over J*."""
+        return "cost_ratio"
+
+    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
+        """Return the ratio, or that J* is zero."""
+        cost = run.metrics["cost_whole"].value
+        optimal_cost = run.metrics["cost_optimal"].value
+        if cost is None or not optimal_cost:
+            return None, "J* is zero: the run starts where it shall end"
+        return cost / optimal_cost, ""

@@ -1,0 +1,251 @@
+"""The base class of all kinds of requirements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.measurement import Windows
+from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.run_metrics import metrics_of_record
+
+# s(0) and an error at the start are zero to rounding of z and of its reference.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirement:
+    """A metric of a run is at most a number.
+
+    A kind of requirement is a subclass in a file of its own, listed in ``KINDS``.
+
+    Attributes:
+        key: Key of the kind in a file.
+        quantity: The quantity whose unit the number has: ``output``, ``input``, ``sliding``, or
+            the unit itself; empty for a kind that is asked for with ``true``.
+        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``.
+        figure: The quantity in whose figure it is shown; empty for none.
+        is_level: Whether it is a line in that figure.
+        of_actuators: Whether it is about the range of the actuators, not about the task.
+        number: The largest value allowed.
+        unit: Unit of the number.
+        written: The number as written in the file.
+        laws: Names of the controllers that must keep it.
+        plants: Names of the plants on which they must keep it.
+        name: Unique name among the requirements of a campaign.
+        signal: Name of the state or output that it is about; empty for all outputs.
+        after: Instant from which on it holds [s].
+    """
+
+    key: ClassVar[str] = ""
+    quantity: ClassVar[str] = ""
+    options: ClassVar[tuple[str, ...]] = ()
+    figure: ClassVar[str] = ""
+    is_level: ClassVar[bool] = True
+    of_actuators: ClassVar[bool] = False
+
+    number: float
+    unit: str = ""
+    written: str = ""
+    laws: tuple[str, ...] = ()
+    plants: tuple[str, ...] = ()
+    name: str = ""
+    signal: str = ""
+    after: float = 0.0
+
+    # -- where it is defined -----------------------------------------------------------------------
+
+    @classmethod
+    def can_be_asked_of(cls, law: Controller) -> bool:
+        """Whether a law has the quantity."""
+        return True
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse a requirement on a quantity that the plant or the laws do not have.
+
+        Args:
+            error: Error coordinates of the laws.
+            laws: Names of the laws that it is asked of.
+            signal: Name of the state or output that it is about; empty for all outputs.
+
+        Raises:
+            ArgumentError: With the reason.
+        """
+        if cls.quantity == "output" and not signal:
+            units = {error.units[row] for row in error.output_rows}
+            if len(units) > 1:
+                raise ArgumentError("the outputs have different units: there is no one error")
+
+    @classmethod
+    def holds_from(cls, after: float, duration: float) -> float:
+        """Return the instant from which on it holds [s].
+
+        Args:
+            after: The file's ``after`` [s].
+            duration: Duration of a run [s].
+        """
+        return after if "after" in cls.options else 0.0
+
+    def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
+        """Refuse a start from which nothing can be measured.
+
+        Args:
+            law: One of the laws that must keep it.
+            x0: Start, (n,).
+
+        Raises:
+            ArgumentError: If it is a share of the error at the start, which is zero to rounding.
+        """
+
+    def why_undecidable(self, transient: float) -> str:
+        """Return why no run can decide it, or nothing.
+
+        Args:
+            transient: Time before a disturbance begins or a run ends [s].
+        """
+        return ""
+
+    def why_unfailing(self, law: Controller, input_limits: Array) -> str:
+        """Return why a run that reaches its end keeps it whatever it does, or nothing.
+
+        Args:
+            law: The controller of the run.
+            input_limits: Least and largest of each input, (2, m).
+        """
+        return ""
+
+    # -- what is measured --------------------------------------------------------------------------
+
+    @property
+    def metric(self) -> str:
+        """Name of the limited metric."""
+        raise NotImplementedError
+
+    @property
+    def tolerated_as(self) -> str:
+        """Name of the metric whose tolerance on another machine the margin has."""
+        return self.metric
+
+    @property
+    def windows(self) -> Windows:
+        """Windows, bands and signals that the metric needs."""
+        signals = (self.signal,) if self.signal else ()
+        after = (self.after,) if self.after else ()
+        return Windows(after=after, signals=signals)
+
+    @property
+    def title(self) -> str:
+        """The kind in words, behind the state or output that it is about."""
+        return f"{self.signal} {self.key.replace('_', ' ')}".lstrip()
+
+    @property
+    def words(self) -> str:
+        """The requirement in words."""
+        words = f"{self.title} {self.written}"
+        if self.after and "after" in self.options:
+            words += f" from {self.after:g} s on"
+        return words
+
+    @property
+    def shown_with(self) -> str:
+        """The quantity, state or output in whose figure it is shown; empty for none."""
+        if self.figure and self.signal:
+            return self.signal
+        return self.figure
+
+    def applies_to(self, run: MeasuredRun) -> bool:
+        """Whether it is about a run."""
+        return run.controller.name in self.laws and run.plant in self.plants
+
+    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
+        """Return the limited value of a run, or None and the reason why there is none."""
+        if self.after and run.trajectory.time[-1] < self.after * (1 - 1e-12):
+            return None, "the run is shorter"
+        metric = run.metrics.get(self.metric)
+        if metric is not None:
+            return metric.value, metric.note
+        value = self.replayed(run)
+        if math.isfinite(value):
+            return value, ""
+        return None, "not reached"
+
+    def replayed(self, run: MeasuredRun) -> float:
+        """Return the limited metric of a recorded run; infinite where it is not defined."""
+        metrics = metrics_of_record(
+            run.trajectory, run.controller, run.comparison, run.onset, self.windows
+        )
+        return metrics[self.metric]
+
+    def of_optimum(self, run: MeasuredRun) -> Metric | None:
+        """Return the value of the run's nominal optimum itself; None where it tells nothing."""
+        return None
+
+    def note(self, run: MeasuredRun, *, kept: bool) -> str:
+        """Return a note on the judgement of a completed run, or nothing."""
+        return ""
+
+    def order_share(
+        self, share: Array, metrics: Mapping[str, Array], transient: Array, start: float
+    ) -> Array:
+        """Return margins in parts of the number without the bound that a run's length gives, (n,).
+
+        Args:
+            share: Margins in parts of the number, (n,).
+            metrics: Metrics of the runs, (n,) each.
+            transient: Length of their transients [s], (n,).
+            start: Size of the nominal error at the start, in the outputs' unit.
+        """
+        return share
+
+
+class SurfaceRequirement(Requirement):
+    """A requirement on the sliding variable, which is asked of laws with a surface only."""
+
+    @classmethod
+    def can_be_asked_of(cls, law: Controller) -> bool:
+        """Whether a law has a surface."""
+        return bool(law.designed.sliding_unit)
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse laws without a surface."""
+        if not laws:
+            raise ArgumentError("no law that it is asked of has a surface")
+
+
+# -- the error at the start ------------------------------------------------------------------------
+
+
+def initial_error(law: Controller, x0: Sequence[float]) -> float:
+    """Return the size of the outputs' error at a start (n,), in their unit."""
+    error = law.designed.error
+    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
+    return float(np.linalg.norm(z[list(error.output_rows)]))
+
+
+def require_initial_error(law: Controller, x0: Sequence[float], reason: str) -> None:
+    """Refuse a start without error.
+
+    Args:
+        law: One of the laws.
+        x0: Start, (n,).
+        reason: What is a share of the error at the start.
+
+    Raises:
+        ArgumentError: If the error is zero to rounding.
+    """
+    if initial_error(law, x0) > ROUNDING:
+        return
+    raise ArgumentError(
+        f"{reason} of the error at the start, and runs start without error: ask for "
+        "stays_within with after instead, or start elsewhere"
+    )

@@ -1,0 +1,122 @@
+"""Settling time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.requirements.error_metrics import settling_time
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.measurement import Windows
+from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Metric, settled_in
+from grosmc_mj.requirements.requirement import Requirement, require_initial_error
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettlesWithin(Requirement):
+    """The error stays in a band from then on [s], up to the onset of a later disturbance.
+
+    Attributes:
+        band: Half width of the band in the unit of the output; None for 2 % of the error at the
+            start.
+        band_written: The band as written in the file.
+    """
+
+    key = "settles_within"
+    quantity = "s"
+    options = ("band",)
+    figure = "output"
+    is_level = False
+
+    band: float | None = None
+    band_written: str = ""
+
+    @property
+    def metric(self) -> str:
+        """Name of the time after which the error has not left the band."""
+        return settled_in(self.band)
+
+    @property
+    def tolerated_as(self) -> str:
+        """Name of the usual settling time."""
+        return "settling_time"
+
+    @property
+    def windows(self) -> Windows:
+        """The band, if it is not the usual one."""
+        bands = () if self.band is None else (self.band,)
+        return Windows(bands=bands)
+
+    @property
+    def words(self) -> str:
+        """The requirement in words."""
+        if self.band is None:
+            return super().words
+        return f"{super().words} to {self.band_written}"
+
+    def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
+        """Refuse a start without error, of which the usual band is a share."""
+        if self.band is None:
+            share = f"its band is {100 * SETTLING_BAND:g} %"
+            require_initial_error(law, x0, f"{self.key}: {share}")
+
+    def why_undecidable(self, transient: float) -> str:
+        """Say that a tenth of the transient must be left to see that the error stays."""
+        latest = (1 - DWELL) * transient
+        if self.number <= latest * (1 + 1e-12):
+            return ""
+        needed = math.ceil(100 * self.number / (1 - DWELL)) / 100
+        return (
+            f"there are {transient:g} s before a run ends or a disturbance begins; they tell up to "
+            f"{latest:g} s, since an error counts as settled after a tenth of them in the band: "
+            f"require that at most, or make them {needed:g} s at least"
+        )
+
+    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
+        """Return the settling time, or that it is not reached."""
+        if self.band is None:
+            metric = run.metrics["settling_time"]
+            return metric.value, metric.note
+        return super().measured(run)
+
+    def of_optimum(self, run: MeasuredRun) -> Metric:
+        """Return the settling time of the nominal optimum."""
+        comparison = run.comparison
+        return settling_time(comparison.time, comparison.optimal_error, self.band)
+
+    def note(self, run: MeasuredRun, *, kept: bool) -> str:
+        """Say of a run that is late how long its nominal optimum itself takes."""
+        if kept or not _has_nominal_error(run.controller):
+            return ""
+        settled = self.of_optimum(run)
+        words = settled.note
+        if settled.value is not None:
+            words = f"takes {settled.value:.3g} s"
+        return f"its nominal optimum itself: {words}"
+
+    def order_share(
+        self, share: Array, metrics: Mapping[str, Array], transient: Array, start: float
+    ) -> Array:
+        """Tell runs that never settle apart by the error that is left.
+
+        Their margin is that of the transient's end T. It is made less by the error left in the last
+        tenth of T over the nominal error at the start, or over the band if that is wider:
+        (number - T) / number - max|e| / max(|e(0)|, band). So the larger error is the worse one.
+        """
+        never = metrics[self.metric] > (1 - DWELL) * transient
+        error_left = metrics["left"] / max(start, self.band or 0.0)
+        worse = 1 - transient / self.number - error_left
+        return np.minimum(share, np.where(never, worse, np.inf))
+
+
+def _has_nominal_error(law: Controller) -> bool:
+    """Whether the error of the law's nominal loop is that of its design: of K z, with more or not.
+
+    Laws with an integrator of their own and a user's laws are only compared with an optimum.
+    """
+    return law.designed.follows_optimum or hasattr(law.parameters, "K")
