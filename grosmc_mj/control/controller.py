@@ -212,13 +212,6 @@ def custom_controller(
     _require_names(numbers, reserved=_OF_THE_NOMINAL_PLANT)
     _require_names(memory, reserved=_OF_THE_RUN)
 
-    # A number's gain is worth showing; an array or an infinite limit is not.
-    gains: dict[str, float] = {}
-    for key, value in numbers.items():
-        number = real(value)
-        if math.isfinite(number):
-            gains[key] = number
-
     initial: dict[str, Any] = {}
     for key, value in memory.items():
         initial[key] = _initial_value(key, value)
@@ -236,7 +229,7 @@ def custom_controller(
         parameters,
         extended_memory_of(design.error.inputs, **initial),
         source="a law of one's own",
-        gains=gains,
+        gains=_gains_to_show(numbers),
     )
 
 
@@ -284,6 +277,16 @@ def _require_names(fields: Mapping[str, Any], reserved: Sequence[str]) -> None:
     for name in fields:
         if not name.isidentifier() or keyword.iskeyword(name) or name in reserved:
             raise ArgumentError(f"{name!r} cannot be the name of a number or memory")
+
+
+def _gains_to_show(numbers: Mapping[str, Any]) -> dict[str, float]:
+    """Finite numbers of a law: an array or an infinite limit is no gain worth showing."""
+    gains: dict[str, float] = {}
+    for key, value in numbers.items():
+        number = real(value)
+        if math.isfinite(number):
+            gains[key] = number
+    return gains
 
 
 def _initial_value(name: str, value: Any) -> float | Array:

@@ -48,6 +48,8 @@ def integral_surface(t: float, z: Any, memory: Any, p: Any) -> None:
 @jitable
 def integrate(t: float, memory: Any) -> None:
     """Bring the integral of ``memory.rate`` up to the sample at t [s]."""
+    # The difference of the exact instants k T: it is off the control period by their rounding, but
+    # the sum of all of them is t.
     memory.elapsed = t - memory.t
     memory.t = t
     for i in range(len(memory.rate)):

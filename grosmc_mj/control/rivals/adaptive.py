@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any
@@ -100,7 +101,6 @@ def adaptive(
     """
     error = task.outputs
     parametrization = _parametrization_of(error)
-    m = error.inputs
 
     q_d = np.array(error.reference(0.0, task.reference))[::3]
     damping = frequency * parametrization.inertia(q_d, task.plant.parameters)
@@ -113,23 +113,27 @@ def adaptive(
         damping=damping,
         limit=limit,
     )
-    memory = memory_of(
-        AdaptiveMemory,
-        v=np.zeros(m),
-        theta=np.zeros(len(parametrization.theta)),
-        composite=np.zeros(m),
-        z=np.zeros(error.size),
-        r=np.zeros(m),
-        a=np.zeros(m),
-    )
     return noting_controller(
         "adaptive",
         slotine_li(error, parametrization),
         like,
         numbers,
-        memory,
+        _memory(error.inputs, error.size, len(parametrization.theta)),
         source="Slotine and Li 1987",
         gains={"frequency": frequency, "adaptation": adaptation},
+    )
+
+
+def _memory(m: int, n: int, k: int) -> Callable[[], Any]:
+    """Function that makes the memory of each run: m joints, n entries of z, k parameters."""
+    return memory_of(
+        AdaptiveMemory,
+        v=np.zeros(m),
+        theta=np.zeros(k),
+        composite=np.zeros(m),
+        z=np.zeros(n),
+        r=np.zeros(m),
+        a=np.zeros(m),
     )
 
 

@@ -137,6 +137,19 @@ def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> L
     return law
 
 
+def _memory(m: int, n: int, order: int) -> Callable[[], Any]:
+    """Function that makes the memory of each run: m inputs, n entries of z, an order of q."""
+    return memory_of(
+        DynamicMemory,
+        v=np.zeros(m),
+        z=np.zeros(n),
+        q=np.zeros(order),
+        after=np.zeros(order),
+        within=np.zeros(m),
+        applied=np.zeros(m),
+    )
+
+
 def dynamic_controller(
     name: str,
     task: Task,
@@ -173,17 +186,7 @@ def dynamic_controller(
 
     # Shapes are the same at every period; a run takes the matrices of its own period.
     dynamics = at(1.0)
-    order = len(dynamics.F)
-    m = task.error.inputs
-    memory = memory_of(
-        DynamicMemory,
-        v=np.zeros(m),
-        z=np.zeros(task.error.size),
-        q=np.zeros(order),
-        after=np.zeros(order),
-        within=np.zeros(m),
-        applied=np.zeros(m),
-    )
+    memory = _memory(task.error.inputs, task.error.size, len(dynamics.F))
     parameters = DynamicParameters(
         plant=task.plant.parameters,
         reference=task.reference,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Annotated, Any
@@ -156,28 +156,37 @@ def pid(
         high=np.broadcast_to(high, m).astype(float),
         tracking_time=tracking_time,
     )
-    memory = memory_of(
+    return noting_controller(
+        "pid",
+        _law(error, tuple(rows)),
+        like,
+        numbers,
+        _memory(m, error.size),
+        source="Astrom and Hagglund 2006",
+        gains=_gains_to_show(gains),
+    )
+
+
+def _memory(m: int, n: int) -> Callable[[], Any]:
+    """Function that makes the memory of each run: m outputs, n entries of z."""
+    return memory_of(
         PidMemory,
         v=np.zeros(m),
-        z=np.zeros(error.size),
+        z=np.zeros(n),
         setpoint=np.zeros(m),
         first_output=np.zeros(m),
         integral=np.zeros(m),
         rate=np.zeros(m),
         last=np.zeros(m),
     )
+
+
+def _gains_to_show(gains: PidGains) -> dict[str, float]:
+    """Gains by their names, without a number where there is one output."""
     shown = named_gains(kp=gains.kp[None], ki=gains.ki[None], kd=gains.kd[None])
-    if m == 1:
-        shown = {name.rstrip("1"): value for name, value in shown.items()}
-    return noting_controller(
-        "pid",
-        _law(error, tuple(rows)),
-        like,
-        numbers,
-        memory,
-        source="Astrom and Hagglund 2006",
-        gains=shown,
-    )
+    if len(gains.kp) > 1:
+        return shown
+    return {name.rstrip("1"): value for name, value in shown.items()}
 
 
 def _controlled(error: OutputCoordinates | StateCoordinates, names: Sequence[str]) -> list[int]:
