@@ -1,7 +1,8 @@
 """Friction of a drive: Coulomb, viscous, Stribeck and load-dependent, models M1 to M6 of BAM.
 
 M. Duclusaud, G. Passault, V. Padois and O. Ly, "Extended friction models for the physics simulation
-of servo actuators", ICRA 2025, and the project Better Actuator Models, github.com/Rhoban/bam:
+of servo actuators", arXiv 2410.08650, 2024, and the project Better Actuator Models, whose source,
+github.com/Rhoban/bam, has the signs of the loads and the quadratic term:
 
     limit(v) = F_c + |k_e tau_e - k_m tau_m|
                + exp(-|v/v_s|^a) (F_s + |s_e tau_e - s_m tau_m| + quadratic)

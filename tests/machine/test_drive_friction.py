@@ -54,6 +54,7 @@ MX106 = {
         stribeck_speed=1.6232949773728853,
         stribeck_exponent=1.323485668999259,
     ),
+    # M6 without its quadratic terms.
     "M5": DriveFriction(
         "shaft",
         coulomb=1e-5,
@@ -347,6 +348,24 @@ def test_a_joint_breaks_away_at_its_friction_at_rest(share: float, moves: bool) 
     part = MX106["M6"]
     stepper = advanced(servo(TORQUE, part, timestep=1e-3), 2.0, torque_of(part, share))
     assert (stepper.q[0] > 0.01) == moves
+
+
+@pytest.mark.parametrize("robot", ["arm", "two_link_arm"])
+def test_self_locking_gears_hold_any_load(robot: str) -> None:
+    """Friction is more than the load that it comes from: k_e > 1."""
+    nominal = MujocoPlant.load(robot)
+    parts = tuple(
+        DriveFriction(joint, coulomb=1e-3, load_external=1.2) for joint in nominal.system.joints
+    )
+    stepper = Steppers(0.0).of(nominal.edited(*parts))
+    start = np.zeros(2 * len(parts))
+    stepper.restart(start)
+    for _ in range(5000):
+        stepper.advance(stepper.model, stepper.data)
+    loads = np.abs(stepper.data.qfrc_bias[: len(parts)])
+    assert np.all(loads > 0.05)
+    creep = 1e-4 * 1e-3 * stepper.model.dof_invweight0[: len(parts)] * loads
+    assert np.all(np.abs(stepper.v) < 1.1 * creep)
 
 
 # In motion
