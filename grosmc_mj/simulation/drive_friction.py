@@ -1,7 +1,7 @@
 """Timesteps of a model with friction of its drives, whose limit depends on speed and torques.
 
 MuJoCo takes the limit of a joint's dry friction from the model. Here it is written there before
-each timestep, from the torques and speeds as that begins.
+each timestep, from the torques and speeds as it begins.
 """
 
 from __future__ import annotations

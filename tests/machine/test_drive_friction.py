@@ -248,7 +248,7 @@ def error(bench: Bench, part: DriveFriction, **settings: Any) -> float:
 def test_a_servo_moves_as_its_equations(
     name: str, integrator: str, timestep: float, bound: float
 ) -> None:
-    """The limits are those of the begin of a step, so the error is of its order."""
+    """The limits are those of the beginning of a step, so the error is of its order."""
     measured = error(MX106_BENCH, MX106[name], timestep=timestep, integrator=integrator)
     assert measured < bound
 
