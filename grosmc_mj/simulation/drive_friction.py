@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
-from grosmc_mj.loop.stages import Vector
 from grosmc_mj.machine.drive_friction import NUMBERS, drive_frictions, friction_limit
 from grosmc_mj.physics.dry_friction import constraint_of
 from grosmc_mj.simulation.guard import c_address
 from grosmc_mj.simulation.kernel import READ, STEP
-from grosmc_mj.structures import laid_out_as, numba_type, pointer, structure_at
+from grosmc_mj.structures import Vector, laid_out_as, numba_type, pointer, structure_at
 
 # Row of each part: its numbers; softness and damping of its constraint, see ``constraint_of``.
 _FRICTION = np.dtype([(name, np.float64) for name in (*NUMBERS, "softness", "damping")])
