@@ -278,6 +278,15 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "LuGre": part(
         machine.LuGre, joint="shaft", coulomb=0.1, static=0.2, stiffness=100.0, damping=0.1
     ),
+    "DriveFriction": part(
+        machine.DriveFriction,
+        joint="shaft",
+        coulomb=0.1,
+        viscous=0.1,
+        load_motor=0.1,
+        stribeck_force=0.1,
+        stribeck_speed=0.1,
+    ),
     "Stop": part(machine.Stop, joint="shaft", low=-1.0, high=1.0),
     "Motor": part(
         machine.Motor,

@@ -29,6 +29,7 @@ _OF = {
     "motor": "input",
     "transmission": "joint",
     "lugre": "joint",
+    "drive_friction": "joint",
     "stop": "joint",
 }
 # Owners whose numbers stand in an [[edit]].

@@ -6,6 +6,7 @@ A part is an edit of a model that also knows the timestep it needs and its state
 from __future__ import annotations
 
 from grosmc_mj.machine.backlash import Transmission
+from grosmc_mj.machine.drive_friction import DriveFriction
 from grosmc_mj.machine.friction import LuGre
 from grosmc_mj.machine.loads import SlidingLoad, SwingingLoad
 from grosmc_mj.machine.motor import Motor
@@ -13,9 +14,10 @@ from grosmc_mj.machine.part import MachinePart
 from grosmc_mj.machine.stops import Stop, Wall
 
 # All kinds, in the order in which a case file is read.
-PARTS = (Transmission, LuGre, Stop, Motor, SwingingLoad, SlidingLoad, Wall)
+PARTS = (Transmission, LuGre, DriveFriction, Stop, Motor, SwingingLoad, SlidingLoad, Wall)
 
 __all__ = [
+    "DriveFriction",
     "LuGre",
     "MachinePart",
     "Motor",

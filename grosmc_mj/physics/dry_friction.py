@@ -73,6 +73,24 @@ def creeping_joints(model: mujoco.MjModel) -> dict[str, float]:
 
 def _creep_speed(model: mujoco.MjModel, dof: int, force: float) -> float:
     """Speed at which a joint creeps under a force [N m] or [N] that its friction should hold."""
+    softness, damping = constraint_of(model, dof)
+    if damping <= 0:
+        return math.inf
+    return softness * force / damping
+
+
+def constraint_of(model: mujoco.MjModel, dof: int) -> tuple[float, float]:
+    """Numbers of the soft constraint that is dry friction.
+
+    Below its limit the friction is -(a + damping v)/softness at an acceleration a and a speed v.
+
+    Args:
+        model: Compiled model.
+        dof: Degree of freedom.
+
+    Returns:
+        Softness (1 - d)/d w [1/(kg m^2) or 1/kg] and damping b [1/s], see the module.
+    """
     least, largest = model.dof_solimp[dof, :2]
     time_constant, damping_ratio = model.dof_solref[dof]
     if time_constant > 0:
@@ -82,8 +100,6 @@ def _creep_speed(model: mujoco.MjModel, dof: int, force: float) -> float:
     else:
         # A negative solref gives stiffness and damping themselves.
         damping = -damping_ratio / largest
-    if damping <= 0:
-        return math.inf
 
     softness = (1 - least) / least * float(model.dof_invweight0[dof])
-    return float(softness * force / damping)
+    return softness, float(damping)

@@ -57,6 +57,8 @@ class Edit(ABC):
         order: Edits are written in ascending order, whatever the order they are listed in.
         several: True if one owner may have several of the kind.
         rigid: True if the rigid system, of which there are equations, can have it.
+        stepped: True if each timestep computes numbers of the model for it, so that the model alone
+            has no x'.
     """
 
     kind: ClassVar[str] = "edit"
@@ -64,6 +66,7 @@ class Edit(ABC):
     order: ClassVar[int]
     several: ClassVar[bool] = False
     rigid: ClassVar[bool] = True
+    stepped: ClassVar[bool] = False
 
     @property
     def of(self) -> str:

@@ -214,7 +214,8 @@ class MujocoPlant(Plant):
         """x' by MuJoCo's forward dynamics, (n,).
 
         Raises:
-            ModelError: If it has hidden states, on which x' depends, too.
+            ModelError: If it has hidden states, on which x' depends, too, or a part whose numbers
+                a timestep computes.
         """
         self._refuse_hidden()
         x, u, w = self.checked(x, u, wrench)
@@ -231,6 +232,12 @@ class MujocoPlant(Plant):
                 f"{self.system.name} has states that x does not tell ({names}): ask its .rigid "
                 "plant"
             )
+        stepped = [str(edit) for edit in self.edits if edit.stepped]
+        if stepped:
+            raise ModelError(
+                f"{self.system.name} has friction that is computed for a timestep, not for a state "
+                f"({', '.join(stepped)}): ask its .rigid plant"
+            )
 
     def scaled(self, body: str, mass: float, length: float) -> MujocoPlant:
         """Copy with the mass and all lengths of a body of the nominal model scaled.
@@ -244,7 +251,7 @@ class MujocoPlant(Plant):
         """A and B by MuJoCo's own finite differences, see ``linearize``.
 
         Raises:
-            ModelError: If it has hidden states.
+            ModelError: As ``derivative``.
         """
         self._refuse_hidden()
         state, inputs = self.operating_point(x, u)

@@ -56,7 +56,7 @@ _INTEGERS = types.Array(_INT, 1, "C")
 LAW = _INT(_FLOAT, types.voidptr)
 NOTE = types.void(_FLOAT, types.voidptr)
 STEP = types.void(_INT, _INT)
-_READ = types.void(_INT, _INT, _INT, _INT)
+READ = types.void(_INT, _INT, _INT, _INT)
 
 
 class KernelRun(NamedTuple):
@@ -117,7 +117,7 @@ class KernelRun(NamedTuple):
     h: float
     period: float
     step: Annotated[Any, types.FunctionType(STEP)]
-    read: Annotated[Any, types.FunctionType(_READ)]
+    read: Annotated[Any, types.FunctionType(READ)]
     law: Annotated[Any, types.FunctionType(LAW)]
     note: Annotated[Any, types.FunctionType(NOTE)]
     model: Annotated[Any, _INT]

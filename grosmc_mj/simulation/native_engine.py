@@ -30,7 +30,7 @@ from grosmc_mj.physics.hooks import (
 from grosmc_mj.plants import System
 from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.accumulator import Accumulator
-from grosmc_mj.simulation.guard import Guard, c_address, guard
+from grosmc_mj.simulation.guard import Guard, guard
 from grosmc_mj.simulation.kernel import (
     ANSWER,
     ANSWERED,
@@ -236,7 +236,7 @@ class _Worker:
         problem = batch.problem
         record = batch.record
         controller = problem.controllers[number]
-        step, model, data = stepper.addresses()
+        addresses = stepper.addresses()
         row_bytes = record.rows.strides[1]
         run = kernel_run(
             problem,
@@ -245,10 +245,10 @@ class _Worker:
             stepper,
             law=batch.law,
             note=batch.note,
-            step=step,
-            read=c_address("mj_getState"),
-            model=model,
-            data=data,
+            step=addresses.step,
+            read=addresses.read,
+            model=addresses.model,
+            data=addresses.data,
             p=batch.numbers[controller].copy(),
             physics=record.rows.ctypes.data + 8 * problem.width,
             width=row_bytes if stepper.recorded_size else 0,

@@ -10,10 +10,11 @@ MuJoCo's warnings.
 
 from __future__ import annotations
 
+import copy
 import ctypes
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -21,10 +22,16 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
+from grosmc_mj.machine.drive_friction import has_drive_friction
 from grosmc_mj.physics.hidden_states import starts
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.plants.runge_kutta import runge_kutta_step
 from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.simulation.drive_friction import (
+    FrictionStepper,
+    compiled_read,
+    compiled_step,
+)
 from grosmc_mj.simulation.guard import c_address, cannot_step
 from grosmc_mj.simulation.kernel import STEP
 from grosmc_mj.structures import record_at
@@ -32,6 +39,22 @@ from grosmc_mj.structures import record_at
 # A state beyond this bound has diverged; it is MuJoCo's own.
 LARGEST = mujoco.mjMAXVAL
 _FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+class Addresses(NamedTuple):
+    """Addresses for compiled code.
+
+    Attributes:
+        step: Function that makes a step, see ``kernel.STEP``.
+        read: Function that reads mjSTATE_FULLPHYSICS, see ``kernel.READ``.
+        model: First argument of both.
+        data: Second argument of both.
+    """
+
+    step: int
+    read: int
+    model: int
+    data: int
 
 
 class EquationStepper:
@@ -92,10 +115,15 @@ class EquationStepper:
     def read(self, state: Array) -> None:
         """Write nothing: equations have no mjSTATE_FULLPHYSICS."""
 
-    def addresses(self) -> tuple[int, int, int]:
+    def addresses(self) -> Addresses:
         """Addresses of a step, the numbers and the state, for compiled code."""
-        step = _compiled_step(self._system, self._numbers_dtype)
-        return step.address, self._numbers.ctypes.data, self._block.ctypes.data
+        return Addresses(
+            step=_compiled_step(self._system, self._numbers_dtype).address,
+            # Never called: there is nothing to read.
+            read=c_address("mj_getState"),
+            model=self._numbers.ctypes.data,
+            data=self._block.ctypes.data,
+        )
 
 
 def _block_dtype(system: System) -> np.dtype[Any]:
@@ -150,7 +178,7 @@ class PhysicsStepper:
 
     Args:
         system: System with the names of the joints, and of the bodies that wrenches act on.
-        model: Compiled model.
+        model: Compiled model; the friction of drives is written into it at each step.
         data: State that is moved; it may belong to the caller.
     """
 
@@ -172,6 +200,8 @@ class PhysicsStepper:
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
         self.rates = np.zeros(0)
 
+        self._friction = FrictionStepper(model, data) if has_drive_friction(model) else None
+
         self.size = mujoco.mj_stateSize(model, _FULL_PHYSICS)
         # Without hidden states it is the time and the state, which a row has anyway.
         self.recorded_size = 0 if self.size == 1 + 2 * n else self.size
@@ -184,6 +214,8 @@ class PhysicsStepper:
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
         mujoco.mj_resetData(self.model, self.data)
+        if self._friction is not None:
+            self._friction.restart()
         n = len(self.q)
         self.q[:] = x0[:n]
         self.v[:] = x0[n:]
@@ -196,7 +228,10 @@ class PhysicsStepper:
     def advance(self, model: Any, data: Any) -> None:
         """Make one step of MuJoCo."""
         try:
-            mujoco.mj_step(model, data)
+            if self._friction is not None:
+                self._friction.advance()
+            else:
+                mujoco.mj_step(model, data)
         except mujoco.FatalError as error:
             raise cannot_step(str(error)) from error
 
@@ -204,9 +239,21 @@ class PhysicsStepper:
         """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
         mujoco.mj_getState(self.model, self.data, state, _FULL_PHYSICS)
 
-    def addresses(self) -> tuple[int, int, int]:
-        """Addresses of ``mj_step``, the mjModel and the mjData."""
-        return c_address("mj_step"), self.model._address, self.data._address
+    def addresses(self) -> Addresses:
+        """Addresses of MuJoCo's step and state, the mjModel and the mjData."""
+        if self._friction is not None:
+            return Addresses(
+                step=compiled_step().address,
+                read=compiled_read().address,
+                model=self._friction.address,
+                data=self.data._address,
+            )
+        return Addresses(
+            step=c_address("mj_step"),
+            read=c_address("mj_getState"),
+            model=self.model._address,
+            data=self.data._address,
+        )
 
 
 def _warning_counts(data: mujoco.MjData) -> Any:
@@ -257,5 +304,11 @@ class Steppers:
         """Stepper for all plants that share the model of this one."""
         if plant.kind != "physics":
             return EquationStepper(plant, self._timestep)
-        model = plant.undrawn_model if plant.changes is None else plant.template.copy()
+        if plant.changes is not None:
+            model = plant.template.copy()
+        else:
+            model = plant.undrawn_model
+            if has_drive_friction(model):
+                # Each thread writes its own limits of friction.
+                model = copy.copy(model)
         return PhysicsStepper(plant.system, model, mujoco.MjData(model))

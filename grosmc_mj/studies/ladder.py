@@ -28,6 +28,7 @@ from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import (
+    DriveFriction,
     LuGre,
     MachinePart,
     Motor,
@@ -93,7 +94,7 @@ _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     **{name: (("computing",), (key,)) for key, name in _COMPUTING.items()},
     "actuator": (("actuator",), None),
     "motor": (("motor",), None),
-    "friction": (("lugre",), None),
+    "friction": (("lugre", "drive_friction"), None),
     "backlash": (("transmission",), ("backlash", "friction")),
     "flexibility": (("transmission",), ("stiffness", "damping", "inertia")),
     "loads": (("swinging_load", "sliding_load"), None),
@@ -316,7 +317,7 @@ def _machine_additions(parts: Sequence[MachinePart]) -> Iterator[tuple[str, list
     """Yield the parts of a machine by rung; a transmission is rigid on the rung of its backlash."""
     gears = [part for part in parts if isinstance(part, Transmission)]
     yield "motor", [part for part in parts if isinstance(part, Motor)]
-    yield "friction", [part for part in parts if isinstance(part, LuGre)]
+    yield "friction", [part for part in parts if isinstance(part, (LuGre, DriveFriction))]
     yield "backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]
     yield "flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]
     yield "loads", [part for part in parts if isinstance(part, (SwingingLoad, SlidingLoad))]

@@ -14,7 +14,7 @@ from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, load, written
 
 from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.machine import LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
+from grosmc_mj.machine import DriveFriction, LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.robots.dynamics import bias
 
@@ -77,6 +77,50 @@ READ = [
             duration="10 ms",
         ),
         Stop("shaft", low=-math.pi / 2, high=2.0, restitution=0.3, duration=0.01),
+    ),
+    (
+        "servo",
+        table(
+            "drive_friction",
+            joint="shaft",
+            coulomb="20 mN m",
+            viscous="50 mN m s/rad",
+            load_motor=0.2,
+            load_external=0.02,
+            stribeck_force="0.12 N m",
+            stribeck_motor=0.19,
+            stribeck_external=0.09,
+            quadratic_motor="0.01 N^-1 m^-1",
+            quadratic_external="7e-5 N^-1 m^-1",
+            stribeck_speed="100 deg/s",
+            stribeck_exponent=1.14,
+            assumed=["coulomb", "stribeck_exponent"],
+        ),
+        DriveFriction(
+            "shaft",
+            coulomb=0.02,
+            viscous=0.05,
+            load_motor=0.2,
+            load_external=0.02,
+            stribeck_force=0.12,
+            stribeck_motor=0.19,
+            stribeck_external=0.09,
+            quadratic_motor=0.01,
+            quadratic_external=7e-5,
+            stribeck_speed=100 * DEGREE,
+            stribeck_exponent=1.14,
+        ),
+    ),
+    (
+        "cart_pendulum",
+        table(
+            "drive_friction",
+            joint="slider",
+            coulomb="2 N",
+            quadratic_motor="0.01 N^-1",
+            stribeck_speed="2 cm/s",
+        ),
+        DriveFriction("slider", coulomb=2.0, quadratic_motor=0.01, stribeck_speed=0.02),
     ),
     (
         "servo",

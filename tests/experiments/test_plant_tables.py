@@ -225,6 +225,10 @@ IMPLAUSIBLE = pytest.mark.parametrize(
             "motor of 'current': voltage = 24000 V is implausible; usual: 0.001 to 1000 V",
         ),
         (
+            '[[drive_friction]]\njoint = "shaft"\ncoulomb = "0.1 N m"\nload_motor = 19.8',
+            "drive_friction of 'shaft': load_motor = 19.8 is implausible; usual: 1e-07 to 2",
+        ),
+        (
             '[run.start]\n"rotor angle" = "1e6 rad"',
             "start: rotor angle = 1e+06 rad is implausible; usual: 0 to 10000 rad",
         ),

@@ -588,6 +588,7 @@ class UncertainTable(_OwnersTable):
         actuator: The input of an [[actuator]].
         transmission: The joint of a [[transmission]].
         lugre: The joint of a [[lugre]].
+        drive_friction: The joint of a [[drive_friction]].
         stop: The joint of a [[stop]].
         motor: The input of a [[motor]].
         swinging_load: The body of a [[swinging_load]].
@@ -750,6 +751,7 @@ class CaseFile(_WithParts):
             true ones by default.
         transmission: Compliance and backlash between a motor and its joint.
         lugre: Bristle friction of joints.
+        drive_friction: Friction of the drives of joints, which depends on speed and load.
         stop: Stops at the ends of joints.
         motor: DC motors that stand for the inputs.
         swinging_load: Loads that hang on bodies.
