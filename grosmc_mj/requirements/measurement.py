@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -113,19 +114,30 @@ class Measurement:
             limits = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
         onset = self.onset if self.onset > 0 else math.inf
         return Constants(
-            after=np.array(self.after),
+            after=_filled_up(self.after, 4),
             signals=np.array([_number_of(name, error) for name in self.signals]),
             outputs=np.array(error.output_rows, float),
             onset=onset,
             late=(1 - DWELL) * self.transient,
             share=SETTLING_BAND,
-            widths=np.array((0.0, *self.windows.bands)),
+            widths=_filled_up((0.0, *self.windows.bands), 2),
             transition=_transition(optimum.closed_loop.tobytes(), error.size, self.timestep),
             Q=optimum.Q,
             R=optimum.R,
             K=optimum.K,
             limits=limits,
         )
+
+
+def _filled_up(numbers: Sequence[float], multiple: int) -> Array:
+    """Return numbers, and infinities up to a multiple: instants and bands that nothing reaches.
+
+    The accumulation is compiled anew for each length of its arrays, which takes seconds.
+    """
+    count = -(-len(numbers) // multiple) * multiple
+    filled = np.full(count, np.inf)
+    filled[: len(numbers)] = numbers
+    return filled
 
 
 def _number_of(name: str, error: Any) -> float:

@@ -29,8 +29,9 @@ from grosmc_mj.simulation.trajectory import Trajectory
 def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
     """Return the metrics of n runs of one law by name, (n,) each; infinite where undefined.
 
-    ``settled`` is the first instant from which on a run stays in its band, in its transient. It
-    is the settling time if it stays for the last tenth of the transient at least, else infinity:
+    ``settled`` is the first instant from which on a run stays in its band, in its transient, and
+    the end of a run that is outside at its end. It is the settling time if the run stays there for
+    the last tenth of the transient at least, else infinity:
     an error that swings in and out is always inside for a moment before some end. A run that
     starts without error has a band of zero: it has settled if it never leaves its reference.
     ``left`` is the largest error in that last tenth. The overshoot is a share of the error at the
@@ -65,11 +66,16 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
 
 
 def settled_from(last_outside: Array, timestep: float, duration: Array) -> Array:
-    """Return the instants after the last ones outside [s], (n, b); infinite after the end."""
+    """Return the instants after the last ones outside [s], (n, b); the end where it is the last.
+
+    Args:
+        last_outside: Last instants outside a band [s], (n, b); -1 for none.
+        timestep: Time between two instants [s].
+        duration: Duration of each run [s], (n,).
+    """
     # A run that was never outside its band is settled from the start.
     following = np.where(last_outside < 0, 0.0, np.rint(last_outside / timestep) + 1)
-    last = np.rint(duration / timestep)
-    return np.where(following > last[:, None], np.inf, following * timestep)
+    return np.minimum(following * timestep, duration[:, None])
 
 
 def _ratio(value: Array, over: Array) -> Array:

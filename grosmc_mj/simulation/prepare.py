@@ -126,7 +126,7 @@ def prepare(
         loops=_applied(loops * (nsim // len(loops)), controllers, system, h, period),
         accumulators=accumulators * (nsim // len(accumulators)),
         x0=np.ascontiguousarray(np.broadcast_to(starts, (nsim, starts.shape[1]))),
-        steps=_number_of_steps(duration, h),
+        steps=number_of_steps(duration, h),
         stride=stride,
         timestep=h,
         control_period=period,
@@ -183,8 +183,12 @@ def _require_starts(x0: Any, starts: Array, system: System) -> None:
         )
 
 
-def _number_of_steps(duration: float, h: float) -> int:
-    """Number of timesteps of h [s] in a duration [s], rounded up."""
+def number_of_steps(duration: float, h: float) -> int:
+    """Return the number of timesteps of h [s] in a duration [s], rounded up.
+
+    Raises:
+        ArgumentError: If they are too many.
+    """
     if duration / h > _MOST_STEPS:
         raise ArgumentError(
             f"duration {duration:g} s is {duration / h:.3g} timesteps of {h:g} s: at most "

@@ -21,6 +21,7 @@ from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
 from grosmc_mj.requirements.measurement import Measurement
 from grosmc_mj.requirements.requirement import Requirement, initial_error
 from grosmc_mj.requirements.run_metrics import metrics_of_simulations
+from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.sweep.parameters import CaseSample, Parameter, with_values
@@ -239,17 +240,18 @@ def measurements_of(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Requirement]
 ) -> list[Measurement]:
     """Return what is measured of each run of one law; runs with the same numbers share it."""
+    timestep = experiment.settings.timestep
     shared: dict[Any, Measurement] = {}
     measurements = []
     for run in runs:
         onset = run.case.onset
-        duration = run.case.duration
+        duration = number_of_steps(run.case.duration, timestep) * timestep
         input_limits = run.plant.input_limits
         key = onset, duration, input_limits.tobytes()
         if key not in shared:
             shared[key] = Measurement(
                 controller=runs[0].law,
-                timestep=experiment.settings.timestep,
+                timestep=timestep,
                 duration=duration,
                 onset=onset,
                 windows=windows_of(limits),

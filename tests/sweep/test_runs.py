@@ -135,6 +135,23 @@ law = "grosmc"
 [[requirement]]
 cost_ratio_below = 1.5
 """
+# It ends within a timestep.
+UNEVEN = """
+[plant]
+system = "servo"
+[run]
+duration = "0.3003 s"
+control_period = "1 ms"
+[[controller]]
+law = "lqr"
+[[requirement]]
+state = "rotor speed"
+rms_below = "10 rad/s"
+after = "0.1 s"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+"""
 CASES = [
     (servo(INERTIA, limits=KINDS), "lqr"),
     (servo(INERTIA, limits=KINDS), "grosmc"),
@@ -144,6 +161,7 @@ CASES = [
     (FOUR_STEPS, "stiff"),
     (FOUR_STEPS + DELAYED, "stiff"),
     (TWO_LINKS, "lqr"),
+    (UNEVEN, "lqr"),
 ]
 EACH_CASE = pytest.mark.parametrize(("text", "law"), CASES)
 
