@@ -54,7 +54,7 @@ def _growth(case: str, rounds: int) -> Growth:
     experiment = Experiment.load(case)
     plant = experiment.plant("physics")
     law = experiment.law("physics", "grosmc")
-    x0 = np.tile(experiment.case.x0, (_RUNS, 1))
+    x0 = np.tile(experiment.x0, (_RUNS, 1))
     many = [plant] * _RUNS
 
     sizes = {"one": (1, 1), "short": (_RUNS, 1), "long": (_RUNS, _STEPS)}

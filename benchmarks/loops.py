@@ -36,7 +36,7 @@ def benchmark(integrator: Integrator | None = None, rounds: int = 15) -> list[Th
 def _single(plant: MujocoPlant, rounds: int) -> list[Throughput]:
     """Loops of one simulation."""
     experiment = find_experiment("cart_pendulum", "nominal")
-    x0 = np.array(experiment.case.x0)
+    x0 = np.array(experiment.x0)
     law = experiment.law("physics", "grosmc")
     steps = _STEPS[1]
     few = steps // 10
@@ -84,7 +84,7 @@ def _batches(plant: MujocoPlant, rounds: int) -> list[Throughput]:
         for predict in (False, True)
     )
     plants = [plant] * _MANY
-    x0 = np.tile(experiment.case.x0, (_MANY, 1))
+    x0 = np.tile(experiment.x0, (_MANY, 1))
     steps = _STEPS[_MANY]
 
     shipped, untimed = open_batches(plants, x0, steps)
@@ -102,7 +102,7 @@ def _batches(plant: MujocoPlant, rounds: int) -> list[Throughput]:
 
 def _every_part() -> Loop:
     """The bench's loop of the pendulum with every number that a loop has."""
-    loop = find_experiment("cart_pendulum", "bench").case.loop or Loop()
+    loop = find_experiment("cart_pendulum", "bench").loop or Loop()
     return Loop(
         replace(loop.computing, delay=1e-3, missed=1e-3),
         tuple(replace(s, noise=1e-5, bias=1e-6, drift=1e-6, delay=1e-3) for s in loop.sensors),

@@ -36,7 +36,7 @@ def _benchmark(system: str, rounds: int) -> list[Throughput]:
     experiment = machine.varied(loop=None).with_settings(control_period=machine.settings.timestep)
     law = experiment.law("physics", _LAW)
     plants = [experiment.plant("physics")] * _SIMULATIONS
-    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
+    starts = np.tile(experiment.x0, (_SIMULATIONS, 1))
 
     shipped, untimed = open_batches(plants, starts, _STEPS)
     closed = closed_loop(f"{system}: GROSMC, native, batch", plants, law, starts, _STEPS)

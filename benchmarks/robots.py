@@ -34,7 +34,7 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
     experiment = Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
     law = experiment.law("physics", "grosmc")
     plants = _loaded_arms(experiment)
-    starts = np.tile(experiment.case.x0, (_SIMULATIONS, 1))
+    starts = np.tile(experiment.x0, (_SIMULATIONS, 1))
 
     name = "GROSMC, native, batch"
     shipped, untimed = open_batches(plants, starts, _STEPS)
@@ -47,7 +47,7 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
 
 def _loaded_arms(experiment: Experiment) -> list[MujocoPlant]:
     """Arms with the payload of a case in different masses, one for each simulation."""
-    (payload,) = experiment.case.edits
+    (payload,) = experiment.edits
     nominal = jaco().plant
     masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
     loaded = [nominal.edited(replace(payload, mass=mass)) for mass in masses]

@@ -12,7 +12,7 @@ from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.jitable import jitable
 from grosmc_mj.physics.edits import BodyEdit, apply_edits
 from grosmc_mj.physics.files import compile_spec
@@ -59,7 +59,7 @@ class OtherDisturbances(RunCache):
         self._change = change
 
     def as_set(self, experiment: Experiment) -> Experiment:
-        disturbances = self._change(experiment.case.disturbances)
+        disturbances = self._change(experiment.disturbances)
         return super().as_set(experiment).varied(disturbances=disturbances)
 
 
@@ -113,7 +113,7 @@ def _scaled(law: Controller, **factors: float) -> Controller:
 
 def printed_a(law: Controller, experiment: Experiment, _plant: PlantName) -> Controller:
     """The laws of the pendulum are designed for eq. (40)."""
-    if experiment.case.system != "cart_pendulum":
+    if experiment.system != "cart_pendulum":
         return law
     return experiment.law_for(experiment.nominal.equations("printed"), law.name)
 
@@ -135,8 +135,8 @@ def no_inertia(plant: Plant, experiment: Experiment) -> Plant:
         return plant
 
     nominal = compile_spec(plant.spec)
-    edited = apply_edits(plant.spec, experiment.case.edits)
-    for edit in experiment.case.edits:
+    edited = apply_edits(plant.spec, experiment.edits)
+    for edit in experiment.edits:
         if isinstance(edit, BodyEdit):
             body = edited.body(edit.body)
             before = nominal.body(edit.body)

@@ -6,7 +6,6 @@ A design is a system, or a further task of it: ``servo``, ``two_link_arm regulat
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -17,11 +16,10 @@ from grosmc_mj.control.design import realized
 from grosmc_mj.control.references import Setpoints
 from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.experiments import experiment as experiments
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.problem import Plant
@@ -37,40 +35,35 @@ def of_design(design: str) -> Experiment:
     return find_experiment(system, further_task or "nominal")
 
 
-def of_case(case: Case, settings: Settings | None = None) -> Experiment:
-    """Return a case under the shipped laws of its design; a user's own plant has no laws."""
-    system = "servo" if "/" in case.system else case.system
-    experiments = find_experiments(system)
-    same_design = [item for item in experiments if item.case.design == case.design]
-    experiment = replace((same_design or experiments)[0], case=case)
-    return experiment.with_settings(**vars(settings or Settings()))
+def of_case(case: Experiment, settings: Settings | None = None) -> Experiment:
+    """Return a case with other settings."""
+    return case.with_settings(**vars(settings or Settings()))
 
 
-def cases(system: str) -> list[Case]:
-    return [experiment.case for experiment in find_experiments(system)]
+def cases(system: str) -> list[Experiment]:
+    return find_experiments(system)
 
 
-def find_case(system: str, name: str) -> Case:
-    return find_experiment(system, name).case
+def find_case(system: str, name: str) -> Experiment:
+    return find_experiment(system, name)
 
 
 def controller_names(design: str) -> list[str]:
     return of_design(design).controllers
 
 
-def run_case(case: Case, plant: PlantName, law: str, settings: Settings) -> RunResult:
+def run_case(case: Experiment, plant: PlantName, law: str, settings: Settings) -> RunResult:
     return of_case(case, settings).run(plant, law)
 
 
 def run_on(
-    case: Case, name: PlantName, law: Controller, plant: Plant, settings: Settings
+    case: Experiment, name: PlantName, law: Controller, plant: Plant, settings: Settings
 ) -> RunResult:
     """Run any law on any plant."""
-    experiment = replace(find_experiment("servo", "nominal"), case=case, settings=settings)
-    return experiments.run_on(experiment, name, law, plant)
+    return experiments.run_on(of_case(case, settings), name, law, plant)
 
 
-def case_plant(case: Case, name: PlantName, settings: Settings) -> Plant:
+def case_plant(case: Experiment, name: PlantName, settings: Settings) -> Plant:
     return of_case(case, settings).plant(name)
 
 

@@ -185,7 +185,7 @@ def _operating_region(result: RunResult) -> tuple[float, ...]:
     z = law.coordinates.along(run.time, run.state, law.parameters)
     spanned = np.abs(z).max(axis=0)
 
-    bound = result.experiment.region
+    bound = result.case.region
     if not bound:
         return tuple(spanned.tolist())
     if len(bound) != len(spanned):

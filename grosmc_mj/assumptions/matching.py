@@ -65,7 +65,7 @@ def unmatched(experiment: Experiment, results: Sequence[RunResult]) -> list[str]
 def _changed(experiment: Experiment) -> bool:
     """Whether the true plant is another one than the laws know."""
     nominal = experiment.nominal
-    return bool(experiment.case.edits or nominal.scales or nominal.believed)
+    return bool(experiment.edits or nominal.scales or nominal.believed)
 
 
 def _of_load(result: RunResult, load: Load) -> Finding:

@@ -54,7 +54,7 @@ def notes_on_plant(experiment: Experiment, plant: Plant) -> list[str]:
 
 def _unmeasured(experiment: Experiment) -> Iterator[str]:
     """Yield a line on each disturbance of a measurement that the loop does not make."""
-    loop = experiment.case.loop
+    loop = experiment.loop
     if loop is None:
         return
 
@@ -62,7 +62,7 @@ def _unmeasured(experiment: Experiment) -> Iterator[str]:
     estimated: set[str] = set()
     for part in loop.completed(experiment.nominal.system).estimators:
         estimated.update(part.of)
-    for disturbance in experiment.case.disturbances:
+    for disturbance in experiment.disturbances:
         of = disturbance.of
         of_measurement = isinstance(disturbance, OutputDisturbance)
         if of_measurement and of in estimated and of not in measured:
@@ -71,7 +71,7 @@ def _unmeasured(experiment: Experiment) -> Iterator[str]:
 
 def _exact_rates(experiment: Experiment) -> Iterator[str]:
     """Yield a line on the rates that the loop knows exactly beside measured positions."""
-    loop = experiment.case.loop
+    loop = experiment.loop
     exact = loop.exact_rates(experiment.nominal.system) if loop is not None else []
     if exact:
         verb = "is" if len(exact) == 1 else "are"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.requirements.metrics import tolerance_of
 from grosmc_mj.results.document import write_json
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, CellChart, ReportTable, Value, result
 from grosmc_mj.results.tables import Column, Table, number, numbers, table, text, verdicts, words

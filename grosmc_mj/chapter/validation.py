@@ -17,7 +17,8 @@ from grosmc_mj.chapter.claims.results import (
     claims_values,
     counts_words,
 )
-from grosmc_mj.experiments.case import Case, case_document
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.document import run_document, standings
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.run_cache import RunCache
@@ -254,13 +255,13 @@ def _verdict_cells(findings: Sequence[Finding], system: str) -> list[str]:
 
 def deviations_table(results: Sequence[RunResult]) -> Table:
     """Return the table of each law's deviation from its nominal optimum in MuJoCo."""
-    cells: dict[Case, dict[str, str]] = {}
+    cells: dict[str, dict[str, str]] = {}
     for run in results:
         if run.plant == "physics":
             cell = metric_cell(run.metrics.get("deviation"))
             if run.ended:
                 cell += " (!)"
-            cells.setdefault(run.case, {})[run.controller.name] = cell
+            cells.setdefault(run.case.target, {})[run.controller.name] = cell
 
     # In the order in which they first occur.
     laws = {}
@@ -268,9 +269,9 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
         laws |= dict.fromkeys(cells_of_case)
 
     rows = []
-    for case, cells_of_case in cells.items():
+    for target, cells_of_case in cells.items():
         row = [cells_of_case.get(law, "") for law in laws]
-        rows.append([f"{case.system}/{case.name}", *row])
+        rows.append([target, *row])
 
     title = "In MuJoCo, max|x1-x1*|: how far each law strays from its nominal optimum"
     return table(title, [*words("case"), *numbers(*laws)], rows)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from grosmc_mj.experiments.case import Case
     from grosmc_mj.experiments.experiment import RunResult
-    from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.experiments.settings import Settings
     from grosmc_mj.films.film import Film
     from grosmc_mj.films.pool import RenderingPool
 

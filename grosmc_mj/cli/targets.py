@@ -73,6 +73,6 @@ def shown_experiment(target: str) -> Experiment:
 
     experiments = find_experiments(target)
     for experiment in experiments:
-        if experiment.case.name == _SHOWN_CASE:
+        if experiment.name == _SHOWN_CASE:
             return experiment
     return experiments[0]

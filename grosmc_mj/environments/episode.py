@@ -109,7 +109,7 @@ class Episode:
             control_period=control_period, timestep=timestep
         )
         settings = experiment.settings
-        self.case = experiment.case
+        self.case = experiment
         self.plant = experiment.plant(experiment.nominal.truest)
         name = _index_law(experiment)
         law = experiment.law(experiment.nominal.truest, name)
@@ -342,9 +342,8 @@ def _experiment(target: str, task: str | Experiment | None) -> Experiment:
     """The experiment of a target, or of a case of a system."""
     if isinstance(task, Experiment):
         system = find_system(target).name
-        case = task.case
-        if case.system != system:
-            raise ArgumentError(f"case {case.name!r} is one of {case.system}, not of {system}")
+        if task.system != system:
+            raise ArgumentError(f"case {task.name!r} is one of {task.system}, not of {system}")
         return task
     if task is None and ("/" in target or target.endswith(".toml")):
         return Experiment.load(target)

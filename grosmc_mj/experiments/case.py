@@ -1,71 +1,79 @@
-"""Cases as values, from case files of the chapter, of this project and of users."""
+"""A case: a file as values, with its plants, laws and requirements."""
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+import numpy as np
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.experiments.file.parts import (
-    in_model,
-    known_loop_of_file,
-    loop_of_file,
-    machine_of_file,
-    run_of_file,
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.design import realized
+from grosmc_mj.control.switching import SwitchingNumbers, find_switching
+from grosmc_mj.control.task import AS_PRINTED, Realization
+from grosmc_mj.control.uncertainty import Uncertainty
+from grosmc_mj.errors import (
+    ArgumentError,
+    GrosmcError,
+    Mistakes,
+    MistakesError,
 )
-from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
-from grosmc_mj.experiments.file.user_code import is_named, load_named
-from grosmc_mj.loop import Loop
+from grosmc_mj.experiments.file.numbers import in_order, uncertainty
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
+from grosmc_mj.experiments.file.user_code import is_named
+from grosmc_mj.experiments.laws import design
+from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
+from grosmc_mj.experiments.requirements import requirements_in
+from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
+from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
-from grosmc_mj.plants import System
-from grosmc_mj.simulation.disturbances import (
-    AnyDisturbance,
-    Constant,
-    Disturbance,
-    InputDisturbance,
-    OutputDisturbance,
-    Pulse,
-    RateDisturbance,
-    SineFrom,
-    Table,
-)
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.requirements.judging import decidable, transient_of_runs
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.simulation.disturbances import AnyDisturbance
+from grosmc_mj.simulation.problem import Plant
 
-# Key of a case file for what a disturbance with an amplitude acts on.
-_KEYS: Mapping[type[AnyDisturbance], str] = {
-    InputDisturbance: "input",
-    OutputDisturbance: "measured",
-    RateDisturbance: "state",
-}
+# Claims and campaigns ask for the same controllers thousands of times.
+_apply_loop = lru_cache(maxsize=512)(apply_loop)
+_realized = lru_cache(maxsize=512)(realized)
+_sampled = lru_cache(maxsize=512)(Controller.sampled)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
-    """Start and duration of an experiment, and its changes of the nominal plant.
+    """A case file as values; its plants and laws are made when they are asked for.
 
     Attributes:
-        system: Name of the system.
-        name: ``nominal``, ``case1`` or ``case2``.
+        file: Tables of the file.
+        path: The file.
+        nominal: Plant that the laws are designed for.
+        settings: Settings of the simulation.
+        name: ``nominal``, ``case1`` or ``case2``, or the user's own.
         title: Title for people.
         source: Place in the chapter, or a note that this project declares it.
         x0: Start, in the order of the system's states.
-        duration: Duration [s]; the chapter prints none.
-        edits: Edits of the plant; the controller keeps the nominal numbers.
+        duration: Duration of a run [s]; the chapter prints none.
+        edits: Edits of the plant that the laws do not know.
         disturbances: Of bodies, inputs, measured states and rates.
         loop: Sensors, computer and actuators between laws and plant; None without them.
         known_loop: Loop that predicting laws take for theirs; None for the loop itself.
-        run: Number of the run: each run of a seed has its own noise, jitter and missed samples.
-        design: Name of its laws together; empty for the system's name.
+        run_number: Number of the run: each run of a seed has its own noise, jitter and missed
+            samples.
+        asked: Names of the settings that replace those of a controller in the file.
+        chosen: Names of the laws that are run; empty for all controllers of the file.
     """
 
-    system: str
+    file: CaseFile
+    path: Path
+    nominal: NominalPlant
+    settings: Settings
     name: str
     title: str
     source: str
@@ -75,8 +83,40 @@ class Case:
     disturbances: tuple[AnyDisturbance, ...] = ()
     loop: Loop | None = None
     known_loop: Loop | None = None
-    run: int = 0
-    design: str = ""
+    run_number: int = 0
+    asked: frozenset[str] = frozenset()
+    chosen: tuple[str, ...] = ()
+    _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
+
+    @property
+    def system(self) -> str:
+        """Name of the system."""
+        return self.nominal.system.name
+
+    @property
+    def target(self) -> str:
+        """SYSTEM/CASE."""
+        return f"{self.system}/{self.name}"
+
+    @property
+    def design(self) -> str:
+        """Name of its laws together; empty for the system's name."""
+        return self.file.task.name
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """Key that differs between cases: the file of the laws, and what happens to the plant."""
+        return (
+            self.path,
+            self.name,
+            self.x0,
+            self.duration,
+            self.edits,
+            self.disturbances,
+            self.loop,
+            self.known_loop,
+            self.run_number,
+        )
 
     @property
     def parts(self) -> tuple[MachinePart, ...]:
@@ -84,290 +124,337 @@ class Case:
         return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
 
     @property
-    def controllers(self) -> str:
-        """Name of its laws together."""
-        return self.design or self.system
-
-    @property
     def onset(self) -> float:
         """Onset of the first disturbance [s]; infinite if there is none."""
         onsets = [disturbance.window[0] for disturbance in self.disturbances]
         return min(onsets, default=math.inf)
 
+    @property
+    def on_machine(self) -> bool:
+        """Whether its plant has parts of a machine as built."""
+        return bool(self.parts)
 
-def seed_of(case: Case) -> int | None:
-    """Return the seed of the loop's random numbers; None without a loop."""
-    if case.loop is None:
+    @property
+    def controllers(self) -> list[str]:
+        """Names of the laws that are run."""
+        return list(self.chosen or self._declared)
+
+    @property
+    def _declared(self) -> list[str]:
+        """Names of the file's controllers."""
+        return [table.called for table in self.file.controller]
+
+    @property
+    def plant_names(self) -> list[PlantName]:
+        """Names of the plants that the laws are run on."""
+        compared = self.file.plant.compare or self.nominal.names
+        return [name for name in self.nominal.names if name in compared]
+
+    @property
+    def plants(self) -> Mapping[PlantName, Plant]:
+        """Plants that the laws are run on, with the case's edits."""
+        return {name: self.plant(name) for name in self.plant_names}
+
+    # Requirements and runs ask for it; each controller is designed from the file.
+    @cached_property
+    def laws(self) -> Mapping[tuple[PlantName, str], Controller]:
+        """Controllers by the plant that they run on and by name.
+
+        Raises:
+            MistakesError: For all controllers that cannot be designed, or not for the loop.
+        """
+        laws = {}
+        # By cause: a mistake in the task is the same for each controller.
+        mistakes: dict[str, str] = {}
+        for plant in self.plant_names:
+            for name in self._declared:
+                try:
+                    laws[plant, name] = self.law(plant, name)
+                    self.applied_loop(plant, name)
+                except GrosmcError as error:
+                    mistakes.setdefault(str(error.__cause__ or error), str(error))
+        if mistakes:
+            raise MistakesError(mistakes.values())
+        return laws
+
+    @property
+    def limits(self) -> Sequence[Requirement]:
+        """Requirements that a single run can decide."""
+        judged, _ = self._decidable_limits()
+        return judged
+
+    @property
+    def not_judged(self) -> Sequence[str]:
+        """Requirements that a single run cannot decide, with the reasons."""
+        _, notes = self._decidable_limits()
+        return notes
+
+    def _decidable_limits(self) -> tuple[Sequence[Requirement], Sequence[str]]:
+        """Return the requirements that a run can decide, and notes about the other ones."""
+        onsets = [(item.window[0], item.window[0]) for item in self.disturbances]
+        return decidable(self.required, transient_of_runs(self.duration, onsets))
+
+    # Every judgement of a run asks for it.
+    @cached_property
+    def required(self) -> Sequence[Requirement]:
+        """All requirements of the file."""
+        return self._all_limits("requirement", self.file.requirement)
+
+    @property
+    def claimed(self) -> Sequence[Requirement]:
+        """All limits in the file's claims."""
+        return self._all_limits("claim", self.file.claim)
+
+    def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Requirement]:
+        """Return the limits in the tables of a kind."""
+        laws = [self.laws[self.plant_names[0], name] for name in self._declared]
+        required = []
+        mistakes = Mistakes()
+        for index, table in enumerate(tables):
+            with mistakes.gathered(f"{kind} {index + 1}: "):
+                required += self._limits_of(table, laws)
+        mistakes.refuse()
+        return required
+
+    def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Requirement]:
+        """Return the limits in a table."""
+        for name in table.of or ():
+            require_known("controller", name, self._declared)
+        for name in table.on or ():
+            require_known("plant", name, self.plant_names)
+        end = self.file.run.duration
+        if 0 < end <= table.after:
+            raise ArgumentError(
+                f"after = {table.after:g} s must be before the end of a run at {end:g} s"
+            )
+        required = requirements_in(table, laws, self.plant_names, self.duration)
+        for requirement in required:
+            requirement.refuse_start(laws[0], self.x0)
+        return required
+
+    def checked(self) -> Self:
+        """Make plants, laws and requirements, and return the experiment.
+
+        Raises:
+            ArgumentError: For all mistakes in them.
+        """
+        mistakes = Mistakes()
+        for part in ("plants", "laws", "required", "claimed"):
+            with mistakes.gathered():
+                getattr(self, part)
+        mistakes.refuse()
+        return self
+
+    def plant(self, name: PlantName) -> Plant:
+        """Return a plant, whether the file compares it or not.
+
+        Raises:
+            ArgumentError: If there is none of that name, or the case starts beyond its stops.
+        """
+        require_known("plant", name, self.nominal.names)
+        settings = self.settings
+        plant = self.nominal.true(name, self.edits, settings.timestep, settings.integrator)
+        plant.require_start(np.array(self.x0))
+        return plant
+
+    def law(self, plant: PlantName, name: str) -> Controller:
+        """Return a controller of the file, or a law by its name, designed for a plant to run on.
+
+        Physics and the corrected equations get one and the same controller.
+
+        Raises:
+            GrosmcError: If there is no such law, a number does not fit, or the design fails.
+        """
+        table = self.file.law(name)
+        try:
+            controller = self._design(table, plant)
+            realization = self._realization_of(table, controller)
+            return _sampled(_realized(controller, realization), self.settings.control_period)
+        except GrosmcError as error:
+            owner = "" if str(error).startswith("task: ") else f"controller {name}: "
+            raise ArgumentError(f"{owner}{error}") from error
+
+    def applied_loop(self, plant: PlantName, name: str) -> AppliedLoop | None:
+        """Return the case's loop around a controller, see ``law``; None without a loop.
+
+        Raises:
+            GrosmcError: As for ``law``, or if a part of the loop does not fit.
+        """
+        if self.loop is None:
+            return None
+        # A loop is made for the instants of its runs: their mistakes come first.
+        self.plant(plant)
+        stride_of(self.settings.control_period, self.settings.timestep)
+        controller = self.law(plant, name)
+        try:
+            return self.loop_around(
+                controller,
+                self.loop,
+                predict=self.predicts(name),
+                run=self.run_number,
+            )
+        except GrosmcError as error:
+            raise ArgumentError(f"controller {name}: {error}") from error
+
+    def predicts(self, name: str) -> bool:
+        """Whether a controller of the file, or a law by its name, knows its loop."""
+        return bool(self.file.law(name).predict)
+
+    def loop_around(
+        self, controller: Controller, loop: Loop, *, predict: bool = False, run: int = 0
+    ) -> AppliedLoop:
+        """Return a loop around a controller, for runs of this experiment.
+
+        Args:
+            controller: Controller designed for a plant of the experiment.
+            loop: Parts of the loop.
+            predict: Whether the law knows its loop: the file's known one or the case's own, of an
+                experiment without a loop the one around it.
+            run: Number of the run, which sets what the loop draws at random.
+
+        Raises:
+            GrosmcError: If a part does not fit.
+        """
+        known = self.loop
+        if known is not None and self.known_loop is not None:
+            known = self.known_loop
+        return _apply_loop(
+            loop,
+            controller,
+            self.nominal.system,
+            control_period=self.settings.control_period,
+            timestep=self.settings.timestep,
+            predict=predict,
+            run=run,
+            known=known,
+        )
+
+    def _design(self, table: ControllerTable, plant: PlantName) -> Controller:
+        """Return the controller of a table, designed once for all plants with one variant."""
+        period = self.settings.control_period
+        # Only a user's own law may depend on the control period.
+        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
+        if key not in self._designs:
+            self._designs[key] = design(
+                table, self.file, self.nominal, plant, self.path.parent, period
+            )
+        return self._designs[key]
+
+    def law_for(self, nominal: AnalyticPlant, name: str) -> Controller:
+        """Return a law by its name, designed for a nominal plant that is not the file's.
+
+        Raises:
+            GrosmcError: As for ``law``.
+        """
+        table = self.file.law(name)
+        controller = design(
+            table,
+            self.file,
+            NominalPlant(nominal),
+            "corrected",
+            self.path.parent,
+            self.settings.control_period,
+        )
+        return _realized(controller, self._realization_of(table, controller))
+
+    @property
+    def region(self) -> tuple[float, ...] | None:
+        """Bounds of |z1|, |z2| ... that the file declares, itself or for the gains of a law."""
+        bounds = self.file.task.region
+        if isinstance(bounds, dict):
+            bounds = in_order("task: region", bounds, self._error_names(self._declared[0]))
+        if bounds is not None:
+            return tuple(bounds)
+        if self.uncertainty is None:
+            return None
+        return self.uncertainty.region
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """The first uncertainty that the gains of a law are computed from, if one is declared."""
+        for name in (*self._declared, *self.file.laws):
+            declared = self.file.law(name).numbers.get("uncertainty", {})
+            # The uncertainties of laws on the linearization have no region.
+            if "region" in declared:
+                names: Sequence[str] = ()
+                if isinstance(declared["region"], dict):
+                    names = self._error_names(name)
+                return uncertainty(declared, names=names)
         return None
-    return case.loop.seed
 
+    def _error_names(self, law: str) -> Sequence[str]:
+        """Names of the entries of the error state of a law."""
+        return self.law(self.plant_names[0], law).designed.error.names
 
-def case_document(case: Case) -> dict[str, Any]:
-    """Return a case as plain values."""
-    disturbances = [_disturbance_document(disturbance) for disturbance in case.disturbances]
-    return {
-        "system": case.system,
-        "case": case.name,
-        "title": case.title,
-        "source": case.source,
-        "x0": list(case.x0),
-        "duration": case.duration,
-        "edits": [asdict(edit) for edit in case.edits],
-        "disturbances": disturbances,
-    }
+    @property
+    def slope(self) -> float:
+        """L of the super-twisting law, in the unit of s per second squared."""
+        return self.file.task.slope or SwitchingNumbers.slope
 
+    @property
+    def realization(self) -> Realization:
+        """Realization of a sliding mode law for which the file gives none."""
+        return self._realization(self.settings.switching, self.settings.surface)
 
-def _disturbance_document(disturbance: AnyDisturbance) -> dict[str, Any]:
-    """Return a disturbance as plain values."""
-    if isinstance(disturbance, Disturbance):
-        document = {"body": disturbance.body, "wrench": list(disturbance.wrench)}
-    else:
-        key = _KEYS[type(disturbance)]
-        document = {key: disturbance.of, "amplitude": disturbance.amplitudes[0]}
-    return {**document, "profile": _profile_in_words(disturbance.profile)}
+    def _realization_of(self, table: ControllerTable, controller: Controller) -> Realization:
+        """Return the realization in a law's table, unless a setting was asked for."""
+        written = {"switching", "surface"} & table.model_fields_set
+        if controller.design is None or not controller.design.switching:
+            if written:
+                names = ", ".join(sorted(written))
+                raise ArgumentError(f"it does not switch, so it has no {names}")
+            return AS_PRINTED
 
+        counting = written - self.asked
+        switching = table.switching if "switching" in counting else self.settings.switching
+        surface = table.surface if "surface" in counting else self.settings.surface
+        return self._realization(switching, surface)
 
-def _profile_in_words(profile: Any) -> str:
-    """Return a profile with its numbers, or the name of its function."""
-    if inspect.isfunction(profile):
-        return f"{profile.__module__}:{profile.__qualname__}"
-    return repr(profile)
+    def _realization(self, switching: str, surface: str) -> Realization:
+        """Return a realization by the names of switching law and surface."""
+        law = find_switching(switching, slope=self.slope)
+        if surface == "discrete":
+            return Realization(law, self.settings.control_period)
+        return Realization(law, None)
 
+    def with_settings(self, **changes: Any) -> Self:
+        """Return a copy with other settings.
 
-def case_of(
-    file: CaseFile,
-    system: System,
-    folder: Path = Path(),
-    rest: Sequence[float] | None = None,
-) -> Case:
-    """Return the case of a file.
+        Args:
+            changes: Fields of ``Settings``; those that are None stay as they are in the file.
 
-    Args:
-        file: The file.
-        system: The system of its plant.
-        folder: Folder of a user's own profiles.
-        rest: Values of the states that the file does not give; zero by default.
+        Raises:
+            ArgumentError: If there is no such setting, or it has no such value.
+        """
+        chosen = {name: value for name, value in changes.items() if value is not None}
+        for name in chosen:
+            require_known("setting", name, vars(self.settings))
+        settings = replace(self.settings, **chosen)
+        return replace(self, settings=settings, asked=self.asked | chosen.keys())
 
-    Raises:
-        ArgumentError: If a state is unknown, or a unit or profile does not fit.
-    """
-    x0 = ()
-    disturbances = []
-    loop = None
-    known_loop = None
-    edits = ()
-    parts = ()
-    mistakes = Mistakes()
-    with mistakes.gathered():
-        x0 = state_of(file.run.start, system, "run: start", rest)
-    for i, table in enumerate(file.disturbance):
-        with mistakes.gathered(f"disturbance {i + 1}: "):
-            disturbances.append(_disturbance(table, system, folder))
-    with mistakes.gathered():
-        loop = loop_of_file(file, system)
-    with mistakes.gathered("known_loop: "):
-        known_loop = known_loop_of_file(file, system)
-    with mistakes.gathered():
-        edits = edits_of(file, system, known=False)
-    with mistakes.gathered():
-        parts = machine_of_file(file, system)
-    mistakes.refuse()
+    def with_laws(self, names: Sequence[str]) -> Self:
+        """Return a copy that runs some laws only.
 
-    return Case(
-        system=system.name,
-        name=file.name,
-        title=file.title or file.name,
-        source=file.source,
-        x0=x0,
-        duration=file.run.duration,
-        edits=(*edits, *parts),
-        disturbances=tuple(disturbances),
-        loop=loop,
-        known_loop=known_loop,
-        run=run_of_file(file),
-        design=file.task.name,
-    )
+        Args:
+            names: Controllers and ``[laws]`` of the file; none for all controllers.
 
+        Raises:
+            ArgumentError: If there is no such law.
+        """
+        further = [name for name in self.file.laws if name not in self._declared]
+        valid = [*self._declared, *further]
+        for name in names:
+            require_known("law", name, valid)
 
-def state_of(
-    values: Mapping[str, Any],
-    system: System,
-    where: str,
-    rest: Sequence[float] | None = None,
-) -> tuple[float, ...]:
-    """Return a state from values of some states by name.
+        added = [ControllerTable(law=name) for name in further if name in names]
+        file = self.file.model_copy(update={"controller": [*self.file.controller, *added]})
+        chosen = tuple(name for name in valid if name in names)
+        return replace(self, file=file, chosen=chosen)
 
-    Args:
-        values: Values with their units.
-        system: System with the states.
-        where: Beginning of messages.
-        rest: Values of the other states, (n,); zero by default.
+    def varied(self, **changes: Any) -> Self:
+        """Return a copy with the same laws and other values.
 
-    Raises:
-        ArgumentError: If a state is unknown, or a unit does not fit.
-    """
-    x = [0.0] * len(system.states)
-    if rest is not None:
-        x = [float(number) for number in rest]
-    for index, value in states_of(values, system, where).items():
-        x[index] = value
-    return tuple(x)
-
-
-def states_of(values: Mapping[str, Any], system: System, where: str) -> dict[int, float]:
-    """Return values of states by index from values by name; raises as ``state_of``."""
-    names = [state.name for state in system.states]
-    by_index = {}
-    mistakes = Mistakes()
-    for name, value in values.items():
-        place = f"{where}: {name}: " if name in names else f"{where}: "
-        with mistakes.gathered(place):
-            require_known("state", name, names)
-            index = names.index(name)
-            by_index[index] = number_in(value, system.states[index].unit)
-    mistakes.refuse()
-    return by_index
-
-
-def edits_of(file: CaseFile, system: System, *, known: bool) -> tuple[Edit, ...]:
-    """Return the edits of the model in a case file.
-
-    Args:
-        file: The file.
-        system: The system of its plant.
-        known: True for the edits that the laws know, False for the other ones.
-
-    Raises:
-        GrosmcError: If a model cannot have a number, or an input is unknown.
-    """
-    tables = [table for table in file.edit if table.parameter is None and table.known is known]
-    return tuple(_edit(table, system) for table in tables)
-
-
-def _edit(table: EditTable, system: System) -> Edit:
-    """Return one edit of the model."""
-    if table.joint is not None:
-        numbers = _joint_numbers(table, table.joint, system)
-        return JointEdit(table.joint, **numbers, tilt=table.tilt)
-    if table.input is not None:
-        actuator = in_model(table.input, "input", system)
-        return InputEdit(actuator, _gear(table, table.input, system))
-    assert table.body is not None
-    if table.added_mass is not None:
-        x, y, z = table.at
-        return AddedMass(table.body, table.added_mass, (x, y, z))
-    inertia: Any = table.inertia and tuple(table.inertia)
-    return BodyEdit(table.body, table.mass_scale, table.length_scale, table.mass, inertia)
-
-
-def _joint_numbers(table: EditTable, joint: str, system: System) -> dict[str, float]:
-    """Return damping, friction and armature of an edit, as far as it has them."""
-    numbers = {}
-    mistakes = Mistakes()
-    for name, unit in system.joint_units(joint).items():
-        value = getattr(table, name)
-        if value is not None:
-            with mistakes.gathered(f"edit of {joint!r}: {name}: "):
-                numbers[name] = si_number(value, unit)
-    mistakes.refuse()
-    return numbers
-
-
-def _gear(table: EditTable, name: str, system: System) -> float:
-    """Return the gear of an edit, in the joint's force or torque for one unit of the input."""
-    (input_unit,) = [signal.unit for signal in system.inputs if signal.name == name]
-    # A system does not say which joint an input drives: a slide where it has slides alone.
-    force = "N m"
-    if all(position.unit == "m" for position in system.positions):
-        force = "N"
-    unit = f"{force}/{input_unit}"
-    if input_unit == force:
-        unit = "1"
-    elif " " in input_unit or "/" in input_unit:
-        unit = f"{force}/({input_unit})"
-    try:
-        return si_number(table.gear, unit)
-    except ArgumentError as error:
-        raise ArgumentError(f"edit of {name!r}: gear: {error}") from None
-
-
-# Keys of the shipped profiles.
-_PROFILE_KEYS: Mapping[str, tuple[str, ...]] = {
-    "constant": (),
-    "pulse": ("start", "stop"),
-    "sine": ("frequency", "onset", "phase"),
-    "table": ("values", "hold", "periodic"),
-}
-
-
-def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> AnyDisturbance:
-    """Return one disturbance with its profile."""
-    if table.body is not None:
-        return _on_body(table, system, folder)
-
-    states = [state.name for state in system.states]
-    if table.input is not None:
-        inputs = [signal.name for signal in system.inputs]
-        require_known("input", table.input, inputs)
-        unit = system.inputs[inputs.index(table.input)].unit
-        amplitude = _amplitude(table, unit)
-        return InputDisturbance(table.input, amplitude, _profile(table, folder), table.label)
-
-    if table.measured is not None:
-        require_known("state", table.measured, states)
-        unit = system.states[states.index(table.measured)].unit
-        amplitude = _amplitude(table, unit)
-        return OutputDisturbance(table.measured, amplitude, _profile(table, folder), table.label)
-
-    if system.joints:
-        raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body or an input")
-    assert table.state is not None
-    require_known("state", table.state, states)
-    unit = system.states[states.index(table.state)].rate_unit
-    amplitude = _amplitude(table, unit)
-    return RateDisturbance(table.state, amplitude, _profile(table, folder), table.label)
-
-
-def _on_body(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
-    """Return a disturbance on a body."""
-    if not system.bodies:
-        raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
-    # Zero is a number too: a disturbance without effect still ends the transient.
-    if not table.model_fields_set & {"force", "torque"}:
-        raise ArgumentError("it has neither force nor torque")
-    wrench: Any = (*table.force, *table.torque)
-    assert table.body is not None
-    return Disturbance(table.body, wrench, _profile(table, folder), table.label)
-
-
-def _amplitude(table: DisturbanceTable, unit: str) -> float:
-    """Return the amplitude of a disturbance of a signal in this unit."""
-    if table.amplitude is None:
-        raise ArgumentError("it has no amplitude")
-    return numbers_of(table, ["amplitude"], lambda _name: unit)["amplitude"]
-
-
-def _profile(table: DisturbanceTable, folder: Path) -> Any:
-    """Return the profile of a disturbance over time."""
-    if is_named(table.profile):
-        return load_named(table.profile, folder)
-
-    require_known("profile", table.profile, (*_PROFILE_KEYS, "module:name"))
-    keys_of_others = set[str]().union(*_PROFILE_KEYS.values()) - set(_PROFILE_KEYS[table.profile])
-    misplaced = sorted(table.model_fields_set & keys_of_others)
-    if misplaced:
-        raise ArgumentError(f"a {table.profile} has no {', '.join(misplaced)}")
-
-    if table.profile == "constant":
-        return Constant()
-    if table.profile == "pulse":
-        if table.stop is None:
-            raise ArgumentError("a pulse needs stop")
-        return Pulse(table.start, table.stop)
-    if table.profile == "table":
-        if not table.values or table.hold is None:
-            raise ArgumentError("a table needs values and hold")
-        return Table(tuple(table.values), table.hold, table.periodic)
-    if table.frequency is None:
-        raise ArgumentError("a sine needs frequency")
-    return SineFrom(table.frequency, table.onset, table.phase)
+        Args:
+            changes: Attributes, such as ``x0``, ``duration``, ``edits``, ``disturbances``.
+        """
+        return replace(self, **changes)

@@ -44,7 +44,7 @@ def find_experiment(system: str, case: str) -> Experiment:
         ArgumentError: If it has no such case.
     """
     experiments = find_experiments(find_system(system).name)
-    by_name = {experiment.case.name: experiment for experiment in experiments}
+    by_name = {experiment.name: experiment for experiment in experiments}
     require_known(f"case of {system}", case, by_name)
     return by_name[case]
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.case import Case, seed_of
-from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.case_document import seed_of
+from grosmc_mj.experiments.experiment import Case, RunResult
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.document import origin, write_json
@@ -151,7 +151,7 @@ def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
     first = results[0]
     error = first.controller.designed.error
     outputs = [error.names[row] for row in first.comparison.outputs]
-    named = [requirement.signal for requirement in first.experiment.limits]
+    named = [requirement.signal for requirement in first.case.limits]
 
     panels = []
     for i, state in enumerate(first.trajectory.system.states):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.experiments.case import case_document, seed_of
+from grosmc_mj.experiments.case_document import case_document, seed_of
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.tables import (
     LEGEND,
@@ -50,7 +50,7 @@ def experiment_document(
         notes: Notes beside the verdict, a line each.
         premises: Premises of its laws, as plain values; left out if there are none.
     """
-    target = f"{experiment.case.system}/{experiment.case.name}"
+    target = experiment.target
     tables = []
     if judgements:
         tables.append(requirements_table(judgements))
@@ -65,10 +65,10 @@ def experiment_document(
         "run",
         {
             **asdict(experiment.settings),
-            "cases": [case_document(experiment.case)],
+            "cases": [case_document(experiment)],
             "file": experiment.document(),
         },
-        seed=seed_of(experiment.case),
+        seed=seed_of(experiment),
         complete=complete,
         answers=[_answer(target, results, judgements, notes, complete=complete)],
         standings=standings(target, results, judgements, complete=complete),

@@ -16,8 +16,10 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case, case_document, seed_of
-from grosmc_mj.experiments.runs import Run, Settings
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.case_document import case_document, seed_of
+from grosmc_mj.experiments.runs import Run
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
@@ -157,12 +159,12 @@ def _ghost(result: Run, *, moving: bool) -> Array:
 def films_of(results: Sequence[Run], form: Format = SMALL) -> list[tuple[Case, Film]]:
     """Films of the cases that have runs on physics under all of ``CONTROLLERS``."""
     on_physics = [result for result in results if result.plant == "physics"]
-    runs = {(result.case, result.controller.name): result for result in on_physics}
+    runs = {(result.case.key, result.controller.name): result for result in on_physics}
     films = []
-    for case in dict.fromkeys(result.case for result in results):
-        if all((case, name) in runs for name in CONTROLLERS):
-            film = film_of([runs[case, name] for name in CONTROLLERS], form)
-            films.append((case, film))
+    for key in dict.fromkeys(result.case.key for result in results):
+        if all((key, name) in runs for name in CONTROLLERS):
+            filmed = [runs[key, name] for name in CONTROLLERS]
+            films.append((filmed[0].case, film_of(filmed, form)))
     return films
 
 

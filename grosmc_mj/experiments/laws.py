@@ -42,11 +42,11 @@ from grosmc_mj.errors import (
     unknown_name,
     value_text,
 )
-from grosmc_mj.experiments.case import state_of
 from grosmc_mj.experiments.file.formula import formula
 from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
+from grosmc_mj.experiments.file.values import state_of
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
 from grosmc_mj.plants.two_link_arm import tip

@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, value_text
-from grosmc_mj.experiments.case import edits_of, states_of
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
+from grosmc_mj.experiments.file.values import edits_of, states_of
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import (

@@ -9,15 +9,14 @@ from typing import Any
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.file.parts import TABLES, table_of, unit_of
 from grosmc_mj.fields import Range, range_of
-from grosmc_mj.plants import System
 
 
-def implausible(case: Case, system: System) -> Iterator[str]:
+def implausible(case: Case) -> Iterator[str]:
     """Return a line for each number of a case that is far from those of any machine.
 
     The usual sizes stand beside its field, or are those of its unit.
     """
-    for label, value, bounds in [*_starts(case, system), *_parts(case, system)]:
+    for label, value, bounds in [*_starts(case), *_parts(case)]:
         if not isinstance(value, float):
             continue
         usual = bounds.unusual(value)
@@ -27,14 +26,14 @@ def implausible(case: Case, system: System) -> Iterator[str]:
             yield " ".join(line.split())
 
 
-def _starts(case: Case, system: System) -> Iterator[tuple[str, Any, Range]]:
+def _starts(case: Case) -> Iterator[tuple[str, Any, Range]]:
     """Return label, value and range of each state at the start."""
-    for state, value in zip(system.states, case.x0, strict=True):
+    for state, value in zip(case.nominal.system.states, case.x0, strict=True):
         # A start at an operating point has rounding errors in the place of zeros.
         yield f"start: {state.name}", value, Range(unit=state.unit, usual=(0, 1e4))
 
 
-def _parts(case: Case, system: System) -> Iterator[tuple[str, Any, Range]]:
+def _parts(case: Case) -> Iterator[tuple[str, Any, Range]]:
     """Return label, value and range of each number of edits, machine and loop."""
     parts: list[tuple[str, Any]] = [(table_of(edit), edit) for edit in case.edits]
     if case.loop is not None:
@@ -49,5 +48,5 @@ def _parts(case: Case, system: System) -> Iterator[tuple[str, Any, Range]]:
             if bounds is None:
                 continue
             if kind in TABLES and not bounds.whole:
-                bounds = replace(bounds, unit=unit_of(kind, owner, item.name, system))
+                bounds = replace(bounds, unit=unit_of(kind, owner, item.name, case.nominal.system))
             yield f"{name}: {item.name}", getattr(part, item.name), bounds

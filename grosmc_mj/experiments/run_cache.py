@@ -11,7 +11,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.disturbances import AnyDisturbance
@@ -40,8 +40,7 @@ class RunCache:
         self.settings = settings
         self._number = number
         self._runs: dict[Any, RunResult] = {
-            (*result.experiment.key, result.plant, result.controller.name): result
-            for result in known
+            (result.case.key, result.plant, result.controller.name): result for result in known
         }
         self._kept: dict[Any, Any] = {}
 
@@ -80,7 +79,7 @@ class RunCache:
 
     def run(self, experiment: Experiment, plant: PlantName, controller: str) -> RunResult:
         """An experiment on a plant under a controller designed for it."""
-        key = (*experiment.key, plant, controller)
+        key = (experiment.key, plant, controller)
         if key not in self._runs:
             law = self.controller(experiment, plant, controller)
             self._runs[key] = self.run_with(
@@ -107,8 +106,8 @@ class RunCache:
         """A run under this very law, which knows the experiment's loop or not."""
         used = self.as_set(experiment)
         loop = None
-        if used.case.loop is not None:
-            loop = used.loop_around(law, used.case.loop, predict=predict, run=used.case.run)
+        if used.loop is not None:
+            loop = used.loop_around(law, used.loop, predict=predict, run=used.run_number)
         return run_on(used, plant, law, self.plant(experiment, plant), loop)
 
     def case(
@@ -149,12 +148,12 @@ class RunCache:
         run = simulate(
             [self.plant(experiment, plant) for experiment in experiments],
             law,
-            [experiment.case.x0 for experiment in used],
-            duration=experiments[0].case.duration,
+            [experiment.x0 for experiment in used],
+            duration=experiments[0].duration,
             loop=used[0].applied_loop(plant, controller),
             control_period=settings.control_period,
             timestep=settings.timestep,
-            disturbances=[experiment.case.disturbances for experiment in used],
+            disturbances=[experiment.disturbances for experiment in used],
             engine=settings.engine_for(law),
         )
         return law, run
@@ -162,7 +161,7 @@ class RunCache:
     def as_set(self, experiment: Experiment) -> Experiment:
         """Experiment with the settings of this cache and its number."""
         changes = self.settings.changes()
-        if experiment.case.loop is not None:
+        if experiment.loop is not None:
             # A loop's pace is its own; physics can be finer, but no coarser than its delays.
             finer = min(1.0, self.settings.timestep / Settings().timestep)
             changes["timestep"] = experiment.settings.timestep * finer

@@ -1,67 +1,23 @@
-"""Settings of runs, and the result of one run of an experiment."""
+"""The result of one run of a case."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.requirements.run_metrics import cost_shares
-from grosmc_mj.simulation.simulate import Engine
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-
-Surface = Literal["printed", "discrete"]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Settings of a simulation.
-
-    Attributes:
-        engine: ``native`` or ``python``.
-        control_period: Time between two samples of the laws [s]; the chapter prints none.
-        timestep: Physics timestep [s].
-        integrator: MuJoCo's integrator.
-        switching: Name of the switching law of the sliding mode laws.
-        surface: Surface of the sliding mode laws: ``printed``, or ``discrete`` for the one that is
-            zero at every sample of the nominal plant.
-    """
-
-    engine: Engine = "native"
-    control_period: float = 1e-3
-    timestep: float = 1e-3
-    integrator: Integrator = "RK4"
-    switching: str = "sign"
-    surface: Surface = "printed"
-
-    def __post_init__(self) -> None:
-        require_known("engine", self.engine, get_args(Engine))
-        require_known("surface", self.surface, get_args(Surface))
-        require_known("switching law", self.switching, SWITCHINGS)
-
-    def changes(self) -> dict[str, Any]:
-        """Return the settings that are not the defaults."""
-        default = vars(Settings())
-        return {name: value for name, value in vars(self).items() if value != default[name]}
-
-    def engine_for(self, law: Controller) -> Engine:
-        """Return the engine, or ``python`` for a law that can't be compiled."""
-        if getattr(law.law, "python_only", False):
-            return "python"
-        return self.engine
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

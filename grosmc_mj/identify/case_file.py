@@ -49,8 +49,8 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     """
     experiment = fit.parameters.experiment
     content = read_content(experiment.path)
-    content["title"] = f"{experiment.case.title}, as identified from {log}"
-    declared = content.get("plant", {"system": experiment.case.system})
+    content["title"] = f"{experiment.title}, as identified from {log}"
+    declared = content.get("plant", {"system": experiment.system})
     content["plant"] = _plant_table(fit, declared, path)
 
     settings = experiment.settings

@@ -80,11 +80,11 @@ def models_of(experiment: Experiment) -> Mapping[str, LogModel]:
     """The plants of a case, the truest one behind its loop, and the machine of its system."""
     rungs = {name: LogModel(experiment.plant(name)) for name in experiment.plant_names}
     truest = experiment.plant(experiment.nominal.truest)
-    if experiment.case.loop is not None:
-        rungs["loop"] = LogModel(truest, experiment.case.loop)
+    if experiment.loop is not None:
+        rungs["loop"] = LogModel(truest, experiment.loop)
     if experiment.nominal.shipped and not experiment.on_machine:
         try:
-            machine = find_experiment(experiment.case.system, "machine")
+            machine = find_experiment(experiment.system, "machine")
         except GrosmcError:
             return rungs
         rungs["machine"] = LogModel(machine.plant(machine.nominal.truest))

@@ -13,6 +13,7 @@ from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.identify.replay import ideal
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.parameters import with_values
@@ -79,8 +80,10 @@ class Parameters:
         for quantity, value in zip(self.quantities, values, strict=True):
             if quantity.of_plant:
                 changes.append((quantity, float(value)))
-        sample = with_values(self.experiment, changes)
-        return base.changed(sample.case.edits, dict(sample.scales))
+        case = with_values(self.experiment, changes)
+        if isinstance(base, MujocoPlant):
+            return base.edited(*case.edits)
+        return case.plant(case.nominal.truest)
 
     def input_delay(self, values: Array) -> float:
         """Delay of the inputs [s].
@@ -153,7 +156,7 @@ def _quantities(
     """The quantities of a case with other [[uncertain]] tables."""
     update = {"uncertain": list(tables), "correlation": []}
     file = experiment.file.model_copy(update=update)
-    return family_of(file, experiment.case, plant).quantities
+    return family_of(file, experiment, plant).quantities
 
 
 def _is_visible(quantity: Quantity) -> bool:

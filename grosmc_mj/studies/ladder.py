@@ -18,7 +18,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
-from grosmc_mj.experiments.case import case_document
+from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
@@ -291,11 +291,11 @@ def _owner(entry: Any, kind: str) -> str:
 
 def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[MachinePart, ...]]]:
     """Yield the additions in the order of the ladder: a name, and a part of loop or machine."""
-    loop = machine.case.loop
+    loop = machine.loop
     if loop:
         for name, part in _loop_additions(loop):
             yield name, part, ()
-    for name, parts in _machine_additions(machine.case.parts):
+    for name, parts in _machine_additions(machine.parts):
         if parts:
             yield name, None, tuple(parts)
 
@@ -371,7 +371,7 @@ class Ladder:
     @property
     def target(self) -> str:
         """SYSTEM/CASE."""
-        return f"{self.machine.case.system}/{self.machine.case.name}"
+        return f"{self.machine.system}/{self.machine.name}"
 
     @property
     def units(self) -> tuple[str, str]:
@@ -387,7 +387,7 @@ class Ladder:
         named = [*named_in(file), *(file.law(law.base).law for law in self.laws)]
         return {
             "target": self.target,
-            "title": self.machine.case.title,
+            "title": self.machine.title,
             "model": self.experiment.plant(self.experiment.nominal.truest).digest,
             "sources": sources(filter(is_named, named), self.machine.path.parent),
             "control_period": {"value": settings.control_period, "unit": "s"},
@@ -418,7 +418,7 @@ def ladder(
             required.
     """
     machine = case_for(target, MACHINE)
-    edits = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
+    edits = tuple(edit for edit in machine.edits if edit not in machine.parts)
     bare = machine.varied(loop=None, edits=edits)
     climbing, alone = rungs_of(machine)
     if not alone:
@@ -462,7 +462,7 @@ class Cells:
         conditions = []
         for condition in studied.conditions:
             experiment = condition.experiment
-            conditions.append([case_document(experiment.case), experiment.document()])
+            conditions.append([case_document(experiment), experiment.document()])
         content = [studied.configuration(), conditions, versions(), source_digest()]
         return cls(folder, json_text(content))
 
@@ -514,7 +514,7 @@ def run_rung(
         return row.model_copy(update={"impossible": str(error)})
 
     limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
-    limits = judgeable_in(limits, rung.loop, studied.machine.case.loop)
+    limits = judgeable_in(limits, rung.loop, studied.machine.loop)
     shares = {limit.name: judge_run(limit, run).share for limit in limits}
     claims = _shares_of_claims(studied.machine, law, condition, run)
     row = row.model_copy(update={"shares": shares, "claims": claims, "tightest": ENDED})
@@ -565,7 +565,7 @@ def run_of(
     loop = None
     if rung.looped:
         loop = bare.loop_around(controller, rung.loop, predict=law.predict)
-    built = bare.varied(edits=(*bare.case.edits, *rung.parts))
+    built = bare.varied(edits=(*bare.edits, *rung.parts))
     return run_on(built, rung.plant, controller, built.plant(rung.plant), loop)
 
 
@@ -911,7 +911,7 @@ def ladder_document(
         rows: Finished rows.
         complete: Whether nothing was interrupted.
     """
-    case = studied.machine.case
+    case = studied.machine
     return result(
         "ladder",
         studied.configuration(),

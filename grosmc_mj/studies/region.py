@@ -21,7 +21,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, wrapped
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case, case_document
+from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.fields import Positive, Range, checked
@@ -142,7 +143,7 @@ class RegionLoop:
 
     def run(self, starts: Array, duration: float) -> Outcomes:
         """Return the runs from the starts (nsim, n)."""
-        case = replace(self.experiment.case, duration=duration)
+        case = replace(self.experiment, duration=duration)
         rows = []
         for start in starts.tolist():
             row = Row(
@@ -191,7 +192,7 @@ class RegionLoop:
         error = self.controller.designed.error
         if error.outputs is not None:
             raise ArgumentError(
-                f"{self.controller.name} in {self.experiment.case.name} of {self.system.name} "
+                f"{self.controller.name} in {self.experiment.name} of {self.system.name} "
                 "regulates outputs that are no states: take another case"
             )
         return error.along(np.full(len(states), time), states, self.controller.parameters)
@@ -238,7 +239,7 @@ def outcomes(
     """
     tolerance = np.array([value for value, _ in loop.tolerances.values()])
     away = np.any(np.abs(loop.errors(0.0, starts)) > tolerance, axis=1)
-    may_end_early = away & (not loop.experiment.case.disturbances)
+    may_end_early = away & (not loop.experiment.disturbances)
 
     letters = np.full(len(starts), Outcome.NOT_CONVERGED.letter)
     for look in looks:
@@ -542,7 +543,7 @@ class RegionStudy:
         """Reason for making no map of a case on equations, by its name; empty where they are."""
         reasons = {}
         for experiment in self.experiments:
-            reasons[experiment.case.name] = model_mismatch(experiment.plant("physics"))
+            reasons[experiment.name] = model_mismatch(experiment.plant("physics"))
         return reasons
 
     @property
@@ -563,7 +564,7 @@ class RegionStudy:
     def maps(self, advance: Callable[[str], object] = lambda _: None) -> Iterator[RegionMap]:
         """Compute the maps, one by one; ``advance`` is called after each batch."""
         for loop in self.loops:
-            case = loop.experiment.case
+            case = loop.experiment
             law = loop.controller.name
             advance_batch = partial(advance, f"{case.name}/{law}")
             if self.why_not[case.name]:
@@ -600,7 +601,7 @@ class RegionStudy:
 def _is_edited(experiment: Experiment) -> bool:
     """Whether its plant is edited, and its laws regulate states, on which starts are laid out."""
     law = experiment.law("physics", experiment.controllers[0])
-    return bool(experiment.case.edits) and law.coordinates.outputs is None
+    return bool(experiment.edits) and law.coordinates.outputs is None
 
 
 def _perturbed(target: str, duration: float) -> Experiment:
@@ -615,7 +616,7 @@ def _perturbed(target: str, duration: float) -> Experiment:
         return next(experiment for experiment in experiments if _is_edited(experiment))
 
     (experiment,) = experiments
-    case = experiment.case
+    case = experiment
     if "physics" not in experiment.nominal.names:
         raise ArgumentError(f"{target}: it does not run in MuJoCo, where maps are made")
     if not case.edits and case.onset >= duration:
@@ -633,8 +634,8 @@ def _edited_cases(experiment: Experiment) -> str:
     """Names of the cases of an experiment's system that edit the plant."""
     if not experiment.nominal.shipped:
         return ""
-    experiments = find_experiments(experiment.case.system)
-    return ", ".join(edited.case.name for edited in experiments if _is_edited(edited))
+    experiments = find_experiments(experiment.system)
+    return ", ".join(edited.name for edited in experiments if _is_edited(edited))
 
 
 # The answer: table, charts, figure, document
@@ -733,7 +734,7 @@ def _configuration(region: RegionStudy) -> dict[str, Any]:
     keys = ("case", "title", "source", "edits", "disturbances")
     cases = []
     for experiment in region.experiments:
-        document = case_document(experiment.case)
+        document = case_document(experiment)
         cases.append({key: document[key] for key in keys})
     return {
         "duration": {"value": region.duration, "unit": "s"},

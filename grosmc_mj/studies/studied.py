@@ -94,7 +94,7 @@ def of_system(experiment: Experiment, case: str) -> Experiment | None:
 
 def _named(cases: Sequence[Experiment], name: str) -> Experiment | None:
     for experiment in cases:
-        if experiment.case.name == name:
+        if experiment.name == name:
             return experiment
     return None
 
@@ -105,7 +105,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
     The nominal plant without disturbances comes first, then the experiment's own edits and
     disturbances or, if it has none, those of its system's cases.
     """
-    case = experiment.case
+    case = experiment
     nominal = experiment.nominal
     calm = replace(experiment, nominal=replace(nominal, scales=()))
     calm = calm.varied(edits=(), disturbances=())
@@ -117,7 +117,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
     for name in _LOADED:
         loaded = of_system(experiment, name)
         if loaded is not None:
-            load = loaded.case
+            load = loaded
             under_load = experiment.varied(
                 edits=load.edits,
                 disturbances=load.disturbances,
@@ -141,7 +141,7 @@ def limits_in(
         condition: Plant and loads.
         plants: Plants of the runs.
     """
-    case = condition.experiment.case
+    case = condition.experiment
     controller = law.controller
     limits_of_law: list[Requirement] = []
     for table in tables:

@@ -365,7 +365,7 @@ class ToleranceStudy:
     @property
     def target(self) -> str:
         """SYSTEM/CASE."""
-        return f"{self.experiment.case.system}/{self.experiment.case.name}"
+        return self.experiment.target
 
     @property
     def plants(self) -> list[PlantName]:
@@ -397,9 +397,9 @@ def tolerance_study(
     """
     experiment = case_for(target, BENCH)
     owner: Experiment | None = experiment
-    if not experiment.case.loop:
+    if not experiment.loop:
         owner = of_system(experiment, BENCH)
-    if owner is None or owner.case.loop is None:
+    if owner is None or owner.loop is None:
         raise ArgumentError(
             f"{experiment.path}: there is no loop to take the amounts of imperfections from: give "
             "the file a [computing], a [[sensor]] or an [[actuator]]"
@@ -408,7 +408,7 @@ def tolerance_study(
     timestep = min(experiment.settings.timestep, owner.settings.timestep)
     bare = experiment.varied(loop=None).with_settings(timestep=timestep)
     kinds = imperfections(
-        owner.case.loop,
+        owner.loop,
         bare.nominal.system,
         timestep,
         bare.settings.control_period,
@@ -416,8 +416,8 @@ def tolerance_study(
     )
     return ToleranceStudy(
         experiment=bare,
-        bench=owner.case.loop,
-        bench_of=f"{owner.case.system}/{owner.case.name}",
+        bench=owner.loop,
+        bench_of=owner.target,
         laws=chosen_laws(bare, chosen, rivals=rivals),
         imperfections=kinds,
         conditions=conditions_of(bare),
@@ -629,7 +629,7 @@ class Trials:
         plant = experiment.plant(self.plant)
         rows: list[Row] = []
         for trial, i in runs:
-            case = replace(experiment.case, loop=trial.loop)
+            case = replace(experiment, loop=trial.loop)
             row = Row(law, case=case, number=i, plant=plant, predict=self.law.predict)
             rows.append(row)
         outcomes = run_rows(

@@ -40,7 +40,7 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
-from grosmc_mj.sweep.parameters import CaseSample, with_values
+from grosmc_mj.sweep.parameters import plant_of, with_values
 from grosmc_mj.sweep.search import largest_passing
 
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
@@ -232,7 +232,7 @@ class Campaign:
     @classmethod
     def _designed(cls, specification: Specification, experiment: Experiment) -> Campaign:
         """The campaign of an experiment, with its laws designed and its family read."""
-        case = experiment.case
+        case = experiment
         mistakes = Mistakes()
         with mistakes.gathered():
             experiment = experiment.with_laws(specification.controllers)
@@ -252,9 +252,9 @@ class Campaign:
     def _refuse_impossible(self) -> None:
         """Refuse what cannot be run or measured on the nominal plant, or at the ranges' ends."""
         nominal = self.plant_sample(self.family.nominal)
-        nominal.plant(self.plant)
+        plant_of(nominal, self.plant)
         for requirement in self.requirements:
-            requirement.refuse_start(self.laws[requirement.laws[0]], nominal.case.x0)
+            requirement.refuse_start(self.laws[requirement.laws[0]], nominal.x0)
         for owners in (_OF_MACHINES, LOOP_PARTS):
             for values in _extremes(self.family, owners):
                 self._refuse_extreme(values, owners)
@@ -281,11 +281,11 @@ class Campaign:
         problem, _ = prepare(
             self.plant,
             law,
-            self.experiment.case.x0,
+            self.experiment.x0,
             duration=self.duration,
             control_period=settings.control_period,
             timestep=settings.timestep,
-            disturbances=self.experiment.case.disturbances,
+            disturbances=self.experiment.disturbances,
             record=False,
         )
         last = (problem.steps - 1) * problem.timestep
@@ -299,12 +299,12 @@ class Campaign:
     def _build(self, values: Array, owners: Collection[str]) -> None:
         """Compile a machine and put every law into its loop: shows whether there is such a run."""
         sample = self.plant_sample(values)
-        if owners is LOOP_PARTS and sample.case.loop is not None:
+        if owners is LOOP_PARTS and sample.loop is not None:
             for name, law in self.laws.items():
                 predict = self.experiment.predicts(name)
-                self.experiment.loop_around(law, sample.case.loop, predict=predict)
+                self.experiment.loop_around(law, sample.loop, predict=predict)
         if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
-            plant: Any = sample.plant(self.plant)
+            plant: Any = plant_of(sample, self.plant)
             _ = plant.undrawn_model
 
     @property
@@ -342,12 +342,12 @@ class Campaign:
     @property
     def target(self) -> str:
         """SYSTEM/NAME."""
-        return f"{self.experiment.case.system}/{self.specification.name}"
+        return f"{self.experiment.system}/{self.specification.name}"
 
     @property
     def random(self) -> bool:
         """Whether runs draw random numbers: noise, jitter or missed samples of their loop."""
-        loop = self.experiment.case.loop
+        loop = self.experiment.loop
         if loop is not None and loop.random:
             return True
         return any(
@@ -357,14 +357,14 @@ class Campaign:
     @property
     def duration(self) -> float:
         """Duration of each run [s]."""
-        return self.experiment.case.duration
+        return self.experiment.duration
 
     @property
     def idle(self) -> list[str]:
         """Label, or body or signal, of each disturbance that begins after the end of every run."""
         return [
             disturbance.label or disturbance.of
-            for disturbance in self.experiment.case.disturbances
+            for disturbance in self.experiment.disturbances
             if _onset(disturbance, self.family)[0] >= self.duration
         ]
 
@@ -386,7 +386,7 @@ class Campaign:
     @property
     def _input_limits(self) -> Array:
         """Least and largest of each input, (2, m); infinite where a limit is uncertain."""
-        limits = input_limits(self.plant, self.experiment.case)
+        limits = input_limits(self.plant, self.experiment)
         if any(number.owner in ("actuator", "motor") for number in self.family.quantities):
             limits[:] = [[-np.inf], [np.inf]]
         return limits
@@ -445,7 +445,7 @@ class Campaign:
             return None
         return dict(zip(self.family.names, values.tolist(), strict=True))
 
-    def plant_sample(self, values: Sequence[float] | Array) -> CaseSample:
+    def plant_sample(self, values: Sequence[float] | Array) -> Experiment:
         """Return the case, with its plant, that these values make."""
         row = np.asarray(values, float).tolist()
         return with_values(self.experiment, zip(self.family.quantities, row, strict=True))

@@ -72,7 +72,7 @@ def write_figures(
         reached: How far the uncertainty may grow; empty if nobody looked.
         axes: Names of the two numbers of the map; empty for those that drive margins most.
     """
-    title = campaign.experiment.case.title
+    title = campaign.experiment.title
     files = list[Path]()
 
     numbers = map_axes(campaign, findings, axes)

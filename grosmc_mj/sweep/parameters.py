@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.disturbances import AnyDisturbance, Pulse
+
+AnyCase = TypeVar("AnyCase", bound=Case)
 
 # The edits that have the numbers of each owner.
 _EDITS: Mapping[str, Any] = {"body": BodyEdit, "joint": JointEdit, **MACHINE_PARTS}
@@ -234,80 +236,65 @@ class Parameter:
         of_disturbance: Any = disturbance
         return replace(of_disturbance, profile=changed)
 
-    def changed_case(self, case: Case, value: float, system: System) -> Case:
-        """Return a case with this value in its start, disturbances, edits or loop.
+    def changed_case(self, case: AnyCase, value: float) -> AnyCase:
+        """Return a case with this value in its plant, start, disturbances, edits or loop.
 
         Raises:
             ArgumentError: If the case has no such part, or the value is out of its bounds.
         """
         if self.owner == "start":
             x0 = list(case.x0)
-            x0[self.state(system)] = value
-            return replace(case, x0=tuple(x0))
+            x0[self.state(case.nominal.system)] = value
+            return case.varied(x0=tuple(x0))
         if self.owner == "disturbance":
             disturbances = [self.disturbed(disturbance, value) for disturbance in case.disturbances]
-            return replace(case, disturbances=tuple(disturbances))
+            return case.varied(disturbances=tuple(disturbances))
+        if self.owner == "parameter":
+            # On top of an edit that the file has.
+            scales = (*case.nominal.scales, (self.of, value))
+            return case.varied(nominal=replace(case.nominal, scales=scales))
         if self.of_plant:
-            return replace(case, edits=tuple(self.edited(case.edits, value)))
+            return case.varied(edits=tuple(self.edited(case.edits, value)))
         if case.loop is None:
             raise ArgumentError(f"the case has no loop, so no {self.owner} of {self.of}")
         loop = case.loop.changed(self.owner, self.of, **{self.quantity: value})
-        return replace(case, loop=loop)
+        return case.varied(loop=loop)
 
 
-class CaseSample(NamedTuple):
-    """Case with other numbers.
-
-    Attributes:
-        case: Start, edits, disturbances and loop.
-        scales: Factors on parameters of an analytic plant of the user's own, by name.
-    """
-
-    case: Case
-    scales: tuple[tuple[str, float], ...] = ()
-
-    def plant(self, like: Plant) -> Plant:
-        """Return the plant with these numbers.
-
-        Args:
-            like: The plant with the file's edits.
-
-        Raises:
-            ArgumentError: If the case starts beyond one of its stops.
-        """
-        plant = like.changed(self.case.edits, dict(self.scales))
-        plant.require_start(np.array(self.case.x0))
-        return plant
-
-
-def with_values(
-    experiment: Experiment,
-    values: Iterable[tuple[Parameter, float]],
-    case: Case | None = None,
-) -> CaseSample:
+def with_values(case: AnyCase, values: Iterable[tuple[Parameter, float]]) -> AnyCase:
     """Return a case with other values of some parameters; times become whole timesteps.
 
     Args:
-        experiment: Experiment of the case.
+        case: The case.
         values: Parameters and their values.
-        case: The case; the experiment's by default.
 
     Raises:
         ArgumentError: If it has no such part, or a value is out of its bounds.
     """
-    if case is None:
-        case = experiment.case
-
     changed = case
-    scales: list[tuple[str, float]] = []
     for parameter, value in values:
-        if parameter.owner == "parameter":
-            scales.append((parameter.of, value))
-        else:
-            changed = parameter.changed_case(changed, value, experiment.nominal.system)
+        changed = parameter.changed_case(changed, value)
 
     if changed.loop is not None and changed.loop is not case.loop:
-        settings = experiment.settings
+        settings = case.settings
         loop = changed.loop.rounded(settings.timestep, settings.control_period)
-        changed = replace(changed, loop=loop)
-    return CaseSample(changed, tuple(scales))
+        changed = changed.varied(loop=loop)
+    return changed
+
+
+def plant_of(case: Case, like: Plant) -> Plant:
+    """Return the plant of a case whose parameters have other values.
+
+    Args:
+        case: The case.
+        like: Plant of the case before its parameters had other values.
+
+    Raises:
+        ArgumentError: If the case starts beyond one of its stops.
+    """
+    if isinstance(like, MujocoPlant):
+        plant = like.edited(*case.edits)
+    else:
+        plant = case.plant(case.nominal.truest)
+    plant.require_start(np.array(case.x0))
+    return plant

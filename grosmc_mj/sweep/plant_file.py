@@ -207,11 +207,11 @@ def _comment(campaign: Campaign, plant: ChosenPlant) -> str:
 
 def _content(campaign: Campaign, plant: ChosenPlant) -> dict[str, Any]:
     """The content of a complete case file."""
-    case = campaign.plant_sample(plant.values).case
+    case = campaign.plant_sample(plant.values)
     tables = PlantTables(campaign.specification.text, campaign.experiment)
     tables.set_plant(plant.kind)
     tables.set_specification(campaign.specification)
-    title = campaign.experiment.case.title
+    title = campaign.experiment.title
     tables.content["title"] = f"{title}: {plant.words}"
 
     pairs = campaign.pairs_as_run(plant.values)

@@ -35,6 +35,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
 )
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.parameters import plant_of
 from grosmc_mj.sweep.search import largest_passing
 
 # Scales are known to this part of themselves, up to the largest.
@@ -109,7 +110,7 @@ class PromisedFamily:
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
             of_inputs: Largest magnitude of the disturbance of each input, (m,).
         """
-        plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
+        plant = plant_of(self.campaign.plant_sample(values), self.campaign.plant)
         added = Added(of_inputs, np.zeros(len(plant.system.states)))
         return least_margin(self.law, plant.analytic(), self.bound, amplitude, added)
 
@@ -125,7 +126,7 @@ class PromisedFamily:
 
     def _with_largest(self, sizes: Array, kind: type[AnyDisturbance], scale: float) -> Array:
         """Sizes with the largest magnitudes of all disturbances of a kind added to them."""
-        for disturbance in self.campaign.experiment.case.disturbances:
+        for disturbance in self.campaign.experiment.disturbances:
             if not isinstance(disturbance, kind):
                 continue
             factor = self._largest_factor(disturbance.label, scale)
@@ -153,7 +154,7 @@ class PromisedFamily:
     def surface_band(self) -> float:
         """w h rho_max, by which |s| may exceed |s(0)|, in the unit of s."""
         campaign = self.campaign
-        plant = campaign.plant_sample(campaign.family.nominal).plant(campaign.plant)
+        plant = plant_of(campaign.plant_sample(campaign.family.nominal), campaign.plant)
         rate = largest_rate(self.law, plant.analytic(), self.bound)
 
         # Only a boundary layer has a width.
@@ -188,7 +189,7 @@ class PromisedFamily:
     def starts_inside(self, scale: float) -> bool:
         """Whether every start has its error state in the operating region."""
         corners = self.corners(scale, of_starts=True)
-        x0 = np.array([self.campaign.plant_sample(values).case.x0 for values in corners])
+        x0 = np.array([self.campaign.plant_sample(values).x0 for values in corners])
         z = self.law.coordinates.along(np.zeros(len(x0)), x0, self.law.parameters)
         bound = np.array(self.bound) * (1 + _ROUNDING)
         return bool(np.all(np.abs(z) <= bound))

@@ -24,7 +24,7 @@ from grosmc_mj.requirements.run_metrics import metrics_of_simulations
 from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.sweep.parameters import CaseSample, Parameter, with_values
+from grosmc_mj.sweep.parameters import Parameter, plant_of, with_values
 
 # Begin of the names of margins' columns.
 MARGIN = "margin "
@@ -201,25 +201,25 @@ def prepare_run(
         parameter = Parameter.at_path(key) if isinstance(key, str) else key
         values.append((parameter, value))
 
-    changed = with_values(experiment, values, row.case)
+    changed = with_values(row.case or experiment, values)
     plant = row.plant
     if plant is None:
         plant = _plant_of(experiment, changed, name, {} if plants is None else plants)
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
-    return Run(plant, law, _loop_around(law, experiment, row, changed.case), changed.case)
+    return Run(plant, law, _loop_around(law, experiment, row, changed), changed)
 
 
 def _plant_of(
-    experiment: Experiment, changed: CaseSample, name: PlantName, plants: dict[Any, Plant]
+    experiment: Experiment, case: Case, name: PlantName, plants: dict[Any, Plant]
 ) -> Plant:
     """The plant with the numbers of a case; plants with equal numbers are one."""
-    key = changed.case.edits, changed.scales
+    key = case.edits, case.nominal.scales
     if key not in plants:
-        plant = changed.plant(experiment.plant(experiment.nominal.truest))
+        plant = plant_of(case, experiment.plant(experiment.nominal.truest))
         plants[key] = plant if name == "physics" else plant.analytic(name)
 
     plant = plants[key]
-    plant.require_start(np.array(changed.case.x0))
+    plant.require_start(np.array(case.x0))
     return plant
 
 
@@ -232,7 +232,7 @@ def _loop_around(
     predict = row.predict
     if predict is None and isinstance(row.law, str):
         predict = experiment.predicts(row.law)
-    number = case.run if row.number is None else row.number
+    number = case.run_number if row.number is None else row.number
     return experiment.loop_around(law, case.loop, predict=bool(predict), run=number)
 
 
@@ -282,7 +282,7 @@ def _run_group(
     metrics = metrics_of_simulations(measurements, batch.accumulated, last, completed)
     transient = np.array([item.transient for item in measurements])
 
-    start = initial_error(law, experiment.case.x0)
+    start = initial_error(law, experiment.x0)
     limits_of_law = [limit for limit in limits if law.name in limit.laws]
     margins = margins_of(limits_of_law, metrics, completed)
     shares = [margins[limit.name] / limit.number for limit in limits_of_law]

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
+from grosmc_mj.experiments.case import Case
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import random_points
-from grosmc_mj.sweep.parameters import CaseSample
+from grosmc_mj.sweep.parameters import plant_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
 # Judges of a run.
@@ -63,7 +64,7 @@ class Batch:
 
     # All controllers meet the same samples and plants, and a plant compiles its model.
     @cached_property
-    def samples(self) -> list[CaseSample]:
+    def samples(self) -> list[Case]:
         """The case with each of the values, n of them."""
         return [self.campaign.plant_sample(values) for values in self.values]
 
@@ -74,9 +75,9 @@ class Batch:
         plants: dict[Any, Plant] = {}
         plant_of_sample: list[Plant] = []
         for sample in self.samples:
-            key = sample.case.edits, sample.scales
+            key = sample.edits, sample.nominal.scales
             if key not in plants:
-                plants[key] = sample.plant(self.campaign.plant)
+                plants[key] = plant_of(sample, self.campaign.plant)
             plant_of_sample.append(plants[key])
         return plant_of_sample
 
@@ -93,7 +94,7 @@ class Batch:
         """Return a row of the design, on its plant or its equations."""
         return Row(
             self.campaign.laws[controller],
-            case=self.samples[index].case,
+            case=self.samples[index],
             number=self.ids[index],
             plant=plant,
             predict=self.campaign.experiment.predicts(controller),
@@ -208,7 +209,7 @@ def screening_of(campaign: Campaign) -> Screening:
 def _campaign_mismatch(campaign: Campaign) -> str:
     """Reason why no equations can describe its plants; empty if they may."""
     plant = campaign.plant
-    nominal = campaign.plant_sample(campaign.family.nominal).plant(plant)
+    nominal = plant_of(campaign.plant_sample(campaign.family.nominal), plant)
     if isinstance(nominal, MujocoPlant) and (nominal.parts or not nominal.system.symbolic):
         return model_mismatch(nominal)
     if plant.stepped_by != "RK4":

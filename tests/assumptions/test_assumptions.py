@@ -29,7 +29,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.run_cache import RunCache, trial
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.document import json_text
@@ -333,7 +333,7 @@ def test_law_that_starts_off_its_surface_fails_that_premise_only() -> None:
 def test_a_surface_that_no_input_steers_fails(GB: float) -> None:
     """G B = 0, which a design refuses, of a law of one's own."""
     settings = Settings(engine="python")
-    result = run_case(trial("servo", "short", (0.0, 0.0), 0.05).case, "physics", "grosmc", settings)
+    result = run_case(trial("servo", "short", (0.0, 0.0), 0.05), "physics", "grosmc", settings)
     parameters = replace(result.controller.parameters, GB=GB * np.eye(1))
     law = replace(result.controller, parameters=parameters)
     steered = premise(run_audit(replace(result, controller=law)), "G B nonsingular")
@@ -478,7 +478,7 @@ def premise_of(name: str, region: float, along: float) -> Premise:
 
 
 def audit_of_premises(*premises: Premise) -> Audit:
-    return Audit(find_experiment("servo", "nominal").case, "grosmc", premises)
+    return Audit(find_experiment("servo", "nominal"), "grosmc", premises)
 
 
 LIMIT = 0.2

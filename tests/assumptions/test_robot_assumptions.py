@@ -19,10 +19,10 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
 from grosmc_mj.control.references import FourierSeries, fourier_series, setpoints
 from grosmc_mj.control.task import AS_PRINTED
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.run_cache import trial
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.machine import Stop, Transmission
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit
@@ -77,7 +77,7 @@ def law(name: str = "grosmc", epsilon: float = 2.0, amplitude: float = 0.2) -> C
 
 @cache
 def run(controller: Controller, *edits: Edit, q0: tuple[float, float] = (0.35, -0.35)) -> RunResult:
-    case = Case("arm", "sines", "sines", "this test", (*q0, 0.0, 0.0), 0.1, edits)
+    case = trial("arm", "sines", (*q0, 0.0, 0.0), 0.1, edits)
     plant = arm().plant.edited(*edits)
     return run_on(case, "physics", controller, plant, PYTHON)
 
@@ -114,7 +114,7 @@ def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     heavier = BodyEdit("payload", mass_scale=3.0)
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
     start = (0.9, -1.4, 0.3, 0.0)
-    case = Case("two_link_arm", "x", "x", "this test", start, 0.3, (heavier,), (push,))
+    case = trial("two_link_arm", "x", start, 0.3, (heavier,), (push,))
     result = run_on(case, "physics", law_of_robot, robot.plant.edited(heavier), PYTHON)
 
     shipped = MujocoPlant.load("two_link_arm")
@@ -282,7 +282,7 @@ def test_an_untouched_joint_limit_is_kept() -> None:
 def test_a_robot_without_limits_keeps_them() -> None:
     robot = Robot.from_mjcf(re.sub(r'(ctrl)?(limited|range)="[^"]*"', "", ARM))
     task = robot.task(setpoints(2, 2), TWO_LINK_TARGET, *weights_of(REGULATION))
-    case = Case("arm", "x", "x", "this test", (0.9, -1.4, 0.0, 0.0), 0.05)
+    case = trial("arm", "x", (0.9, -1.4, 0.0, 0.0), 0.05)
     result = run_on(case, "physics", linearized_lqr(task, "lqr"), robot.plant, PYTHON)
     assert audited(result).failed() == []
     assert premise(result, "joint limits").note == "no joint has a limit"

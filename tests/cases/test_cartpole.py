@@ -42,7 +42,7 @@ def law(name: str, **numbers: float) -> Controller:
 def balanced(name: str, degrees: float = 30.0, **numbers: float) -> Trajectory:
     """With twice the pole's mass and the push; a batch of one does not raise."""
     start = (0.0, math.radians(degrees), 0.0, 0.0)
-    pushes = EXPERIMENT.case.disturbances
+    pushes = EXPERIMENT.disturbances
     controller = law(name, **numbers)
     runs = simulate([HEAVY], controller, start, duration=12.0, disturbances=pushes)
     return runs[0]

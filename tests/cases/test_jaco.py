@@ -36,7 +36,7 @@ def sines() -> Experiment:
 
 
 def plant(mass: float) -> MujocoPlant:
-    (payload,) = sines().case.edits
+    (payload,) = sines().edits
     return arm().plant.edited(replace(payload, mass=mass))
 
 
@@ -98,7 +98,7 @@ def test_only_grosmc_stays_near_its_optimum_with_an_unknown_kilogram(
     name: str, least: float, most: float
 ) -> None:
     law = sines().law("physics", name)
-    start = sines().case.x0
+    start = sines().x0
     run = simulate(plant(1.0), law, start, duration=8.0)
     # Largest distance from the law's own nominal optimum, all joints together [rad].
     assert least < compare_with_optimum(run, law).deviation.max() < most

@@ -36,7 +36,7 @@ from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result
 from grosmc_mj.results.tables import WIDTH

@@ -19,7 +19,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import nominal_law
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
@@ -157,11 +157,11 @@ def test_slow_sampling_is_slow_when_refined_too() -> None:
 
 def test_faults_of_disturbances_change_their_wrench_alone() -> None:
     experiment = find_experiment("arm", "case1")
-    dropped = FAULTS["disturbance dropped"]().as_set(experiment).case
-    assert dropped == replace(experiment.case, disturbances=())
+    dropped = FAULTS["disturbance dropped"]().as_set(experiment)
+    assert dropped.key == experiment.varied(disturbances=()).key
 
-    tenfold = FAULTS["decimal point misplaced"]().as_set(experiment).case
-    for was, now in zip(experiment.case.disturbances, tenfold.disturbances, strict=True):
+    tenfold = FAULTS["decimal point misplaced"]().as_set(experiment)
+    for was, now in zip(experiment.disturbances, tenfold.disturbances, strict=True):
         assert now.amplitudes == pytest.approx(10 * np.array(was.amplitudes))
         assert (now.of, now.profile, now.label) == (was.of, was.profile, was.label)
 

@@ -21,7 +21,7 @@ from grosmc_mj.chapter.claims.measurements.theory import (
 )
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse
 

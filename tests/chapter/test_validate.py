@@ -23,7 +23,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.ledger import CLAIMS
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.result import Result
 from grosmc_mj.sweep import agreement
 

@@ -183,7 +183,7 @@ def test_list_takes_a_file_whose_tables_have_those_names(folder: Path, capsys: S
     [("arm", ["nominal", "case1", "case2", "bench"]), ("arm/case2", ["case2"])],
 )
 def test_results_are_recorded_of_a_system_or_a_case(target: str, cases: list[str]) -> None:
-    assert [experiment.case.name for experiment in recorded_experiments(target)] == cases
+    assert [experiment.name for experiment in recorded_experiments(target)] == cases
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def free_sliding(plant: Any, ctl: Controller, design: str, T: float) -> float:
     run = simulate(
         plant,
         smooth,
-        of_design(design).case.x0,
+        of_design(design).x0,
         duration=2.0,
         control_period=T,
         timestep=T,
@@ -274,7 +274,7 @@ def runs_in_both_engines(design: str, law: str) -> RunsInBothEngines:
     else:
         ctl = nominal_controller(design, law)
 
-    starts = np.outer([1.0, 0.9], of_design(design).case.x0) + 0.01
+    starts = np.outer([1.0, 0.9], of_design(design).x0) + 0.01
     options: dict[str, Any] = {"duration": 0.1, "control_period": period}
     native: Any = simulate([plant] * 2, ctl, starts, engine="native", **options)
     python = [simulate(plant, ctl, x0, engine="python", **options) for x0 in starts]

@@ -35,9 +35,8 @@ from grosmc_mj.errors import (
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.machine import Stop
 from grosmc_mj.plants import SYSTEMS
 from grosmc_mj.simulation.simulate import simulate
@@ -101,7 +100,7 @@ def assert_simulated(
     experiment = Experiment.load(target)
     h = experiment.settings.timestep
     T = periods * experiment.settings.control_period
-    duration = samples * T if samples else experiment.case.duration
+    duration = samples * T if samples else experiment.duration
     plant_name = experiment.nominal.truest
     controller = experiment.law(plant_name, law_name)
 
@@ -111,11 +110,11 @@ def assert_simulated(
     run = simulate(
         experiment.plant(plant_name),
         controller,
-        experiment.case.x0,
+        experiment.x0,
         duration=duration,
         control_period=T,
         timestep=h,
-        disturbances=experiment.case.disturbances,
+        disturbances=experiment.disturbances,
         engine=engine,
     )
     # The last interval may be cut short by the duration: its end is no sample.

@@ -20,9 +20,8 @@ from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.simulate import simulate
@@ -80,7 +79,7 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     system: str, name: str, plant: str
 ) -> None:
     case = find_case(system, name)
-    controller = law(system, design=case.controllers)
+    controller = law(system, design=case.design or case.system)
     policy = as_policy(controller)
     direct = run(case, controller, plant)
     by_policy = run(case, policy, plant)

@@ -24,7 +24,7 @@ from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 CASE = """
@@ -264,7 +264,7 @@ def test_a_short_run_does_not_judge_a_long_settling_time(short_servo: gm.Experim
 
 
 def test_laws_of_a_machine_are_its_own() -> None:
-    servo = {experiment.case.name: experiment for experiment in find_experiments("servo")}
+    servo = {experiment.name: experiment for experiment in find_experiments("servo")}
     bench = servo["bench"].law("corrected", "implicit").parameters
     machine = servo["machine"].law("corrected", "implicit").parameters
     assert bench.plant.J == 0.0577
@@ -275,9 +275,9 @@ DELAY = STEP + 'input_below = "1 A"\n[computing]\ndelay = "1 ms"\n'
 
 
 def test_an_assumed_number_is_a_number(tmp_path: Path) -> None:
-    loop = load(tmp_path, DELAY).case.loop
+    loop = load(tmp_path, DELAY).loop
     assert loop is not None
-    assert load(tmp_path, DELAY + 'assumed = ["delay"]').case.loop == loop
+    assert load(tmp_path, DELAY + 'assumed = ["delay"]').loop == loop
 
 
 def test_all_controllers_of_a_file_are_run(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from case_texts import load, short_step
 
 from grosmc_mj.assumptions.notes import notes_on
-from grosmc_mj.experiments.case import case_document
+from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.simulation.disturbances import (
     Constant,
     Disturbance,
@@ -47,7 +47,7 @@ def test_a_table_says_where_a_disturbance_acts(
     tmp_path: Path, plant: str, table: str, expected: Any
 ) -> None:
     experiment = load(tmp_path, short_step(plant=plant) + f"[[disturbance]]\n{table}\n")
-    assert experiment.case.disturbances == (expected,)
+    assert experiment.disturbances == (expected,)
     run = experiment.run().trajectory
     assert run.disturbed is not None
     assert run.disturbed.any()
@@ -55,7 +55,7 @@ def test_a_table_says_where_a_disturbance_acts(
 
 def test_the_document_of_a_case_says_where_its_disturbances_act(tmp_path: Path) -> None:
     tables = "".join(f"[[disturbance]]\n{table}\n" for table, _ in TABLES[:3])
-    case = load(tmp_path, short_step() + tables).case
+    case = load(tmp_path, short_step() + tables)
     body, current, speed = case_document(case)["disturbances"]
     assert body["body"] == "rotor"
     assert (current["input"], current["amplitude"]) == ("current", 0.2)

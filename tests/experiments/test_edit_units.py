@@ -38,7 +38,7 @@ def test_a_joints_number_may_have_a_unit_and_is_in_si_without_one(
     tmp_path, joint, quantity, written, number
 ) -> None:
     experiment = read(tmp_path, f'[[edit]]\njoint = "{joint}"\n{quantity} = {written}\n')
-    (edit,) = experiment.case.edits
+    (edit,) = experiment.edits
     assert getattr(edit, quantity) == pytest.approx(number)
 
 
@@ -47,7 +47,7 @@ def test_a_gear_may_have_a_unit(tmp_path, gear) -> None:
     text = short_step() + f'[[edit]]\ninput = "current"\ngear = {gear}\n'
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
-    (edit,) = Experiment.load(path).case.edits
+    (edit,) = Experiment.load(path).edits
     assert isinstance(edit, InputEdit)
     assert edit.gear == pytest.approx(0.3)
 
@@ -79,6 +79,6 @@ def test_a_unit_that_does_not_fit_is_refused_in_one_line(tmp_path, edit, words) 
 def test_an_uncertain_number_of_a_joint_may_have_a_unit(tmp_path, spread) -> None:
     text = f'[[uncertain]]\njoint = "hinge"\nfriction = {spread}\nnominal = "20 mN m"\n'
     experiment = read(tmp_path, text)
-    (number,) = family_of(experiment.file, experiment.case, experiment.plant("physics")).quantities
+    (number,) = family_of(experiment.file, experiment, experiment.plant("physics")).quantities
     assert number.distribution.support == pytest.approx((0.01, 0.03))
     assert number.nominal == pytest.approx(0.02)

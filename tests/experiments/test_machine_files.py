@@ -220,7 +220,7 @@ READ = [
 @pytest.mark.parametrize(("system", "text", "part"), READ)
 def test_a_part_is_read_with_its_units(system, text, part, tmp_path) -> None:
     path = written(tmp_path, PARTS_OF.format(system) + text)
-    (edit,) = experiment_without_designs(read_case_file(path), path).case.edits
+    (edit,) = experiment_without_designs(read_case_file(path), path).edits
     assert type(edit) is type(part)
     for item in fields(part):
         expected = getattr(part, item.name)
@@ -232,9 +232,9 @@ def test_a_part_is_read_with_its_units(system, text, part, tmp_path) -> None:
 
 def test_parts_of_a_file_are_those_of_its_plant(tmp_path) -> None:
     built = read(tmp_path, PLAY + LUGRE + MOTOR)
-    assert [type(edit) for edit in built.case.edits] == [Transmission, LuGre, Motor]
+    assert [type(edit) for edit in built.edits] == [Transmission, LuGre, Motor]
     physics: Any = built.plant("physics")
-    assert physics.parts == built.case.edits
+    assert physics.parts == built.edits
 
 
 @pytest.mark.parametrize("plant", ["corrected", "physics"])
@@ -272,7 +272,7 @@ mass_scale = 1.5
 
 
 def test_unknown_edits_are_the_cases(tmp_path) -> None:
-    assert read(tmp_path, KNOWN_AND_UNKNOWN).case.edits == (
+    assert read(tmp_path, KNOWN_AND_UNKNOWN).edits == (
         JointEdit("shaft", damping=0.1),
         BodyEdit("rotor", 1.5),
         LuGre("shaft", 0.05),

@@ -15,7 +15,7 @@ from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.requirements import KINDS
@@ -72,8 +72,7 @@ def result_of(run: Trajectory, **metrics: Metric) -> RunResult:
     comparison = compare_with_optimum(run, LQR)
     nominal = find_experiment("servo", "nominal")
     return RunResult(
-        experiment=nominal,
-        case=nominal.case,
+        case=nominal,
         plant="physics",
         controller=LQR,
         trajectory=run,

@@ -94,7 +94,7 @@ def test_runs_start_at_the_operating_point(tmp_path) -> None:
     experiment = load(tmp_path, LEVITATED)
     point = experiment.nominal.at
     assert point is not None
-    np.testing.assert_array_equal(experiment.case.x0, point.x)
+    np.testing.assert_array_equal(experiment.x0, point.x)
 
 
 def test_runs_are_held_at_the_operating_point(tmp_path) -> None:
@@ -111,8 +111,8 @@ def test_a_start_replaces_states_of_the_operating_point(tmp_path) -> None:
     experiment = load(tmp_path, LEVITATED_BY_USERS_LAW)
     point = experiment.nominal.at
     assert point is not None
-    assert experiment.case.x0[0] == pytest.approx(0.011)
-    assert experiment.case.x0[2] == point.x[2]
+    assert experiment.x0[0] == pytest.approx(0.011)
+    assert experiment.x0[2] == point.x[2]
 
 
 def test_the_index_weighs_the_input_from_the_operating_point(tmp_path) -> None:
@@ -138,7 +138,7 @@ def test_a_plant_keeps_its_equations_beside_a_design(tmp_path) -> None:
 
 
 def test_a_load_is_where_the_file_says(tmp_path) -> None:
-    edits = load(tmp_path, LOADED).case.edits
+    edits = load(tmp_path, LOADED).edits
     assert edits == (AddedMass("rod", 0.02, (0.01, 0.02, 0.03)),)
 
 
@@ -203,8 +203,8 @@ stop = "0.2 s"
 """
     disturbed = load(tmp_path, CASE + zero)
     free = load(tmp_path, CASE)
-    assert disturbed.case.onset == 0.1
-    assert free.case.onset == np.inf
+    assert disturbed.onset == 0.1
+    assert free.onset == np.inf
     state = disturbed.run().trajectory.state
     np.testing.assert_array_equal(state, free.run().trajectory.state)
 

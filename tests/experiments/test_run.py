@@ -18,7 +18,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.text import complete_text
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 
 ARM = find_file("arm/case1")
 # A user's own law, judged by a limit that follows.

@@ -48,7 +48,7 @@ def step(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def measured(result: RunResult, kind: str) -> float:
     """The measured value of a kind of limit."""
-    (limit,) = [limit for limit in result.experiment.limits if limit.key == kind]
+    (limit,) = [limit for limit in result.case.limits if limit.key == kind]
     value = judge_run(limit, result).measured
     assert value is not None
     return value
@@ -79,7 +79,7 @@ def test_a_second_order_step_settles_when_the_textbook_says(tmp_path, band, plan
 
 
 def test_a_band_is_named_in_words(step: RunResult) -> None:
-    words = [limit.words for limit in step.experiment.limits]
+    words = [limit.words for limit in step.case.limits]
     assert "settles within 4 s to 0.2 rad" in words
 
 
@@ -165,7 +165,7 @@ def test_a_machine_asks_something_of_every_law(name: str) -> None:
 @pytest.mark.parametrize("name", REGULATED + FOLLOWING)
 def test_a_machines_input_may_use_the_range_of_its_actuators(name: str) -> None:
     experiment = Experiment.load(name)
-    loop = experiment.case.loop
+    loop = experiment.loop
     assert loop is not None
     largest = max(actuator.limit for actuator in loop.actuators)
     assert limits_of(experiment)["input_below"].number == largest
@@ -174,7 +174,7 @@ def test_a_machines_input_may_use_the_range_of_its_actuators(name: str) -> None:
 @pytest.mark.parametrize("name", REGULATED)
 def test_a_regulated_machine_ends_within_two_steps_of_its_sensor(name: str) -> None:
     experiment = Experiment.load(name)
-    loop = experiment.case.loop
+    loop = experiment.loop
     assert loop is not None
     system = experiment.law("physics", "lqr").coordinates.system
     outputs = {system.states[row].name for row in system.controlled}

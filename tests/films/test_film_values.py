@@ -20,7 +20,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films import frames
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard

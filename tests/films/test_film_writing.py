@@ -32,7 +32,7 @@ from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import find_backend, find_ffmpeg, probe

@@ -69,7 +69,7 @@ def written(folder: Path, *parts: str) -> Path:
 
 
 def loop_of(file: Path) -> Loop:
-    loop = Experiment.load(file).case.loop
+    loop = Experiment.load(file).loop
     assert loop is not None
     return loop
 

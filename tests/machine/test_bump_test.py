@@ -51,7 +51,7 @@ def bump_test(model: mujoco.MjModel, resistance: float) -> tuple[Array, Array]:
 def test_the_bump_test_of_the_servo_is_that_of_its_documentation(row: str, built: bool) -> None:
     """K [rad/(V s)] and tau [s], to 63 % of the way, of a servo with a current as its input."""
     machine = gm.Experiment.load("servo/machine")
-    parts = [part for part in machine.case.parts if not isinstance(part, gm.machine.Stop)]
+    parts = [part for part in machine.parts if not isinstance(part, gm.machine.Stop)]
     (motor,) = (part for part in parts if isinstance(part, gm.machine.Motor))
     nominal: Any = machine.nominal.plant
     plant = gm.MujocoPlant(nominal.system, nominal.spec, (), machine.settings.timestep)

@@ -28,7 +28,7 @@ from grosmc_mj.control.task import Realization
 from grosmc_mj.control.uncertainty import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.physics.mujoco_plant import MujocoPlant

@@ -161,7 +161,7 @@ def test_parts_of_the_servo_s_machine_come_after_its_loop() -> None:
 
 def test_a_rung_alone_has_its_part_of_the_loop_alone() -> None:
     climbing, alone = rungs_of(machine("servo"))
-    loop = machine("servo").case.loop
+    loop = machine("servo").loop
     assert loop is not None
     bare = Loop(seed=loop.seed)
     computing = loop.computing
@@ -193,7 +193,7 @@ SYSTEMS = ["servo", "cart_pendulum", "arm", "two_link_arm"]
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_the_top_is_the_machine_with_all_its_parts(system: str) -> None:
-    case = machine(system).case
+    case = machine(system)
     climbing, _ = rungs_of(machine(system))
     assert sorted(map(repr, climbing[-1].parts)) == sorted(map(repr, case.parts))
     assert climbing[-1].loop == case.loop
@@ -203,7 +203,7 @@ def test_the_top_is_the_machine_with_all_its_parts(system: str) -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_teeth_come_before_the_shaft_gives_way(system: str) -> None:
     """And make room for it."""
-    parts = machine(system).case.parts
+    parts = machine(system).parts
     gears = {part for part in parts if isinstance(part, Transmission)}
     rigid = {replace(gear, stiffness=math.inf) for gear in gears}
     climbing, alone = rungs_of(machine(system))
@@ -339,7 +339,7 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
     made = machine(system)
     cited = cited_claims(made)
     law = made.law("physics", "lqr")
-    x0 = np.array(made.case.x0)
+    x0 = np.array(made.x0)
     error = law.designed.error
     z = np.array(error.error_state(0.0, x0, law.parameters))
     start = float(np.linalg.norm(z[list(error.output_rows)]))

@@ -19,7 +19,7 @@ from shipped import case_plant, find_case, nominal_controller
 from grosmc_mj import cli, simulate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.studies import region
 from grosmc_mj.studies.region import (

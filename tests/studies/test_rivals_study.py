@@ -91,7 +91,7 @@ def test_an_observer_that_is_a_tenth_faster_is_too_fast(system: str) -> None:
 def maker_s_run() -> tuple[Experiment, RunResult]:
     """The machine of the servo without its parts and its loop, under the maker's law."""
     machine = Experiment.load("servo/machine")
-    edits = tuple(edit for edit in machine.case.edits if edit not in machine.case.parts)
+    edits = tuple(edit for edit in machine.edits if edit not in machine.parts)
     machine = machine.varied(loop=None, edits=edits)
     machine = machine.with_settings(timestep=machine.settings.control_period)
     return machine, machine.run("corrected", "pv")

@@ -10,6 +10,7 @@ from case_texts import PYTHON
 
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.parameters import plant_of
 
 
 def scale(spread: str, *more: str) -> str:
@@ -321,5 +322,5 @@ def test_an_unknown_parameter_of_an_analytic_plant_is_refused(beside_python: str
 def test_a_scale_of_an_analytic_plant_s_parameter_reaches_the_plant(beside_python: str) -> None:
     text = OWN + of("parameter", "m", "scale = [1, 2]")
     declared = campaign(text, folder=beside_python)
-    plant: Any = declared.plant_sample([1.5]).plant(declared.plant)
+    plant: Any = plant_of(declared.plant_sample([1.5]), declared.plant)
     assert plant.parameters.m == 3.0

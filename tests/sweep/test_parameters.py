@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing
 
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -19,7 +19,7 @@ from grosmc_mj.simulation.disturbances import Pulse, SineFrom
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.map import PassMap, pass_map_of
-from grosmc_mj.sweep.parameters import CaseSample
+from grosmc_mj.sweep.parameters import plant_of
 from grosmc_mj.sweep.radius import radius
 from grosmc_mj.sweep.screening import Batch
 
@@ -40,7 +40,7 @@ damping = 0.3
 """
 
 
-def sample(tables: str, *values: float, more: str = "") -> CaseSample:
+def sample(tables: str, *values: float, more: str = "") -> Experiment:
     """The servo with these values."""
     return campaign(plain(tables) + more).plant_sample(values)
 
@@ -48,7 +48,7 @@ def sample(tables: str, *values: float, more: str = "") -> CaseSample:
 def models(tables: str, *values: float) -> tuple[Any, Any]:
     """The compiled models of the nominal servo and of the one with these values."""
     nominal: Any = campaign(plain(tables)).plant
-    changed: Any = sample(tables, *values).plant(nominal)
+    changed: Any = plant_of(sample(tables, *values), nominal)
     return nominal.model, changed.model
 
 
@@ -94,7 +94,7 @@ def test_an_added_mass_adds_its_inertia_about_the_shaft() -> None:
 
 
 def test_no_added_mass_is_no_edit() -> None:
-    assert sample(ADDED_MASS + AWAY, 0.0).case.edits == ()
+    assert sample(ADDED_MASS + AWAY, 0.0).edits == ()
 
 
 MASS_AND_FRICTION = """
@@ -108,19 +108,19 @@ friction = [0, 1]
 
 
 def test_uncertain_numbers_merge_with_the_files_edits() -> None:
-    assert sample(MASS_AND_FRICTION, 1.7, 0.1, more=EDITED).case.edits == (
+    assert sample(MASS_AND_FRICTION, 1.7, 0.1, more=EDITED).edits == (
         BodyEdit("rotor", mass_scale=1.7, length_scale=1.5),
         JointEdit("shaft", damping=0.3, friction=0.1),
     )
 
 
 def test_an_uncertain_number_replaces_that_of_an_edit() -> None:
-    edits = sample(LENGTH, 1.2, more=EDITED).case.edits
+    edits = sample(LENGTH, 1.2, more=EDITED).edits
     assert edits[0] == BodyEdit("rotor", length_scale=1.2)
 
 
 def test_an_added_mass_is_an_edit_of_its_own() -> None:
-    edits = sample(ADDED_MASS, 0.2, more=EDITED).case.edits
+    edits = sample(ADDED_MASS, 0.2, more=EDITED).edits
     assert edits[2:] == (AddedMass("rotor", 0.2, (0.0, 0.0, 0.0)),)
 
 
@@ -132,14 +132,14 @@ def test_plants_with_the_same_edits_are_one() -> None:
 
 
 def test_an_amplitude_scales_its_disturbance_alone() -> None:
-    load, hum = sample(of("disturbance", "load", "amplitude = [-2, 2]"), -1.5).case.disturbances
+    load, hum = sample(of("disturbance", "load", "amplitude = [-2, 2]"), -1.5).disturbances
     assert (load.amplitudes, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
     assert hum.amplitudes == (0, 0, 0, 0, 0.1, 0)
 
 
 def test_a_pulse_with_another_onset_keeps_its_length() -> None:
     onset = of("disturbance", "load", 'onset = ["0.1 s", "0.2 s"]')
-    load, hum = sample(onset, 0.125).case.disturbances
+    load, hum = sample(onset, 0.125).disturbances
     profile: Any = load.profile
     assert (profile.start, profile.stop) == (0.125, pytest.approx(0.135, rel=1e-12))
     assert hum.profile == SineFrom(2 * np.pi, 0.02)
@@ -161,9 +161,9 @@ value = ["-1 rad/s", "1 rad/s"]
 """
 
 
-def changed_case() -> Case:
+def changed_case() -> Experiment:
     """The case with another sine, which begins after the pulse, and another start."""
-    return sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25).case
+    return sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25)
 
 
 def test_numbers_of_a_sine_reach_the_case() -> None:
@@ -219,7 +219,7 @@ def test_numbers_of_a_machine_have_the_file_s_values() -> None:
 def machines() -> tuple[Any, Any]:
     """The nominal machine and one with other numbers."""
     nominal = machine().plant
-    return nominal, machine().plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]).plant(nominal)
+    return nominal, plant_of(machine().plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]), nominal)
 
 
 def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
@@ -262,7 +262,7 @@ resistance = "2 ohm"
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
     resistance = of("motor", "elbow torque", 'resistance = ["1 ohm", "3 ohm"]')
     file = small.specification(standing(resistance, ELBOW_MOTOR + LQR, "two_link_arm")).file
-    edited = replace(campaign(plain()).experiment.case, edits=(Motor("elbow_torque", 0.1, 2.0),))
+    edited = replace(campaign(plain()).experiment, edits=(Motor("elbow_torque", 0.1, 2.0),))
     (number,) = family_of(file, edited, MujocoPlant.load("two_link_arm")).quantities
     assert (number.of, number.nominal) == ("elbow_torque", 2.0)
     assert number.name == "elbow torque resistance"
@@ -326,7 +326,7 @@ def test_numbers_of_a_loop_have_units() -> None:
 
 
 def test_delays_of_a_loop_are_whole_timesteps() -> None:
-    loop = looped().plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).case.loop
+    loop = looped().plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).loop
     assert loop is not None
     assert loop.computing.delay == pytest.approx(2e-3)
     assert loop.sensors[0].noise == 1e-4

@@ -404,7 +404,7 @@ def test_laws_of_a_plant_s_file_include_the_campaign_s(softer_experiment: Experi
 def test_settings_of_a_plant_s_file_are_the_campaign_s(
     softer_campaign: Campaign, softer_experiment: Experiment
 ) -> None:
-    assert softer_experiment.case.duration == 0.04
+    assert softer_experiment.duration == 0.04
     assert softer_experiment.settings == softer_campaign.experiment.settings
 
 

@@ -1,6 +1,5 @@
 """Batches of runs that are not recorded: their metrics, columns and margins are recorded runs'."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from grosmc_mj.physics.files import load_model
 from grosmc_mj.requirements.judging import judge_runs
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.parameters import plant_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, evaluate
 
@@ -286,9 +286,9 @@ def test_a_run_that_ends_early_ends_when_a_single_one_does() -> None:
     sample = declared.plant_sample(values)
     with pytest.raises(UndefinedLawError) as refusal:
         simulate(
-            sample.plant(declared.plant),
+            plant_of(sample, declared.plant),
             declared.laws["fl-lqr"],
-            sample.case.x0,
+            sample.x0,
             duration=0.3,
             control_period=0.001,
             engine="native",
@@ -445,7 +445,7 @@ def test_rows_of_two_durations_are_each_run_to_their_own_end(
     experiment = Experiment.load("servo/nominal")
     rows = []
     for duration in durations:
-        case = replace(experiment.case, duration=duration)
+        case = experiment.varied(duration=duration)
         rows.append(Row("lqr", case=case))
     outcomes = run_rows(experiment, rows, limits=[])
     assert outcomes["ended"].tolist() == list(durations)

@@ -310,7 +310,7 @@ def height_of_bump(folder: Path, height: float) -> float:
     file = case_beside_python(folder / str(height), height)
     out = begun(Campaign.of(question(file)), folder / f"out {height}").path
     opened = open_campaign(str(out), question(file), read_manifest(out)["hash"])
-    profiles = {load.label: load.profile for load in opened.experiment.case.disturbances}
+    profiles = {load.label: load.profile for load in opened.experiment.disturbances}
     return profiles["bump"](0.1)
 
 

@@ -48,7 +48,9 @@ BUILT = (
 def disturbed(**changes: Any) -> Run:
     """The pendulum of case 1 under its disturbance, or with other arguments."""
     case = find_case("cart_pendulum", "case1")
-    law = nominal_controller("cart_pendulum", "grosmc", "corrected", design=case.controllers)
+    law = nominal_controller(
+        "cart_pendulum", "grosmc", "corrected", design=case.design or case.system
+    )
     plant = MujocoPlant.load("cart_pendulum", edits=case.edits)
     run = {
         "plant": plant,

@@ -11,7 +11,7 @@ from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, verdicts
 from grosmc_mj.chapter.claims.story import claims_tables, turning_table
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import Settings
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     KEPT,

@@ -160,7 +160,7 @@ class PremisesCommand(Command):
         lab = _run_cache()
         experiments = find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
-        without_loop = [item for item in experiments if item.case.loop is None]
+        without_loop = [item for item in experiments if item.loop is None]
         if without_loop:
             experiments = without_loop
 
@@ -168,7 +168,7 @@ class PremisesCommand(Command):
         lines: list[str] = []
         for audit in audits:
             lines.extend(f"{audit.case.name}: {line}" for line in worst_points(audit))
-        path = self.out / f"premises_{experiments[0].case.system}.json"
+        path = self.out / f"premises_{experiments[0].system}.json"
         screen.say_result(premises_result(audits, lab.settings), path, lines, full=self.verbose)
         return DONE
 
@@ -176,7 +176,7 @@ class PremisesCommand(Command):
 def _run_cache() -> RunCache:
     """Return an empty cache of runs with the default settings."""
     from grosmc_mj.experiments.run_cache import RunCache
-    from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.experiments.settings import Settings
 
     return RunCache(Settings())
 

@@ -113,7 +113,7 @@ class FilmCommand(Command):
         console = screen.console()
         write_with_progress(
             console,
-            experiment.case,
+            experiment,
             film_of(results, form, laws),
             path,
             experiment.settings,
@@ -180,4 +180,4 @@ def _require_filmable(experiment: Experiment, controllers: Sequence[str], form: 
         )
     for name in controllers:
         experiment.law("physics", name)
-    form.check(camera_names(physics.model), experiment.case.duration)
+    form.check(camera_names(physics.model), experiment.duration)

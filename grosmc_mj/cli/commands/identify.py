@@ -55,7 +55,7 @@ class _OfLog(Command):
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
-        return self.out / f"{kind}_{experiment.case.system}_{self.log.stem}.json"
+        return self.out / f"{kind}_{experiment.system}_{self.log.stem}.json"
 
 
 @command

@@ -105,7 +105,7 @@ def _say_target(console: Console, target: str) -> None:
     plant = first.plant(first.nominal.truest)
     console.print(f"{target}: {first.nominal.system.title}", style="bold", markup=False)
     for experiment in experiments:
-        case = experiment.case
+        case = experiment
         source = f"  ({case.source})" if case.source else ""
         _say(console, case.name, case.title + source)
 
@@ -116,7 +116,7 @@ def _say_target(console: Console, target: str) -> None:
     _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
     _say(console, "inputs", f"{_with_units(plant.system.inputs)}  (of [[actuator]])")
     if plant.kind == "physics":
-        _say_model(console, plant, first.case.x0)
+        _say_model(console, plant, first.x0)
     else:
         _say(console, "parameters", f"{', '.join(vars(plant.parameters))}  (of [[edit]])")
 

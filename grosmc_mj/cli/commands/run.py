@@ -163,7 +163,7 @@ def _check(experiment: Experiment) -> None:
         from grosmc_mj.sweep.family import family_of
 
         try:
-            family_of(experiment.file, experiment.case, experiment.nominal.plant)
+            family_of(experiment.file, experiment, experiment.nominal.plant)
         except GrosmcError as error:
             raise ArgumentError(f"{experiment.path}: {error}") from error
 

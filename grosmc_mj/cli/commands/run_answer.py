@@ -133,7 +133,7 @@ def _mistakes(answer: RunAnswer) -> Iterator[str]:
 
 def _loop_lines(experiment: Experiment) -> list[str]:
     """Return lines on the control loop, if there is one, with its assumed numbers."""
-    loop = experiment.case.loop
+    loop = experiment.loop
     if loop is None:
         return []
 
@@ -154,7 +154,7 @@ def _loop_lines(experiment: Experiment) -> list[str]:
 
 def _machine_lines(experiment: Experiment) -> list[str]:
     """Return lines on the parts of the machine, if it has any; * marks assumed numbers."""
-    parts = experiment.case.parts
+    parts = experiment.parts
     if not parts:
         return []
 

@@ -61,11 +61,11 @@ class ValidateCommand(Command):
         """Run the cases, compare them with the record, write and print the result."""
         from grosmc_mj.chapter.expected_results import record_expected
         from grosmc_mj.chapter.validation import Validation
-        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.experiments.settings import Settings
 
         start = time.perf_counter()
         experiments = self._selected()
-        done = Validation([experiment.case for experiment in experiments])
+        done = Validation(experiments)
         claims = self._claims(done)
         runs = sum(len(experiment.laws) for experiment in experiments)
         steps = runs + len(_systems(done)) + len(claims)
@@ -114,14 +114,15 @@ class ValidateCommand(Command):
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
         from grosmc_mj.experiments.run_cache import RunCache
-        from grosmc_mj.experiments.runs import Settings
+        from grosmc_mj.experiments.settings import Settings
 
         document = done.document(RunCache(Settings()))
         differences = [f"differs: {line}" for line in done.differences]
         path = self.out / "validation.json"
         screen.say_result(document, path, differences, full=self.verbose, brief=2)
-        for case in dict.fromkeys(result.case for result in done.results):
-            results = [result for result in done.results if result.case == case]
+        for key in dict.fromkeys(result.case.key for result in done.results):
+            results = [result for result in done.results if result.case.key == key]
+            case = results[0].case
             write_curves(results, f"{case.system}_{case.name}", self.out)
 
     def _draw(self, done: Validation) -> int:
@@ -143,7 +144,8 @@ def _systems(done: Validation) -> list[str]:
 def _has_all_cases(done: Validation, system: str) -> bool:
     """Return True if every recorded case of a system is selected."""
     experiments = recorded_experiments(system)
-    return all(experiment.case in done.selected for experiment in experiments)
+    selected = {case.key for case in done.selected}
+    return all(experiment.key in selected for experiment in experiments)
 
 
 def _compute(
@@ -154,7 +156,7 @@ def _compute(
 ) -> None:
     """Run the cases, compare equations with MuJoCo, judge the claims."""
     from grosmc_mj.experiments.run_cache import RunCache
-    from grosmc_mj.experiments.runs import Settings
+    from grosmc_mj.experiments.settings import Settings
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
     from grosmc_mj.sweep.agreement import agreements
 

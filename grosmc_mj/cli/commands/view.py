@@ -48,7 +48,7 @@ class ViewCommand(Command):
         experiment = shown_experiment(self.target).with_settings(
             switching=self.switching, surface=self.surface
         )
-        case = experiment.case
+        case = experiment
         law = self.laws or experiment.controllers[-1]
         try:
             play(

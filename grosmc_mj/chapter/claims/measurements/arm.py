@@ -106,7 +106,7 @@ def worst_of_family(lab: RunCache, plant: PlantName, *, heaviest: float) -> Meas
 
     Payloads go up to ``heaviest`` times the nominal one.
     """
-    start = find_experiment(_SYSTEM, "nominal").case.x0
+    start = find_experiment(_SYSTEM, "nominal").x0
     (lightest, _), (shortest, longest) = PAYLOADS
     masses = (lightest, 1.0, heaviest)
     lengths = (shortest, 1.0, longest)

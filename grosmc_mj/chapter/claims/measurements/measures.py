@@ -115,9 +115,9 @@ def deviation(
 
 def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
     """A case in the loop of its system's bench, with observers of that bandwidth [rad/s]."""
-    case = experiment.case
+    case = experiment
     bench = find_experiment(case.system, "bench")
-    loop = bench.case.loop
+    loop = bench.loop
     assert loop is not None
 
     estimators = tuple(replace(estimator, bandwidth=bandwidth) for estimator in loop.estimators)
@@ -145,7 +145,7 @@ def worst_deviation(
     worst_case = ""
     for index, case in enumerate(cases):
         run = runs[index]
-        title = case.case.title
+        title = case.title
         if run.status is not Status.COMPLETED:
             raise NoValueError(f"{title}: the run ended early")
 
@@ -263,7 +263,7 @@ def leaving_the_surface(
     if not len(s) or np.any(s[0]):
         return from_run(result, None, "the run starts off its surface")
 
-    true = lab.equations(result.experiment, plant)
+    true = lab.equations(result.case, plant)
     points = balances_along(law, true, run, EVERY, pushed=False)
     gains = np.diagonal(points.R, axis1=1, axis2=2)
     bands = 2 * lab.settings.control_period * points.configured[:, None] * gains

@@ -83,7 +83,7 @@ def perturbed(
         mass: Factor of the body's mass.
         length: Factor of its length.
     """
-    start = find_experiment(system, "nominal").case.x0
+    start = find_experiment(system, "nominal").x0
     edit = BodyEdit(find_system(system).uncertain_body, mass, length)
     return trial(system, name, start, duration, (edit,))
 
@@ -270,7 +270,7 @@ def _kicked(
 ) -> Experiment:
     """An experiment under a kick, a share of the largest, and a constant wrench, (6,)."""
     kick = share * _impulse(lab, still, plant) / _KICK * np.eye(6)[4]
-    body = find_system(still.case.system).uncertain_body
+    body = find_system(still.system).uncertain_body
     disturbances = [Disturbance(body, tuple(kick.tolist()), Pulse(_KICKED, _KICKED + _KICK))]
     if load.any():
         disturbances.append(Disturbance(body, tuple(load.tolist()), Constant()))
@@ -360,7 +360,7 @@ def worst_start(
     random = np.random.default_rng(3)
     cases = []
     for _ in range(8):
-        start = random.uniform(-bound, bound, len(experiment.case.x0))
+        start = random.uniform(-bound, bound, len(experiment.x0))
         start[output] = random.choice([-1, 1]) * random.uniform(bound / 2, bound)
         cases.append(experiment.varied(x0=tuple(start.tolist())))
     return worst_deviation(lab, plant, cases, f"{len(cases)} random starts")
@@ -380,7 +380,7 @@ def unmatched_drift(lab: RunCache, plant: PlantName) -> Measured:
     run = simulate(
         strange,
         unaware,
-        case.case.x0,
+        case.x0,
         duration=5.0,
         control_period=lab.settings.control_period,
         timestep=lab.settings.timestep,

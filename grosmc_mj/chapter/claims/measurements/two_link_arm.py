@@ -35,8 +35,8 @@ def gain_margin(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
     The case ``together`` is 1 kg at the tip, links 5 % longer and every disturbance of case 1.
     """
     if case == "together":
-        disturbances = find_experiment(_SYSTEM, "case1").case.disturbances
-        heavier = find_experiment(_SYSTEM, "case2").case
+        disturbances = find_experiment(_SYSTEM, "case1").disturbances
+        heavier = find_experiment(_SYSTEM, "case2")
         experiment = trial(_SYSTEM, case, heavier.x0, 6.0, heavier.edits, disturbances)
     else:
         experiment = find_experiment(_SYSTEM, case)
@@ -105,7 +105,7 @@ def _declared() -> Uncertainty:
 
 def _payload(mass: float, case: Experiment) -> Experiment:
     """The start of a case with ``mass`` times the payload."""
-    return trial(_SYSTEM, "payload", case.case.x0, 1.0, (BodyEdit("payload", mass),))
+    return trial(_SYSTEM, "payload", case.x0, 1.0, (BodyEdit("payload", mass),))
 
 
 def slowest_approach(lab: RunCache, plant: PlantName) -> Measured:

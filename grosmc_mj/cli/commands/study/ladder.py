@@ -159,7 +159,7 @@ class LadderCommand(Command):
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
         film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
         settings = studied.experiment.settings
-        written = write_case_film(studied.machine.case, film, path, settings=settings, gif=self.gif)
+        written = write_case_film(studied.machine, film, path, settings=settings, gif=self.gif)
         return written.film
 
     def _print_answer(self, studied: Ladder, rows: list[RungResult]) -> None:
