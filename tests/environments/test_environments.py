@@ -58,7 +58,7 @@ def law(system: str, name: str = "grosmc") -> Controller:
     return nominal_controller(system, name, "corrected")
 
 
-def cut(system: str, name: str, duration: float) -> Case:
+def cut(system: str, name: str, duration: float) -> Experiment:
     """A case with another duration."""
     return replace(find_case(system, name), duration=duration)
 

@@ -20,6 +20,7 @@ from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.requirements.optimum import compare_with_optimum
@@ -39,7 +40,7 @@ def law(system: str, design: str | None = None) -> Controller:
 
 
 def run(
-    case: Case,
+    case: Experiment,
     controller: Controller,
     plant: Any = "physics",
     duration: float = 0.1,
