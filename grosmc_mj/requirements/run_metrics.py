@@ -29,17 +29,35 @@ from grosmc_mj.simulation.trajectory import Trajectory
 def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
     """Return the metrics of n runs of one law by name, (n,) each; infinite where undefined.
 
-    ``settled`` is the first instant from which on a run stays in its band, in its transient, and
-    the end of a run that is outside at its end. It is the settling time if the run stays there for
-    the last tenth of the transient at least, else infinity:
-    an error that swings in and out is always inside for a moment before some end. A run that
-    starts without error has a band of zero: it has settled if it never leaves its reference.
-    ``left`` is the largest error in that last tenth. The overshoot is a share of the error at the
-    start.
-
     Args:
         measurements: Measurement of each run; they differ in onset, duration and limits only.
         values: ``Accumulated`` of each run after its last instant, (n,).
+    """
+    first = measurements[0]
+    duration = np.array([item.duration for item in measurements])
+    samples = np.maximum(values["samples"], 1.0)
+    metrics = {
+        "deviation": values["deviation"],
+        "max_sliding": values["sliding"],
+        "rms_sliding": np.sqrt(values["sliding_squares"] / samples),
+        "sliding_start": values["sliding_start"],
+        "max_input": values["input"],
+        "total_variation": values["variation"] / duration,
+    }
+    metrics |= _transient_metrics(measurements, values)
+    metrics |= _costs(first.controller, values)
+    return metrics | _signal_metrics(first, values)
+
+
+def _transient_metrics(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
+    """Return settling and overshoot.
+
+    ``settled`` is the first instant from which on a run stays in its band, in its transient, and
+    the end of a run that is outside at its end. It is the settling time if the run stays for the
+    last tenth of the transient at least, else infinity: an error that swings in and out is always
+    inside for a moment before some end. A run that starts without error has a band of zero: it has
+    settled if it never leaves its reference. ``left`` is the largest error in that last tenth. The
+    overshoot is a share of the error at the start.
     """
     first = measurements[0]
     transient = np.array([item.transient for item in measurements])
@@ -47,22 +65,14 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     settled = settled_from(values["last_outside"], first.timestep, duration)
     too_late = settled[:, 0] > (1 - DWELL) * transient
 
-    start = np.abs(values["start"])
-    samples = np.maximum(values["samples"], 1.0)
     metrics = {
-        "deviation": values["deviation"],
         "settling_time": np.where(too_late, np.inf, settled[:, 0]),
         "left": values["late_error"],
-        "overshoot": _ratio(values["opposite"], start),
-        "max_sliding": values["sliding"],
-        "rms_sliding": np.sqrt(values["sliding_squares"] / samples),
-        "sliding_start": values["sliding_start"],
-        "max_input": values["input"],
-        "total_variation": values["variation"] / duration,
+        "overshoot": _ratio(values["opposite"], np.abs(values["start"])),
     }
     for i, band in enumerate((None, *first.windows.bands)):
         metrics[settled_in(band)] = settled[:, i]
-    return metrics | _costs(first.controller, values) | _signal_metrics(first, values)
+    return metrics
 
 
 def settled_from(last_outside: Array, timestep: float, duration: Array) -> Array:
