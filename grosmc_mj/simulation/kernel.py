@@ -104,8 +104,8 @@ class KernelRun(NamedTuple):
         given: Output of the actuators of a loop, (m,); nothing without a loop.
         seen: State that the law gets, (n,).
         p: Numbers of the law, flat.
-        meters: Accumulated metrics, flat; nothing if none are wanted.
-        meter_numbers: Constants of ``note``, flat.
+        accumulated: Values of the accumulator, flat; nothing without one.
+        accumulator_numbers: Constants of ``note``, flat.
         rows: ``now`` after the kept steps of all runs, (rows, at least its size).
         loop: Sensors, computer, estimators and actuators between law and plant.
     """
@@ -146,8 +146,8 @@ class KernelRun(NamedTuple):
     given: Vector
     seen: Vector
     p: Vector
-    meters: Vector
-    meter_numbers: Vector
+    accumulated: Vector
+    accumulator_numbers: Vector
     rows: Matrix
     loop: LoopRun
 
@@ -232,7 +232,7 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                 for j in range(m):
                     r.given[j] = u[j]
 
-            if len(r.meters) > 0:
+            if len(r.accumulated) > 0:
                 r.note(i * r.h, r.address)
 
             # Metrics and the next timestep have the input without its disturbance.
@@ -271,7 +271,9 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
 # members that a law, a metric and a design model read and write.
 _KERNEL_RUN = numba_type(KernelRun)
 law_members_at = members_at(_KERNEL_RUN, "x", "seen", "command", "memory", "p")
-note_members_at = members_at(_KERNEL_RUN, "x", "u", "memory", "p", "meters", "meter_numbers")
+note_members_at = members_at(
+    _KERNEL_RUN, "x", "u", "memory", "p", "accumulated", "accumulator_numbers"
+)
 advance_members_at = members_at(numba_type(Software), "memory", "p", "own")
 _run_at = structure_at(_KERNEL_RUN)
 

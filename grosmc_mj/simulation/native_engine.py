@@ -288,8 +288,8 @@ class _Worker:
             disturbances, values = problem.disturbances_of(number)
             room.put(disturbances=disturbances, values=values)
         if accumulator is not None:
-            room.r.meter_numbers[:] = batch.constants[accumulator]
-            room.r.meters[:] = batch.record.accumulated[number]
+            room.r.accumulator_numbers[:] = batch.constants[accumulator]
+            room.r.accumulated[:] = batch.record.accumulated[number]
 
     def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
         """Run one simulation, with pauses for Ctrl-C."""
@@ -309,7 +309,7 @@ class _Worker:
 
         record.valid[number] = progress[NEXT_STEP]
         record.status[number] = progress[ANSWER] - ANSWERED
-        record.accumulated[number] = room.r.meters
+        record.accumulated[number] = room.r.accumulated
         if record.status[number] == _FAILED:
             batch.stopped.set()
 
