@@ -6,9 +6,10 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.films.film import Film, Take
-from grosmc_mj.identify.compare import LogModel
 from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.starts import fitted_starts
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.palette import BLUE
 
@@ -33,9 +34,9 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
         if name not in log.outputs:
             raise ArgumentError(f"--film: the log does not measure {name}: there is no ghost")
 
-    predictor = Predictor.of(log, horizon, plant.step_length)
+    predictor = Predictor.leading(log, horizon, plant.step_length)
     window = predictor.windows[0]
-    run = predictor.first_run(plant, rung.delay)
+    run = predictor.first_run(rung, fitted_starts(predictor, rung))
 
     # The measured positions at the instants of the simulated run.
     times = log.time[window.samples] - window.start

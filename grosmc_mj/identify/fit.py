@@ -9,19 +9,20 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.identify.intervals import covariance, half_widths
+from grosmc_mj.identify.intervals import covariance, half_widths, is_white
 from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import Parameters
-from grosmc_mj.identify.replay import Predictor, likely_slip, starts_of, unexplained_share
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.slips import likely_slip, unexplained_share
+from grosmc_mj.identify.starts import first_guess, state_sizes
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.sweep.family import Quantity
 
@@ -35,9 +36,6 @@ _START_RANGE = 10.0
 _WEAK = 0.5
 # A parameter belongs to that direction if its component is above this share of the largest one.
 _PART = 0.3
-# Lags of the residual's autocorrelation that are tested, and the level of the whole test.
-_LAGS = 20
-_LEVEL = 0.01
 
 
 class HiddenParameter(NamedTuple):
@@ -63,7 +61,8 @@ class Quality(NamedTuple):
         rms: Of the residual.
         fit: 1 - |residual| / |deviation from the mean|.
         steps: RMS in steps of the sensor or, without one, standard deviations of its noise.
-        white: Whether the residual is no more correlated in time than noise (Ljung and Box).
+        white: Whether the residual is no more correlated in time than noise (Ljung and Box); None
+            if it is too short to tell.
     """
 
     state: str
@@ -71,7 +70,7 @@ class Quality(NamedTuple):
     rms: float
     fit: float
     steps: float
-    white: bool
+    white: bool | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,14 +172,12 @@ class _Residual:
             starts.append(x_starts)
 
         # All points and windows are one batch of runs.
-        plants = [self.parameters.plant(row, self.plant) for row in values]
-        delays = [self.parameters.input_delay(row) for row in values]
-        runs = self.predictor.states(plants, starts, delays)
+        models = [self.parameters.model(row, self.plant) for row in values]
+        runs = self.predictor.states(models, starts)
 
         residuals = []
-        for row, states in zip(values, runs, strict=True):
-            sensor = partial(self.parameters.sensor, values=row)
-            errors = self.predictor.errors(states, self.plant.system, sensor)
+        for model, states in zip(models, runs, strict=True):
+            errors = self.predictor.errors(states, model)
             scaled = [np.concatenate(errors[name]) / self.scales[name] for name in errors]
             residuals.append(np.nan_to_num(np.concatenate(scaled), nan=_DIVERGED))
         return residuals
@@ -248,9 +245,7 @@ def _residual_of(
 ) -> _Residual:
     """The residual with the first guess of its starts, and sizes of the states."""
     log = predictor.log
-    spans = {name: max(float(np.ptp(y)), 1e-9) for name, y in log.outputs.items()}
-    largest = max(spans.values())
-    sizes = [spans.get(state.name, largest) for state in plant.system.states]
+    model = parameters.model(fixed, plant)
     return _Residual(
         parameters=parameters,
         free=free,
@@ -258,8 +253,8 @@ def _residual_of(
         plant=plant,
         scales=scales,
         fixed=fixed,
-        starts=starts_of(log, predictor.windows, plant.system),
-        sizes=np.array(sizes),
+        starts=first_guess(log, predictor.windows, model),
+        sizes=state_sizes(log, [state.name for state in plant.system.states]),
     )
 
 
@@ -289,10 +284,11 @@ def fit(
     predictor = Predictor.of(log, horizon, timestep)
     # In the order of the states, as the residual has them.
     measured = [state.name for state in plant.system.states if state.name in log.outputs]
-    scales = {name: _first_scale(log, name) for name in measured}
+    scales = {name: log.deviation(name) for name in measured}
     values = parameters.first
     free = np.ones(len(parameters.names), bool)
     unseen: list[HiddenParameter] = []
+    parameters.model(parameters.nominal, plant).require_speeds(log)
     while True:
         progress(f"fitting {int(free.sum())} parameters")
         residual = _residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
@@ -374,13 +370,6 @@ def _searched(residual: _Residual, x: Array) -> Array:
     return np.asarray(result.x, float).ravel()
 
 
-def _first_scale(log: Log, state: str) -> float:
-    """Standard deviation of a sensor's noise, at least that of its rounding."""
-    rounding = float(log.resolution(state) / np.sqrt(12.0))
-    span = float(np.ptp(log.outputs[state]))
-    return max(log.noise(state), rounding, 1e-9 * span, 1e-12)
-
-
 def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
     """The standard deviation of each state's residual."""
     errors = residual.errors(x)
@@ -457,14 +446,8 @@ def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> s
         A line on that column; empty where the fit explains the log.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    parameters = fit.parameters
-    unexplained = unexplained_share(
-        predictor,
-        parameters.plant(fit.values, plant),
-        parameters.input_delay(fit.values),
-        partial(parameters.sensor, values=fit.values),
-    )
-    return likely_slip(predictor, plant, unexplained)
+    unexplained = unexplained_share(predictor, fit.parameters.model(fit.values, plant))
+    return likely_slip(predictor, LogModel(plant), unexplained)
 
 
 def residuals(
@@ -513,24 +496,7 @@ def quality(
                 rms=rms,
                 fit=1 - rms / max(spread, 1e-12),
                 steps=rms / max(step, 1e-12),
-                white=_white(errors),
+                white=is_white(errors),
             )
         )
     return rows
-
-
-def _white(pieces: Sequence[Array]) -> bool:
-    """Whether residuals are uncorrelated in time, by Ljung and Box over all windows."""
-    errors = [piece - piece.mean() for piece in pieces if len(piece) > 3 * _LAGS]
-    if not errors:
-        return True
-    count = sum(map(len, errors))
-    power = max(sum(float(e @ e) for e in errors), 1e-300)
-
-    # Q = n (n + 2) sum of rho_k^2 / (n - k) over the lags k, of chi-squared distribution.
-    terms = []
-    for lag in range(1, _LAGS + 1):
-        rho = sum(float(e[lag:] @ e[:-lag]) for e in errors) / power
-        terms.append(rho**2 / (count - lag))
-    statistic = count * (count + 2) * sum(terms)
-    return bool(stats.chi2.sf(statistic, _LAGS) > _LEVEL)

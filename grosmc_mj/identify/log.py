@@ -152,6 +152,12 @@ class Log:
             return float(steps.min())
         return 0.0
 
+    def deviation(self, state: str) -> float:
+        """Standard deviation of a sensor's noise, at least that of its rounding."""
+        rounding = float(self.resolution(state) / np.sqrt(12.0))
+        span = float(np.ptp(self.outputs[state]))
+        return max(self.noise(state), rounding, 1e-9 * span, 1e-12)
+
     def between(self, start: float, stop: float) -> Log:
         """The part of it from one share of its time to another, such as 0.7 to 1."""
         first = 0

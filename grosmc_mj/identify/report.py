@@ -16,6 +16,8 @@ from grosmc_mj.results.result import MEASURED, OPEN, Answer, ReportTable, Value,
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.family import Quantity
 
+# Words for the residual.
+_WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}
 # A value this near to an end of its range, as a share of that, is at the end.
 _NEAR = 1e-3
 
@@ -59,7 +61,7 @@ def quality_table(rows: Sequence[Quality]) -> Table:
     cells = []
     for row in rows:
         rms = f"{number(row.rms)} {row.unit}"
-        residual = "white" if row.white else "correlated in time"
+        residual = _WHITENESS[row.white]
         cells.append((row.state, rms, number(100 * row.fit), number(row.steps), residual))
     return table(
         "Prediction of the held-out part",

@@ -30,13 +30,7 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import (
-    LogModel,
-    PredictionError,
-    best_model,
-    models_of,
-    prediction_errors,
-)
+from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
 from grosmc_mj.identify.fit import (
     Fit,
     _rescaled,
@@ -48,9 +42,11 @@ from grosmc_mj.identify.fit import (
     slip,
 )
 from grosmc_mj.identify.log import Log, held, join_logs, read_log
+from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
-from grosmc_mj.identify.replay import Predictor, likely_slip, unexplained_share
-from grosmc_mj.loop import Computing, Loop
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.slips import likely_slip, unexplained_share
+from grosmc_mj.loop import Computing, Loop, Sensor
 from grosmc_mj.plants import find_system
 from grosmc_mj.sweep.campaign import Campaign, specification_of
 
@@ -273,8 +269,8 @@ def test_a_wrong_header_of_a_log_is_named(
 
 def test_a_log_of_the_case_s_plant_matches(log: Log, experiment: Experiment) -> None:
     predictor = Predictor.of(log, **HOW)
-    plant = experiment.plant("physics")
-    assert likely_slip(predictor, plant, unexplained_share(predictor, plant)) == ""
+    model = LogModel(experiment.plant("physics"))
+    assert likely_slip(predictor, model, unexplained_share(predictor, model)) == ""
 
 
 @pytest.mark.parametrize(
@@ -291,9 +287,9 @@ def test_another_sign_or_unit_of_a_column_is_noticed(
     outputs = {"rotor angle": angle * log.outputs["rotor angle"]}
     slipped = replace(log, inputs=current * log.inputs, outputs=outputs)
     predictor = Predictor.of(slipped, **HOW)
-    plant = experiment.plant("physics")
+    model = LogModel(experiment.plant("physics"))
     # No parameter of the case's ranges mends a slip.
-    line = likely_slip(predictor, plant, unexplained_share(predictor, plant))
+    line = likely_slip(predictor, model, unexplained_share(predictor, model))
     assert line.startswith(words)
 
 
@@ -310,7 +306,7 @@ def test_a_held_input_is_late_by_any_delay_without_jumps() -> None:
     assert np.abs(later - late).max() < 1e-5
 
 
-def test_a_late_sensor_shows_what_the_state_was_before() -> None:
+def test_a_late_sensor_shows_what_the_state_was_before(experiment: Experiment) -> None:
     """A ramp of 1 rad/s that a sensor shows 20 ms late is 20 mrad lower at each sample."""
     time = np.arange(100) * 0.01
     late = Log(
@@ -323,11 +319,10 @@ def test_a_late_sensor_shows_what_the_state_was_before() -> None:
     predictor = Predictor.of(late, horizon=10.0, timestep=1e-3)
     instants = np.arange(1001) * 1e-3
     ramp = np.column_stack([instants, np.ones_like(instants)])
+    loop = Loop(sensors=(Sensor("rotor angle", delay=0.02),))
+    model = LogModel(experiment.plant("physics"), loop)
 
-    def sensor(state: str, quantity: str) -> float:
-        return {"delay": 0.02, "scale": 1.0, "bias": 0.0}[quantity]
-
-    (errors,) = predictor.errors([ramp], SERVO, sensor)["rotor angle"]
+    (errors,) = predictor.errors([ramp], model)["rotor angle"]
     # Before the window began nothing is predicted.
     assert errors[2:] == pytest.approx(np.zeros(98), abs=1e-12)
 
@@ -430,7 +425,7 @@ def test_parameters_that_a_log_does_not_show_are_named(
 def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> None:
     true, log = short(1)
     parameters = parameters_of(experiment, coverage.NAMES)
-    plant = parameters.plant(true, experiment.plant("physics"))
+    plant = parameters.model(true, experiment.plant("physics")).plant
     late = Loop(computing=Computing(delay=round(float(true[2]), 3)))
     rungs = {**models_of(experiment), "ideal": LogModel(plant), "as it is": LogModel(plant, late)}
     assert {"corrected", "physics", "loop", "machine"} < set(rungs)
@@ -469,12 +464,12 @@ def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(
     """The equations of the arm have no damping: the identified case leaves them out."""
     assert run("identify", ARM_LOG, "logs/arm", "--out", tmp_path) == cli.DONE
     assert "2 of 2 parameters fitted" in capsys.readouterr().out
-    document = json.loads((tmp_path / "identification_arm_arm.json").read_text())
+    document = json.loads((tmp_path / "identification_logs_arm_arm.json").read_text())
     payload, damping = document["parameters"]
     assert payload["value"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=2e-3)
     assert damping["value"] == pytest.approx(logs_made.DAMPING, rel=0.02)
-    assert (tmp_path / "identification_arm_arm.png").is_file()
-    assert Experiment.load(tmp_path / "identify_arm_arm.toml").plant_names == ["physics"]
+    assert (tmp_path / "identification_logs_arm_arm.png").is_file()
+    assert Experiment.load(tmp_path / "identify_logs_arm_arm.toml").plant_names == ["physics"]
 
 
 def test_the_log_of_the_arm_is_compared_with_every_rung(

@@ -12,6 +12,7 @@ from tyro.conf import Positional, arg
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out
 from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class _OfLog(Command):
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
-        return self.out / f"{kind}_{experiment.case.system}_{self.log.stem}.json"
+        return self.out / f"{kind}_{result_name(experiment.path)}_{self.log.stem}.json"
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,9 @@ class CompareCommand(_OfLog):
 
     def execute(self) -> int:
         """Read the logs, predict them on every rung, write and print the errors."""
-        from grosmc_mj.identify.compare import comparison_result, models_of, prediction_errors
+        from grosmc_mj.identify.compare import comparison_result, prediction_errors
         from grosmc_mj.identify.film import film_of_log
+        from grosmc_mj.identify.model import models_of
 
         experiment, log = self._read()
         rungs = models_of(experiment)

@@ -1,0 +1,128 @@
+"""A log of a machine that is known is predicted as well as its model says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.identify.compare import prediction_errors
+from grosmc_mj.identify.fit import Fit, fit
+from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.model import LogModel
+from grosmc_mj.identify.parameters import parameters_of
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.loop import Loop, Sensor
+from grosmc_mj.machine import LuGre
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
+
+SERVO = MujocoPlant.load("servo")
+TIMESTEP = 1e-3
+# The shaft turns about -y.
+TORQUE = (0.0, 0.0, 0.0, 0.0, -0.1, 0.0)
+
+
+def exact_log(model: LogModel, sampling: float = 5e-3, seconds: float = 4.0) -> Log:
+    """A log of a servo without noise, its input held from sample to sample."""
+    time = np.arange(round(seconds / sampling)) * sampling
+    u = 0.3 * np.sin(5 * time) + 0.2 * np.sin(13 * time)
+    blank = Log("exact", time, u[:, None], {"rotor angle": 0 * time}, [slice(0, len(time))])
+    # One prediction of the whole length.
+    predictor = Predictor.of(blank, seconds, TIMESTEP)
+    ((states,),) = predictor.states([model], [np.array([[0.5, -0.4]])])
+    angles = np.interp(time, np.arange(len(states)) * TIMESTEP, states[:, 0])
+    return replace(blank, outputs={"rotor angle": angles})
+
+
+def errors_of(model: LogModel, log: Log) -> Array:
+    """Prediction errors of a machine after 0.1 to 1 s."""
+    ((row,), _) = prediction_errors({"it": model}, log, 1.0, TIMESTEP)
+    return np.array(row.rms)
+
+
+@pytest.mark.parametrize("sampling", [1e-3, 5e-3, 20e-3])
+def test_an_exact_log_is_predicted_exactly_whatever_its_sampling(sampling: float) -> None:
+    """The start of a prediction is fitted by the plant's own motion, up to rounding."""
+    log = exact_log(LogModel(SERVO), sampling)
+    assert errors_of(LogModel(SERVO), log).max() < 1e-12
+
+
+def test_a_bias_of_the_sensor_is_that_of_the_log() -> None:
+    log = exact_log(LogModel(SERVO))
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(log.time))
+    measured = log.outputs["rotor angle"] + noise
+    biased = replace(log, outputs={"rotor angle": measured + 0.2})
+    unbiased = replace(log, outputs={"rotor angle": measured})
+
+    behind = LogModel(SERVO, Loop(sensors=(Sensor("rotor angle", bias=0.2),)))
+    expected = errors_of(LogModel(SERVO), unbiased)
+    assert errors_of(behind, biased) == pytest.approx(expected, rel=1e-9)
+
+
+PROFILES: list[Any] = [
+    Constant(),
+    Pulse(1.21, 2.84),
+    SineFrom(3.0, onset=0.7, phase=0.4),
+    # A function of the user's own.
+    lambda t: math.cos(2 * t),
+]
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_disturbance_of_the_case_acts_at_its_time_in_the_log(profile: Any) -> None:
+    loaded = LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE, profile),))
+    log = exact_log(loaded)
+    assert errors_of(loaded, log).max() < 1e-9
+    assert errors_of(LogModel(SERVO), log).max() > 1e-2
+
+
+def test_a_disturbance_that_moves_nothing_is_noted() -> None:
+    about_z = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    idle = LogModel(SERVO, disturbances=(Disturbance("rotor", about_z),))
+    _, notes = prediction_errors({"physics": idle}, exact_log(idle), 1.0, TIMESTEP)
+    assert notes == ["physics: no disturbance of the case moves anything along this log"]
+
+
+LOAD_CASE = """
+title = "A servo under a load"
+plant = { system = "servo" }
+run = { duration = "5 s" }
+controller = [{ law = "lqr" }]
+disturbance = [{ body = "rotor", torque = ["0 N m", "1 N m", "0 N m"], label = "load" }]
+uncertain = [
+  { body = "rotor", mass_scale = [0.3, 4] },
+  { disturbance = "load", amplitude = [-1, 1] },
+]
+"""
+
+
+@pytest.fixture(scope="module")
+def loaded_fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """The fit of a case with 1 N m of unknown size to a servo that is driven by -0.1 N m."""
+    path = tmp_path_factory.mktemp("load") / "load.toml"
+    path.write_text(LOAD_CASE, encoding="utf-8")
+    experiment = Experiment.load(path)
+    log = exact_log(LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE),)))
+    parameters = parameters_of(experiment, ())
+    plant = experiment.plant("physics")
+    return fit(parameters, log, plant, horizon=1.0, timestep=TIMESTEP)
+
+
+def test_an_uncertain_load_is_fitted(loaded_fit: Fit) -> None:
+    assert loaded_fit.values == pytest.approx([1.0, -0.1], rel=1e-6)
+
+
+def test_bristles_that_the_speed_of_a_log_makes_unstable_are_refused() -> None:
+    log = exact_log(LogModel(SERVO))
+    soft = LuGre("shaft", 0.05, stiffness=20.0)
+    stiff = LuGre("shaft", 0.05, stiffness=1e3)
+    errors_of(LogModel(MujocoPlant.load("servo", edits=[soft])), log)
+    with pytest.raises(ArgumentError, match="makes the bristles unstable: take a timestep of"):
+        errors_of(LogModel(MujocoPlant.load("servo", edits=[stiff])), log)
