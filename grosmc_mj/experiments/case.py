@@ -19,7 +19,6 @@ from grosmc_mj.experiments.file.parts import (
     run_of_file,
 )
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
@@ -27,6 +26,7 @@ from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
+from grosmc_mj.units import number_in, numbers_of, si_number
 
 
 @dataclass(frozen=True)

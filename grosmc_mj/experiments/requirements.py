@@ -13,7 +13,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.task import GrosmcParameters
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 from grosmc_mj.experiments.file.schema import RequirementTable
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics import (
     DWELL,
     SETTLING_BAND,
@@ -28,6 +27,7 @@ from grosmc_mj.experiments.metrics import (
 )
 from grosmc_mj.experiments.runs import Run
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.units import number_in
 
 # s(0) is zero to rounding of z and of its reference.
 _ROUNDING = 1e-9

@@ -10,10 +10,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
+from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.result import (
     MEASURED,

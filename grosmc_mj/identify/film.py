@@ -6,10 +6,10 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.films.film import Film, Take
-from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
+from grosmc_mj.logs.log import Log
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.palette import BLUE
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.identify.intervals import covariance, half_widths, is_white
-from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.identify.starts import first_guess, state_sizes
+from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.sweep.family import Quantity
 

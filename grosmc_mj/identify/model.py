@@ -11,7 +11,7 @@ import numpy as np
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.identify.log import Log
+from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
@@ -123,6 +123,12 @@ def _top_speed(log: Log, position: str, rate: str) -> float:
             moved = values[samples:] - values[:-samples]
             speeds.append(float(np.abs(moved / (time[samples:] - time[:-samples])).max()))
     return max(speeds)
+
+
+def gears_of(experiment: Experiment) -> Mapping[str, float]:
+    """Of each motor of a user's own model, the torque for a command of 1."""
+    robot = experiment.nominal.robot
+    return {} if robot is None else dict(robot.gears)
 
 
 def models_of(experiment: Experiment) -> Mapping[str, LogModel]:

@@ -12,8 +12,8 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.memory import memory_of
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.identify.log import SHORTEST_PIECE, Log, held
 from grosmc_mj.identify.model import LogModel
+from grosmc_mj.logs.log import SHORTEST_PIECE, Log, held
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory

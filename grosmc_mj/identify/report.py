@@ -8,7 +8,7 @@ from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.identify.fit import Fit, Quality
-from grosmc_mj.identify.log import Log
+from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor, Window
+from grosmc_mj.logs.log import Log
 
 # Samples before and after the start of a window through which the parabola goes.
 _AROUND = 15
@@ -67,7 +67,7 @@ def _samples_around(log: Log, sample: int) -> slice:
 
 def state_sizes(log: Log, names: Sequence[str]) -> Array:
     """A size of each state, (n,): its span in the log, or the largest span of another one."""
-    spans = {name: max(float(np.ptp(y)), 1e-9) for name, y in log.outputs.items()}
+    spans = {name: max(log.span(name), 1e-9) for name in log.outputs}
     largest = max(spans.values())
     return np.array([spans.get(name, largest) for name in names])
 

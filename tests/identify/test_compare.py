@@ -14,10 +14,10 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.compare import prediction_errors
 from grosmc_mj.identify.fit import Fit, fit
-from grosmc_mj.identify.log import Log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.machine import LuGre
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -123,6 +123,6 @@ def test_bristles_that_the_speed_of_a_log_makes_unstable_are_refused() -> None:
     log = exact_log(LogModel(SERVO))
     soft = LuGre("shaft", 0.05, stiffness=20.0)
     stiff = LuGre("shaft", 0.05, stiffness=1e3)
-    errors_of(LogModel(MujocoPlant.load("servo", edits=[soft])), log)
+    errors_of(LogModel(MujocoPlant.load("servo", edits=(soft,))), log)
     with pytest.raises(ArgumentError, match="makes the bristles unstable: take a timestep of"):
-        errors_of(LogModel(MujocoPlant.load("servo", edits=[stiff])), log)
+        errors_of(LogModel(MujocoPlant.load("servo", edits=(stiff,))), log)

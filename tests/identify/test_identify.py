@@ -28,7 +28,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
-from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
 from grosmc_mj.identify.fit import (
@@ -41,11 +40,13 @@ from grosmc_mj.identify.fit import (
     residuals,
     slip,
 )
-from grosmc_mj.identify.log import Log, held, join_logs, read_log
 from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
+from grosmc_mj.logs.log import Log, held, join_logs
+from grosmc_mj.logs.read import read_log
+from grosmc_mj.logs.table import LogTable
 from grosmc_mj.loop import Computing, Loop, Sensor
 from grosmc_mj.plants import find_system
 from grosmc_mj.sweep.campaign import Campaign, specification_of

@@ -81,3 +81,12 @@ def test_bristles_that_are_unstable_in_a_fit_are_refused(tmp_path: Path, capsys:
 def test_a_shaft_that_spins_on_unstable_bristles_is_refused(capsys: Screen) -> None:
     assert run("run", CASES / "lugre_diverges/spin.toml", "--no-figures") == cli.WRONG
     assert "at most 0.00024 s, a stiffness of at most 2.4" in capsys.readouterr().err
+
+
+def test_a_csv_file_with_a_comment_is_read(tmp_path: Path) -> None:
+    assert errors_by_rung("csv_comment/tr0.csv", "csv_comment/cp.toml", tmp_path)
+
+
+def test_a_cart_pole_that_turns_over_is_told_how_to_be_read(tmp_path: Path, capsys: Screen) -> None:
+    answer_of("compare", "wrap/wrapped.csv", "wrap/cp.toml", tmp_path)
+    assert "hinge jumps by a turn, 6 times" in capsys.readouterr().out

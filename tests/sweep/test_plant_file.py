@@ -25,7 +25,6 @@ from campaign_cases import (
 from case_texts import LEG_MODEL
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.metrics import METRICS
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.sweep.campaign import Campaign
@@ -39,6 +38,7 @@ from grosmc_mj.sweep.plant_file import (
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
 from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.units import number_in
 
 DAMPING = of("joint", "shaft", "damping = [0, 1]")
 # All that a predicting law would otherwise take from the drawn loop.

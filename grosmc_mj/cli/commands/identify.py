@@ -18,7 +18,7 @@ from grosmc_mj.errors import ArgumentError
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.films.film import Film
-    from grosmc_mj.identify.log import Log
+    from grosmc_mj.logs.log import Log
     from grosmc_mj.plants import Plant
 
 
@@ -27,7 +27,7 @@ class _OfLog(Command):
     """Arguments and options of both commands.
 
     Attributes:
-        log: CSV, Parquet or MCAP: time, inputs and measured states.
+        log: CSV, Parquet, MCAP or MATLAB: time, inputs and measured states.
         case: SYSTEM, SYSTEM/CASE or FILE.toml that the log is of.
         also: More logs of the same machine.
         horizon: Length of a prediction, which then begins anew [s].
@@ -43,14 +43,17 @@ class _OfLog(Command):
     def _read(self) -> tuple[Experiment, Log]:
         """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.log import join_logs, read_log
+        from grosmc_mj.identify.model import gears_of
+        from grosmc_mj.logs.log import join_logs
+        from grosmc_mj.logs.read import read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
         experiment = find_experiments(self.case)[0]
         system = experiment.nominal.system
         table = experiment.file.log
-        logs = [read_log(path, system, table) for path in (self.log, *self.also)]
+        gears = gears_of(experiment)
+        logs = [read_log(path, system, table, gears) for path in (self.log, *self.also)]
         return experiment, join_logs(logs)
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
@@ -103,7 +106,7 @@ class IdentifyCommand(_OfLog):
             advance("fitted")
 
         rows = quality(errors, held_out, plant.system)
-        doubts = list(filter(None, [slip(best, fitted, plant, **steps)]))
+        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant, **steps)])]
         document = identification(best, rows, log.name, self.horizon, self.hold_out, doubts)
         path = self._path("identification", experiment)
         unseen = [f"{parameter.words}." for parameter in best.unseen]
@@ -166,6 +169,7 @@ class CompareCommand(_OfLog):
             film = film_of_log(truest, log, self.horizon)
 
         rows, notes = prediction_errors(rungs, log, self.horizon, experiment.settings.timestep)
+        notes = [*log.notes, *notes]
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)
