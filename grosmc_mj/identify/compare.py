@@ -74,7 +74,7 @@ def prediction_errors(
         predictor = Predictor.leading(log, horizon, rung.plant.step_length or timestep)
         try:
             rung.require_speeds(log)
-            starts = fitted_starts(predictor, rung)
+            starts = fitted_starts(predictor.leads, rung)
             (states,) = predictor.states([rung], [starts])
         except GrosmcError as error:
             notes.append(f"{name} cannot follow the log: {error}")

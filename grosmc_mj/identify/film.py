@@ -36,7 +36,7 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
 
     predictor = Predictor.leading(log, horizon, plant.step_length)
     window = predictor.windows[0]
-    run = predictor.first_run(rung, fitted_starts(predictor, rung))
+    run = predictor.first_run(rung, fitted_starts(predictor.leads, rung))
 
     # The measured positions at the instants of the simulated run.
     times = log.time[window.samples] - window.start

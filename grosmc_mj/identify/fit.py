@@ -30,6 +30,12 @@ from grosmc_mj.sweep.family import Quantity
 _STEP = 1e-4
 # Residual after a prediction diverged, in standard deviations.
 _DIVERGED = 1e6
+# A state that deviates from its mean by fewer steps of its sensor stands still.
+_STILL = 3.0
+# Standard deviations beyond which Huber's loss grows as the size: efficiency of 95 % (Huber, 1964).
+_HUBER = 1.345
+# Standard deviation of a normal distribution over the median of its size.
+_NORMAL_MEDIAN = 1.4826
 # Starts of the windows are searched within so many sizes of a state about the first guess.
 _START_RANGE = 10.0
 # A direction whose standard deviation is more than this share of the parameters is not visible.
@@ -60,7 +66,8 @@ class Quality(NamedTuple):
         unit: Its unit.
         rms: Of the residual.
         fit: 1 - |residual| / |deviation from the mean|.
-        steps: RMS in steps of the sensor or, without one, standard deviations of its noise.
+        step: Step of the sensor or, without one, standard deviation of its noise.
+        moves: Whether the measured state moves by more than some steps.
         white: Whether the residual is no more correlated in time than noise (Ljung and Box); None
             if it is too short to tell.
     """
@@ -69,7 +76,8 @@ class Quality(NamedTuple):
     unit: str
     rms: float
     fit: float
-    steps: float
+    step: float
+    moves: bool
     white: bool | None
 
 
@@ -94,6 +102,14 @@ class Fit:
     half: Array
     unseen: Sequence[HiddenParameter]
     scales: dict[str, float]
+
+    def model(self, plant: Plant) -> LogModel:
+        """Return the machine with the fitted values.
+
+        Args:
+            plant: Before any change.
+        """
+        return self.parameters.model(self.values, plant)
 
     @property
     def correlation(self) -> Array:
@@ -130,6 +146,7 @@ class _Residual:
         fixed: Values of the parameters that are not fitted, (d,).
         starts: The first guess of the windows' starts, (windows, n).
         sizes: A size of each state, (n,).
+        huber: Whether large residuals count by their size, and not by its square.
     """
 
     parameters: Parameters
@@ -140,6 +157,7 @@ class _Residual:
     fixed: Array
     starts: Array
     sizes: Array
+    huber: bool = False
 
     @property
     def width(self) -> Array:
@@ -163,7 +181,14 @@ class _Residual:
         return values, starts
 
     def of(self, points: Sequence[Array]) -> list[Array]:
-        """The residuals at several points, (r,) each: state by state, window by window."""
+        """The residuals at several points, (r,) each, whose squares are what is least."""
+        residuals = self.scaled(points)
+        if self.huber:
+            return [_huber(residual) for residual in residuals]
+        return residuals
+
+    def scaled(self, points: Sequence[Array]) -> list[Array]:
+        """The scaled errors at several points, (r,) each: state by state, window by window."""
         values = []
         starts = []
         for x in points:
@@ -195,7 +220,7 @@ class _Residual:
 
     def errors(self, x: Array) -> dict[str, list[Array]]:
         """The residual at a point in the units of the states, by state and window."""
-        (residual,) = self.of([x])
+        (residual,) = self.scaled([x])
         borders = np.cumsum(self._lengths)[:-1]
         errors = {}
         by_state = np.split(residual, len(self.scales))
@@ -235,6 +260,13 @@ class _Residual:
         return jacobian
 
 
+def _huber(residual: Array) -> Array:
+    """Numbers whose squares are Huber's loss: sizes beyond a bound in place of squares."""
+    size = np.abs(residual)
+    beyond = np.sqrt(np.maximum(2 * _HUBER * size - _HUBER**2, 0.0))
+    return np.where(size <= _HUBER, residual, np.sign(residual) * beyond)
+
+
 def _residual_of(
     parameters: Parameters,
     free: NDArray[np.bool_],
@@ -255,6 +287,7 @@ def _residual_of(
         fixed=fixed,
         starts=first_guess(log, predictor.windows, model),
         sizes=state_sizes(log, [state.name for state in plant.system.states]),
+        huber=parameters.huber,
     )
 
 
@@ -380,6 +413,8 @@ def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
         samples = sum(map(len, parts)) - fitted_starts
         norm = np.linalg.norm(np.concatenate(parts))
         scales[name] = float(norm / np.sqrt(max(1, samples)))
+        if residual.huber:
+            scales[name] = _NORMAL_MEDIAN * float(np.median(np.abs(np.concatenate(parts))))
     return scales
 
 
@@ -446,7 +481,7 @@ def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> s
         A line on that column; empty where the fit explains the log.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    unexplained = unexplained_share(predictor, fit.parameters.model(fit.values, plant))
+    unexplained = unexplained_share(predictor, fit.model(plant))
     return likely_slip(predictor, LogModel(plant), unexplained)
 
 
@@ -488,14 +523,15 @@ def quality(
         rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
         spread = float(np.std(measured))
         # A sensor without steps is compared with its noise.
-        step = log.resolution(name) or log.noise(name)
+        step = max(log.resolution(name) or log.noise(name), 1e-12)
         rows.append(
             Quality(
                 state=name,
                 unit=state.unit,
                 rms=rms,
                 fit=1 - rms / max(spread, 1e-12),
-                steps=rms / max(step, 1e-12),
+                step=step,
+                moves=spread > _STILL * step,
                 white=is_white(errors),
             )
         )

@@ -55,6 +55,12 @@ class Parameters:
         return np.array([quantity.nominal for quantity in self.quantities])
 
     @property
+    def huber(self) -> bool:
+        """Whether the case's ``[log]`` asks for Huber's loss."""
+        table = self.experiment.file.log
+        return table is not None and table.loss == "huber"
+
+    @property
     def first(self) -> Array:
         """Start of the search: the case's values, moved inside the bounds, (d,)."""
         low, high = self.bounds

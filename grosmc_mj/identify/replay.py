@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,8 +107,22 @@ class Predictor:
 
         Args and raises as for ``of``.
         """
-        lead = max(_LEAD * horizon, _FEWEST * log.period)
-        return cls.of(log, horizon, timestep, lead)
+        return cls.of(log, horizon, timestep, _lead(log, horizon))
+
+    @classmethod
+    def moments(cls, log: Log, horizon: float, timestep: float) -> Predictor:
+        """Predictor with windows as short as the lead of those with a horizon [s]."""
+        return cls.of(log, _lead(log, horizon), timestep)
+
+    @property
+    def leads(self) -> Predictor:
+        """Predictor along the leads of its windows."""
+        windows = []
+        for window in self.windows:
+            first = window.samples.start
+            stop = first + int(np.sum(self.log.time[window.samples] <= window.begin))
+            windows.append(Window(slice(first, stop), window.start, window.begin))
+        return replace(self, windows=windows)
 
     @property
     def steps(self) -> int:
@@ -198,6 +212,11 @@ class Predictor:
         """Values on the timesteps of a window at the instants of its samples, later by a delay."""
         times = self.log.time[window.samples] - window.start - delay
         return np.interp(times, np.arange(len(values)) * self.timestep, values)
+
+
+def _lead(log: Log, horizon: float) -> float:
+    """Time that the start of a prediction is fitted to [s]."""
+    return max(_LEAD * horizon, _FEWEST * log.period)
 
 
 def _law(system: System, inputs: Array, timestep: float) -> Controller:

@@ -7,7 +7,6 @@ fitted to the samples of a short time before it by the plant's own motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -73,25 +72,24 @@ def state_sizes(log: Log, names: Sequence[str]) -> Array:
 
 
 def fitted_starts(predictor: Predictor, model: LogModel) -> Array:
-    """States at the start of each window, (windows, n), by the plant's motion in its lead.
+    """States at the start of each window, (windows, n), by the plant's motion in it.
 
     Least squares of each window alone, by Gauss and Newton: a state that its samples do not show
     stays at the first guess.
 
     Args:
-        predictor: Windows with a lead.
+        predictor: Windows that the starts are fitted to, see ``Predictor.leads``.
         model: The machine.
     """
     log = predictor.log
-    leads = replace(predictor, windows=[_lead_of(log, window) for window in predictor.windows])
     names = [state.name for state in model.plant.system.states]
     sizes = state_sizes(log, names)
 
-    starts = first_guess(log, leads.windows, model)
+    starts = first_guess(log, predictor.windows, model)
     best = starts
     least = np.full(len(starts), np.inf)
     for _ in range(_STEPS):
-        errors, slopes = _linearized(leads, model, starts, sizes)
+        errors, slopes = _linearized(predictor, model, starts, sizes)
         costs = np.array([float(error @ error) for error in errors])
         is_better = costs < least
         best = np.where(is_better[:, None], starts, best)
@@ -103,22 +101,15 @@ def fitted_starts(predictor: Predictor, model: LogModel) -> Array:
     return best
 
 
-def _lead_of(log: Log, window: Window) -> Window:
-    """The part of a window that its start is fitted to."""
-    first = window.samples.start
-    stop = first + int(np.sum(log.time[window.samples] <= window.begin))
-    return Window(slice(first, stop), window.start, window.begin)
-
-
 def _linearized(
-    leads: Predictor, model: LogModel, starts: Array, sizes: Array
+    predictor: Predictor, model: LogModel, starts: Array, sizes: Array
 ) -> tuple[list[Array], list[Array]]:
     """The weighted errors of each window, (K,), and their derivatives by its start, (K, n)."""
     n = len(sizes)
     moves = np.vstack([np.zeros(n), np.eye(n), -np.eye(n)]) * _DIFFERENCE
     trials = [starts + move * sizes for move in moves]
-    runs = leads.states([model] * len(trials), trials)
-    weighted = [_weighted(leads, states, model) for states in runs]
+    runs = predictor.states([model] * len(trials), trials)
+    weighted = [_weighted(predictor, states, model) for states in runs]
 
     errors = weighted[0]
     slopes = []
@@ -132,12 +123,12 @@ def _linearized(
     return errors, slopes
 
 
-def _weighted(leads: Predictor, states: Sequence[Array], model: LogModel) -> list[Array]:
+def _weighted(predictor: Predictor, states: Sequence[Array], model: LogModel) -> list[Array]:
     """The errors of each window in deviations of the sensors, state by state, (K,)."""
-    log = leads.log
-    errors = leads.errors(states, model)
+    log = predictor.log
+    errors = predictor.errors(states, model)
     by_window = []
-    for k, window in enumerate(leads.windows):
+    for k, window in enumerate(predictor.windows):
         parts = []
         for name, of_state in errors.items():
             # A late sensor shows first what was before the window.

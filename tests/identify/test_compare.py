@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from grosmc_mj.identify.compare import prediction_errors
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import parameters_of
+from grosmc_mj.identify.pushes import unexplained_moments
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
@@ -117,6 +119,65 @@ def loaded_fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 def test_an_uncertain_load_is_fitted(loaded_fit: Fit) -> None:
     assert loaded_fit.values == pytest.approx([1.0, -0.1], rel=1e-6)
+
+
+PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.08))
+
+
+def noisy(log: Log) -> Log:
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(len(log.time))
+    return replace(log, outputs={"rotor angle": log.outputs["rotor angle"] + noise})
+
+
+def test_a_push_that_no_model_explains_is_named() -> None:
+    log = noisy(exact_log(LogModel(SERVO, disturbances=(PUSHED,))))
+    assert unexplained_moments([LogModel(SERVO)], log, 1.0, TIMESTEP) == [
+        "1.99 to 2.09 s: a push that no model explains"
+    ]
+
+
+def test_a_push_that_a_model_explains_is_not_named() -> None:
+    pushed = LogModel(SERVO, disturbances=(PUSHED,))
+    log = noisy(exact_log(pushed))
+    assert unexplained_moments([LogModel(SERVO), pushed], log, 1.0, TIMESTEP) == []
+
+
+STRAY_CASE = """
+title = "A servo with stray samples"
+plant = {{ system = "servo" }}
+run = {{ duration = "5 s" }}
+controller = [{{ law = "lqr" }}]
+uncertain = [
+  {{ body = "rotor", mass_scale = [0.3, 4] }},
+  {{ joint = "shaft", damping = [0.0005, 0.1] }},
+]
+log = {{ loss = "{loss}" }}
+"""
+
+
+def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
+    """The fit to a log in which one sample of twenty is wrong by up to 0.1 rad."""
+    path = folder / "stray.toml"
+    path.write_text(STRAY_CASE.format(loss=loss), encoding="utf-8")
+    experiment = Experiment.load(path)
+    log = noisy(exact_log(LogModel(SERVO)))
+    random = np.random.default_rng(2)
+    angle = log.outputs["rotor angle"].copy()
+    stray = random.random(len(angle)) < 0.05
+    angle[stray] += random.uniform(0, 0.1, stray.sum())
+    log = replace(log, outputs={"rotor angle": angle})
+    plant = experiment.plant("physics")
+    return fit(parameters_of(experiment, ()), log, plant, horizon=1.0, timestep=TIMESTEP)
+
+
+def test_stray_samples_count_less_in_huber_s_loss(tmp_path: Path) -> None:
+    squares = fit_to_stray_samples(tmp_path, "squares")
+    huber = fit_to_stray_samples(tmp_path, "huber")
+    true = np.array([1.0, 0.0088])
+    error = np.abs(huber.values - true)
+    assert (error < np.abs(squares.values - true) / 3).all()
+    assert (huber.half < squares.half / 3).all()
+    assert (error < 2 * huber.half).all()
 
 
 def test_bristles_that_the_speed_of_a_log_makes_unstable_are_refused() -> None:

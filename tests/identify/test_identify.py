@@ -331,7 +331,7 @@ def test_a_late_sensor_shows_what_the_state_was_before(experiment: Experiment) -
 def test_fitted_starts_take_their_degrees_of_freedom() -> None:
     """Of three windows two starts each are fitted: three numbers for each measured state."""
     parts = {"angle": [np.full(4, 2.0)] * 3, "rate": [np.full(4, 6.0)] * 3}
-    residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts)
+    residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts, huber=False)
     scales = _rescaled(residual, np.zeros(6))
     assert scales == pytest.approx({"angle": 2 * math.sqrt(12 / 9), "rate": 6 * math.sqrt(12 / 9)})
 

@@ -82,8 +82,10 @@ class IdentifyCommand(_OfLog):
     def execute(self) -> int:
         """Read the logs, fit the parameters, write and print the result."""
         from grosmc_mj.identify.case_file import write_case
+        from grosmc_mj.identify.compare import prediction_errors
         from grosmc_mj.identify.fit import fit, quality, residuals, slip
         from grosmc_mj.identify.parameters import parameters_of
+        from grosmc_mj.identify.pushes import unexplained_moments
         from grosmc_mj.identify.report import draw_residuals, identification
 
         if not 0 < self.hold_out < 0.9:
@@ -106,8 +108,13 @@ class IdentifyCommand(_OfLog):
             advance("fitted")
 
         rows = quality(errors, held_out, plant.system)
+        found = best.model(plant)
+        predicted, _ = prediction_errors({"fitted": found}, held_out, **steps)
         doubts = [*log.notes, *filter(None, [slip(best, fitted, plant, **steps)])]
-        document = identification(best, rows, log.name, self.horizon, self.hold_out, doubts)
+        doubts += unexplained_moments([found], log, **steps)
+        document = identification(
+            best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
+        )
         path = self._path("identification", experiment)
         unseen = [f"{parameter.words}." for parameter in best.unseen]
         screen.say_result(document, path, [*doubts, *unseen], full=self.verbose, brief=2)
@@ -137,7 +144,7 @@ class IdentifyCommand(_OfLog):
         held_out = log.between(1 - self.hold_out, 1)
         # Making a predictor refuses a part that is too short, before the work.
         for part in (fitted, held_out):
-            Predictor.of(part, **steps)
+            Predictor.leading(part, **steps)
         return fitted, held_out
 
 
@@ -160,6 +167,7 @@ class CompareCommand(_OfLog):
         from grosmc_mj.identify.compare import comparison_result, prediction_errors
         from grosmc_mj.identify.film import film_of_log
         from grosmc_mj.identify.model import models_of
+        from grosmc_mj.identify.pushes import unexplained_moments
 
         experiment, log = self._read()
         rungs = models_of(experiment)
@@ -169,7 +177,9 @@ class CompareCommand(_OfLog):
             film = film_of_log(truest, log, self.horizon)
 
         rows, notes = prediction_errors(rungs, log, self.horizon, experiment.settings.timestep)
-        notes = [*log.notes, *notes]
+        followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
+        steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
+        notes = [*log.notes, *notes, *unexplained_moments(followed, log, **steps)]
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)
