@@ -50,6 +50,11 @@ class PredictionError(NamedTuple):
     horizons: Sequence[float]
     rms: Sequence[float]
 
+    @property
+    def diverges(self) -> bool:
+        """Whether a prediction diverged."""
+        return not np.all(np.isfinite(self.rms))
+
 
 def prediction_errors(
     rungs: Mapping[str, LogModel], log: Log, horizon: float, timestep: float
@@ -82,7 +87,11 @@ def prediction_errors(
         if rung.disturbances and _move_nothing(predictor, rung, starts, states):
             notes.append(f"{name}: no disturbance of the case moves anything along this log")
         errors = predictor.errors(states, rung)
-        rows += _rung_errors(name, predictor, errors, system, horizon)
+        of_rung = _rung_errors(name, predictor, errors, system, horizon)
+        rows += of_rung
+        diverging = [row.state for row in of_rung if row.diverges]
+        if diverging:
+            notes.append(f"{name}: the prediction of {', '.join(diverging)} diverges")
 
     if not rows:
         raise ArgumentError("; ".join(notes))

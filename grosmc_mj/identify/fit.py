@@ -32,6 +32,8 @@ _STEP = 1e-4
 _DIVERGED = 1e6
 # A state that deviates from its mean by fewer steps of its sensor stands still.
 _STILL = 3.0
+# A residual that is so many times larger than the state's deviation is that of a divergence.
+_FAR = 30.0
 # Standard deviations beyond which Huber's loss grows as the size: efficiency of 95 % (Huber, 1964).
 _HUBER = 1.345
 # Standard deviation of a normal distribution over the median of its size.
@@ -68,6 +70,7 @@ class Quality(NamedTuple):
         fit: 1 - |residual| / |deviation from the mean|.
         step: Step of the sensor or, without one, standard deviation of its noise.
         moves: Whether the measured state moves by more than some steps.
+        diverges: Whether the residual is far larger than the state's motion.
         white: Whether the residual is no more correlated in time than noise (Ljung and Box); None
             if it is too short to tell.
     """
@@ -78,6 +81,7 @@ class Quality(NamedTuple):
     fit: float
     step: float
     moves: bool
+    diverges: bool
     white: bool | None
 
 
@@ -532,6 +536,7 @@ def quality(
                 fit=1 - rms / max(spread, 1e-12),
                 step=step,
                 moves=spread > _STILL * step,
+                diverges=not rms < _FAR * max(spread, step),
                 white=is_white(errors),
             )
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -140,9 +139,10 @@ def identification(
 def _prediction_words(rows: Sequence[Quality], predicted: Sequence[PredictionError]) -> str:
     """Words on the state that is predicted worst, in steps of its sensor."""
     steps = {row.state: row.step for row in rows}
-    for row in predicted:
-        if not all(map(math.isfinite, row.rms)):
-            return f"the prediction of {row.state} diverges in the held-out part"
+    diverging = [row.state for row in rows if row.diverges]
+    diverging += [row.state for row in predicted if row.diverges]
+    if diverging:
+        return f"the prediction of {diverging[0]} diverges in the held-out part"
 
     worst = max(predicted, key=lambda row: row.rms[-1] / steps[row.state])
     step = steps[worst.state]

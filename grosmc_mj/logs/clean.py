@@ -29,12 +29,20 @@ def pieces_of(time: Array, used: NDArray[np.bool_]) -> list[slice]:
     Args:
         time: Instants of the samples [s], (N,).
         used: Which of them are used, (N,).
+
+    Raises:
+        ArgumentError: If nothing is left.
     """
     steps = np.diff(time)
     ends = (steps > GAP * np.median(steps)) | (used[1:] != used[:-1])
     borders = [0, *(np.flatnonzero(ends) + 1).tolist(), len(time)]
     pieces = [slice(a, b) for a, b in itertools.pairwise(borders) if used[a]]
-    return [piece for piece in pieces if piece.stop - piece.start >= SHORTEST_PIECE]
+    pieces = [piece for piece in pieces if piece.stop - piece.start >= SHORTEST_PIECE]
+    if not pieces:
+        raise ArgumentError(
+            f"gaps, and use, mask and delays of [log], leave no {SHORTEST_PIECE} samples in a row"
+        )
+    return pieces
 
 
 def used_samples(time: Array, table: LogTable) -> NDArray[np.bool_]:
@@ -45,15 +53,13 @@ def used_samples(time: Array, table: LogTable) -> NDArray[np.bool_]:
         table: The file's ``[log]``.
 
     Raises:
-        ArgumentError: If a window holds no sample, or nothing is left.
+        ArgumentError: If a window holds no sample.
     """
     used = np.ones(len(time), bool)
     if table.use is not None:
         used = _within(time, table.use, "use")
     for window in table.mask:
         used = used & ~_within(time, window, "mask")
-    if np.sum(used) < SHORTEST_PIECE:
-        raise ArgumentError("[log] mask leaves nothing of the log")
     return used
 
 

@@ -100,10 +100,11 @@ def _log_of(
         outputs[state] = np.interp(time + delay, time, values) if delay else values
         used = used & _is_inside(time, delay)
 
+    pieces = pieces_of(time, used)
     u = np.column_stack(held)
     require_excited(system.inputs, u[used])
     notes = turn_notes(time - time[0], outputs, system.states)
-    return Log(name, time - time[0], u, outputs, pieces_of(time, used), notes)
+    return Log(name, time - time[0], u, outputs, pieces, notes)
 
 
 def _inputs(

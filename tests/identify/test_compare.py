@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 
+import grosmc_mj as gm
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.compare import prediction_errors
-from grosmc_mj.identify.fit import Fit, fit
+from grosmc_mj.identify.fit import Fit, fit, quality
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.pushes import unexplained_moments
@@ -119,6 +121,35 @@ def loaded_fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
 
 def test_an_uncertain_load_is_fitted(loaded_fit: Fit) -> None:
     assert loaded_fit.values == pytest.approx([1.0, -0.1], rel=1e-6)
+
+
+UNSTABLE = gm.affine_plant(
+    "falling",
+    states={"angle": ("rad", "q"), "rate": ("rad/s", "v")},
+    inputs={"current": "A"},
+    f=[sp.Symbol("v"), 40**2 * sp.Symbol("q")],
+    g=[0, 1],
+    h=[sp.Symbol("q")],
+    parameters={},
+)
+
+
+def test_a_prediction_that_diverges_is_noted() -> None:
+    time = np.arange(800) * 5e-3
+    u = np.sign(np.sin(9 * time + 0.1))[:, None]
+    angle = 0.1 * np.sin(3 * time)
+    log = Log("falling", time, u, {"angle": angle}, [slice(0, 800)])
+    rows, notes = prediction_errors({"it": LogModel(UNSTABLE)}, log, 4.0, TIMESTEP)
+    assert notes == ["it: the prediction of angle diverges"]
+    assert rows[0].diverges
+
+
+@pytest.mark.parametrize(("size", "diverges"), [(1.0, False), (1e4, True)])
+def test_a_residual_far_beyond_the_motion_is_a_divergence(size: float, diverges: bool) -> None:
+    log = exact_log(LogModel(SERVO))
+    parts = {"rotor angle": [(slice(0, 800), np.full(800, size))]}
+    (row,) = quality(parts, log, SERVO.system)
+    assert row.diverges is diverges
 
 
 PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.08))
