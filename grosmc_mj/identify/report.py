@@ -8,7 +8,8 @@ from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.identify.compare import PredictionError
-from grosmc_mj.identify.fit import Fit, Quality
+from grosmc_mj.identify.fit import Fit
+from grosmc_mj.identify.quality import Quality
 from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
@@ -164,7 +165,7 @@ def draw_residuals(
     """Draw measured and fitted states of a log, and their difference.
 
     Args:
-        parts: The result of ``fit.residuals``.
+        parts: The result of ``quality.residuals``.
         log: The log.
         system: Units of the states.
         path: The picture.

@@ -16,10 +16,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.compare import prediction_errors
-from grosmc_mj.identify.fit import Fit, fit, quality
+from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.pushes import unexplained_moments
+from grosmc_mj.identify.quality import quality
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor

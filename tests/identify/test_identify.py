@@ -30,19 +30,13 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
-from grosmc_mj.identify.fit import (
-    Fit,
-    _rescaled,
-    _residual_of,
-    _weak,
-    fit,
-    quality,
-    residuals,
-    slip,
-)
+from grosmc_mj.identify.fit import Fit, fit, slip
+from grosmc_mj.identify.hidden import hidden_parameter
 from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
+from grosmc_mj.identify.quality import quality, residuals
 from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.residual import rescaled, residual_of
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.logs.log import Log, held, join_logs
 from grosmc_mj.logs.read import read_log
@@ -332,7 +326,7 @@ def test_fitted_starts_take_their_degrees_of_freedom() -> None:
     """Of three windows two starts each are fitted: three numbers for each measured state."""
     parts = {"angle": [np.full(4, 2.0)] * 3, "rate": [np.full(4, 6.0)] * 3}
     residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts, huber=False)
-    scales = _rescaled(residual, np.zeros(6))
+    scales = rescaled(residual, np.zeros(6))
     assert scales == pytest.approx({"angle": 2 * math.sqrt(12 / 9), "rate": 6 * math.sqrt(12 / 9)})
 
 
@@ -415,10 +409,10 @@ def test_parameters_that_a_log_does_not_show_are_named(
     free = np.ones(len(parameters.names), bool)
     predictor = Predictor.of(log, **HOW)
     scales = {"rotor angle": coverage.NOISE}
-    residual = _residual_of(
+    residual = residual_of(
         parameters, free, predictor, case.plant("physics"), scales, parameters.nominal
     )
-    weak = _weak(parameters, free, residual.jacobian(residual.point(parameters.first)))
+    weak = hidden_parameter(parameters, free, residual.jacobian(residual.point(parameters.first)))
     named = {weak.held, *weak.others} if weak else set()
     assert named == hidden
 

@@ -90,3 +90,15 @@ def test_a_csv_file_with_a_comment_is_read(tmp_path: Path) -> None:
 def test_a_cart_pole_that_turns_over_is_told_how_to_be_read(tmp_path: Path, capsys: Screen) -> None:
     answer_of("compare", "wrap/wrapped.csv", "wrap/cp.toml", tmp_path)
     assert "hinge jumps by a turn, 6 times" in capsys.readouterr().out
+
+
+def test_a_load_across_the_shaft_is_noted_in_a_file_of_its_own(
+    tmp_path: Path, capsys: Screen
+) -> None:
+    """The shaft turns about -y, the load about z."""
+    folder = CASES / "disturbance_ignored"
+    for case in ("plain.toml", "load.toml"):
+        assert run("compare", folder / "servo.csv", folder / case, "--out", tmp_path) == cli.DONE
+    assert "no disturbance of the case moves anything along this log" in capsys.readouterr().out
+    names = sorted(path.name for path in tmp_path.glob("*.json"))
+    assert names == ["compare_load_servo.json", "compare_plain_servo.json"]

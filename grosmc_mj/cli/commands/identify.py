@@ -83,9 +83,10 @@ class IdentifyCommand(_OfLog):
         """Read the logs, fit the parameters, write and print the result."""
         from grosmc_mj.identify.case_file import write_case
         from grosmc_mj.identify.compare import prediction_errors
-        from grosmc_mj.identify.fit import fit, quality, residuals, slip
+        from grosmc_mj.identify.fit import fit, slip
         from grosmc_mj.identify.parameters import parameters_of
         from grosmc_mj.identify.pushes import unexplained_moments
+        from grosmc_mj.identify.quality import quality, residuals
         from grosmc_mj.identify.report import draw_residuals, identification
 
         if not 0 < self.hold_out < 0.9:
