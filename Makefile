@@ -118,17 +118,18 @@ results: $(INSTALLED)  ## Write the table of results from renders/validation.jso
 rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 	$(BIN)/python -m grosmc_mj.cli.pages rivals docs/rivals.md
 
+# Exit code 1 of a study: a law keeps nothing.
 BENCHES := servo cart_pendulum arm
 
 tolerance: $(INSTALLED)  ## Find the largest imperfections of each bench, and write the tables of docs/tolerance.md anew
-	$(foreach bench,$(BENCHES),$(BIN)/grosmc-mj study tolerance $(bench) --rivals &&) true
+	$(foreach bench,$(BENCHES),{ $(BIN)/grosmc-mj study tolerance $(bench) --rivals || test $$? = 1; } &&) true
 	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/tolerance.md $(BENCHES:%=renders/tolerance_%_bench.json)
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
 ladder: $(INSTALLED)  ## Find where each law fails on each machine, and write docs/ladder_tables.md anew
-	$(foreach machine,$(MACHINES),$(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded &&) true
-	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted"
+	$(foreach machine,$(MACHINES),{ $(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded || test $$? = 1; } &&) true
+	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted" || test $$? = 1
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder_tables.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew

@@ -24,7 +24,13 @@ from .physics.edits import AddedMass, BodyEdit, JointEdit
 from .physics.mujoco_plant import MujocoPlant
 from .plants import AnalyticPlant, affine_plant
 from .robots.robot import Robot
-from .simulation.disturbances import Disturbance, Pulse
+from .simulation.disturbances import (
+    Disturbance,
+    InputDisturbance,
+    OutputDisturbance,
+    Pulse,
+    RateDisturbance,
+)
 from .simulation.simulate import simulate
 from .simulation.trajectory import Trajectory, load_trajectory
 from .sweep.campaign import Campaign
@@ -40,9 +46,12 @@ __all__ = [
     "Disturbance",
     "Experiment",
     "GrosmcError",
+    "InputDisturbance",
     "JointEdit",
     "MujocoPlant",
+    "OutputDisturbance",
     "Pulse",
+    "RateDisturbance",
     "Realization",
     "Robot",
     "Task",

@@ -84,6 +84,9 @@ class _Description:
             return f"{value!r} {self.of(value.value)}"
         if isinstance(value, types.ExternalFunction):
             return f"{value.symbol}{value.sig}"
+        if isinstance(value, types.NamedTuple):
+            # Its own text has no names of members.
+            return f"{value}{value.fields}{self.of(list(value.types))}"
         if isinstance(value, types.Type):
             return str(value)
         if isinstance(value, (int, float, complex, str, bytes, np.dtype, type(None))):

@@ -9,12 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, np_cfarray
+
+from grosmc_mj.arrays import Array
+
+# Arrays of floats as members of a structure.
+VECTOR = types.Array(types.float64, 1, "C")
+Vector = Annotated[Array, VECTOR]
+Matrix = Annotated[Array, types.Array(types.float64, 2, "C")]
 
 
 def _pointer(typing_context: Any, address: Any) -> Any:
@@ -192,12 +199,14 @@ def members_at(kind: Any, *names: str) -> Any:
     """
     member_types = [kind.types[kind.fields.index(name)] for name in names]
     tuple_type = types.Tuple(member_types)
-    offsets = layout_of(kind).fields
+    # Plain numbers, for compiled code is kept on disk under what it reaches.
+    fields = layout_of(kind).fields
+    offsets = {name: fields[name][1] for name in names}
 
     def load(context: Any, builder: Any, place: Any) -> Any:
         members = []
         for name, member_type in zip(names, member_types, strict=True):
-            member_place = cgutils.pointer_add(builder, place, offsets[name][1])
+            member_place = cgutils.pointer_add(builder, place, offsets[name])
             members.append(_load(context, builder, member_type, member_place))
         return context.make_tuple(builder, tuple_type, members)
 

@@ -23,7 +23,7 @@ from grosmc_mj.films.scene import pose
 from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Disturbance, packed, push
+from grosmc_mj.simulation.disturbances import AnyDisturbance, Disturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.python_engine import ClosedLoop
@@ -44,7 +44,7 @@ def play(
     *,
     duration: float,
     loop: AppliedLoop | None = None,
-    disturbances: Sequence[Disturbance] = (),
+    disturbances: Sequence[AnyDisturbance] = (),
     control_period: float | None = None,
     speed: float = 1.0,
 ) -> None:
@@ -59,7 +59,7 @@ def play(
         x0: Start, (n,).
         duration: Of a recorded run [s], as for ``simulate``; this one goes on.
         loop: The loop around the law; ideal by default.
-        disturbances: Wrenches on the plant.
+        disturbances: Of bodies, inputs and measured states.
         control_period: Time between two samples of the law [s]; the timestep by default.
         speed: Seconds of the run in a second of the clock.
 
@@ -71,6 +71,8 @@ def play(
         raise ArgumentError(
             f"speed {speed:g} must be from 1/{1 / SLOWEST:g} to {FASTEST:g} times real time"
         )
+    # The mouse may pull any body.
+    pulls = [Disturbance(body, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for body in plant.system.bodies]
     problem, _ = prepare(
         plant,
         controller,
@@ -78,7 +80,7 @@ def play(
         duration=duration,
         loop=loop,
         control_period=control_period,
-        disturbances=disturbances,
+        disturbances=[*disturbances, *pulls],
     )
     closed_loop = ClosedLoop(problem)
 
@@ -103,7 +105,7 @@ def play(
             if not stopped:
                 pull = data.xfrc_applied[closed_loop.run.bodies].ravel()
                 steps = int(due / problem.timestep + 1e-6)
-                stopped = _advance(closed_loop, problem, disturbances, steps, pull)
+                stopped = _advance(closed_loop, problem, steps, pull)
 
             # A state that is not finite is not drawn.
             state = closed_loop.physics()
@@ -118,24 +120,20 @@ def play(
 def _advance(
     loop: ClosedLoop,
     problem: Problem,
-    disturbances: Sequence[Disturbance],
     steps: int,
     pull: Array,
 ) -> str:
-    """Advance a loop to a number of timesteps, under disturbances and a pull, (6 * bodies,).
+    """Advance a loop to a number of timesteps, under its disturbances and a pull, (6 * bodies,).
 
     Returns:
         Why the run cannot go on; empty if it can.
     """
-    system, timestep = problem.system, problem.timestep
-    wrench = np.zeros(len(pull))
-    for step in range(loop.steps, steps):
-        acting = packed(disturbances, system.bodies, range(step, step + 1), timestep)
-        push(*acting, 0, step * timestep, timestep, wrench)
-        status = loop.advance_under(wrench + pull)
+    for _ in range(loop.steps, steps):
+        status = loop.advance_under(pull)
         if status is not Status.COMPLETED:
-            reached = loop.steps * timestep
-            return why_ended(status, system, problem.controllers[0], reached, loop.run.x)
+            reached = loop.steps * problem.timestep
+            law = problem.controllers[0]
+            return why_ended(status, problem.system, law, reached, loop.run.x)
     return ""
 
 

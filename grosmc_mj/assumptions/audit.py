@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import Balance, balances, balances_along
+from grosmc_mj.assumptions.balance import Added, Balance, balances, balances_along
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
@@ -19,7 +19,7 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Points of the grid over the operating region, for all axes together.
@@ -156,7 +156,8 @@ def run_audit(result: RunResult) -> Audit:
     true = result.true.analytic(design_variant(result.plant))
     bound = _operating_region(result)
     phases = _PHASES.get(len(bound), _COARSE_PHASES)
-    region = _region_balance(law, true, bound, _largest_wrench(run), _GRID, phases)
+    wrench, added = _largest_loads(run)
+    region = _region_balance(law, true, bound, wrench, added, _GRID, phases)
     along = balances_along(law, true, run, _EVERY)
 
     premises = [
@@ -195,7 +196,11 @@ def _operating_region(result: RunResult) -> tuple[float, ...]:
 
 
 def least_margin(
-    law: Controller, true: AnalyticPlant, bound: Sequence[float], amplitude: Array
+    law: Controller,
+    true: AnalyticPlant,
+    bound: Sequence[float],
+    amplitude: Array,
+    added: Added | None = None,
 ) -> float:
     """Configured less required switching rate on a true plant, the least of an operating region.
 
@@ -207,11 +212,14 @@ def least_margin(
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
         amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+        added: Largest magnitudes of the disturbances of inputs, (m,), and rates, (n,); none by
+            default.
     """
     grid = _GRID
     if _reference_moves(law):
         grid = _COARSE_GRID
-    points = _region_balance(law, true, bound, amplitude, grid, _COARSE_PHASES)
+    added = added or _nothing_added(true.system)
+    points = _region_balance(law, true, bound, amplitude, added, grid, _COARSE_PHASES)
     return float(points.margin.min())
 
 
@@ -224,7 +232,8 @@ def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -
         bound: Of the region, |z1|, |z2| ...
     """
     no_wrench = np.zeros(6 * len(true.system.bodies))
-    points = _region_balance(law, true, bound, no_wrench, _COARSE_GRID, _COARSE_PHASES)
+    nothing = _nothing_added(true.system)
+    points = _region_balance(law, true, bound, no_wrench, nothing, _COARSE_GRID, _COARSE_PHASES)
     return float(points.configured.max())
 
 
@@ -238,10 +247,11 @@ def _region_balance(
     true: AnalyticPlant,
     bound: Sequence[float],
     amplitude: Array,
+    added: Added,
     grid: int,
     phases: int,
 ) -> Balance:
-    """The balance over the operating region, with the case's wrench at either bound.
+    """The balance over the operating region, with the case's disturbances at either bound.
 
     Raises:
         ArgumentError: If the laws are defined at none of its points.
@@ -253,13 +263,21 @@ def _region_balance(
         raise ArgumentError(_undefined_region(law, true, bound))
 
     # Every sign of each component that acts: two forces need not point the same way.
-    signs = [(-size, size) if size else (0.0,) for size in amplitude.tolist()]
-    wrenches = list(itertools.product(*signs))
+    sizes = np.concatenate([amplitude, added.input, added.rate])
+    signs = [(-size, size) if size else (0.0,) for size in sizes.tolist()]
+    loads = list(itertools.product(*signs))
 
-    t = np.repeat([t for t, _ in states], len(wrenches))
-    x = np.repeat([x for _, x in states], len(wrenches), axis=0)
-    w = np.tile(wrenches, (len(states), 1))
-    return balances(law, true, t.tolist(), x, w)
+    t = np.repeat([t for t, _ in states], len(loads))
+    x = np.repeat([x for _, x in states], len(loads), axis=0)
+    components = np.tile(loads, (len(states), 1))
+    ends = [len(amplitude), len(amplitude) + len(added.input)]
+    w, inputs, rates = np.split(components, ends, axis=1)
+    return balances(law, true, t.tolist(), x, w, Added(inputs, rates))
+
+
+def _nothing_added(system: System) -> Added:
+    """Disturbances of zero of inputs, (m,), and rates, (n,)."""
+    return Added(np.zeros(len(system.inputs)), np.zeros(len(system.states)))
 
 
 def _region_states(
@@ -298,12 +316,22 @@ def _undefined_region(law: Controller, true: AnalyticPlant, bound: Sequence[floa
     )
 
 
-def _largest_wrench(run: Trajectory) -> Array:
-    """The largest value of each component of a run's wrenches, with its sign."""
-    w = run.wrench
-    if w is None:
-        return np.zeros(6 * len(run.system.bodies))
-    return w[np.abs(w).argmax(axis=0), range(w.shape[1])]
+def _largest_loads(run: Trajectory) -> tuple[Array, Added]:
+    """Largest value of each component of a run's disturbances, with its sign.
+
+    Returns:
+        Wrenches, (6 * bodies,), and disturbances of inputs, (m,), and rates, (n,).
+    """
+    wrench = np.zeros(6 * len(run.system.bodies))
+    if run.wrench is not None:
+        wrench = _largest(run.wrench)
+    added = Added.of_run(run, slice(None))
+    return wrench, Added(_largest(added.input), _largest(added.rate))
+
+
+def _largest(rows: Array) -> Array:
+    """Entry of the largest magnitude of each column."""
+    return rows[np.abs(rows).argmax(axis=0), range(rows.shape[1])]
 
 
 def reading_of(points: Balance, margins: Array) -> Reading:

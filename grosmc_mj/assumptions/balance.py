@@ -9,6 +9,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.reaching import NominalLaw, gain_margin, matrix_vector, nominal_law
@@ -67,6 +68,58 @@ class Balance(NamedTuple):
         return Balance(*(values[i] for values in self))
 
 
+class Added(NamedTuple):
+    """Disturbances of the inputs and of the states' rates, at N states.
+
+    Attributes:
+        input: Added to the inputs, (N, m).
+        rate: Added to the rates of the states, (N, n).
+    """
+
+    input: Array
+    rate: Array
+
+    @classmethod
+    def of_run(cls, run: Trajectory, rows: Any) -> Added:
+        """Disturbances in some rows of a run; zero where none was given."""
+        count = len(run.time[:-1][rows])
+        input_disturbance = np.zeros((count, len(run.system.inputs)))
+        rate_disturbance = np.zeros((count, len(run.system.states)))
+        if run.input_disturbance is not None:
+            input_disturbance[:] = run.input_disturbance[rows].reshape(count, -1)
+        if run.rate_disturbance is not None:
+            rate_disturbance[:] = run.rate_disturbance[rows]
+        return cls(input_disturbance, rate_disturbance)
+
+
+def with_added(
+    error: Coordinates,
+    x: Array,
+    p: Any,
+    motion: tuple[Array, Array],
+    added: Added | None,
+) -> tuple[Array, Array]:
+    """z' = drift + gain v with the disturbances of inputs and rates in its drift.
+
+    A disturbance of an input acts as the input itself does: it is matched.
+
+    Args:
+        error: Coordinates of the error.
+        x: States, (N, n).
+        p: The law's parameters.
+        motion: Drift (N, size) and gain (N, size, m), see ``error_dynamics``.
+        added: Disturbances; None for none.
+    """
+    if added is None:
+        return motion
+    drift, gain = motion
+    if added.input.any():
+        drift = drift + matrix_vector(gain, added.input)
+    if added.rate.any():
+        drift = drift + error.from_rates(x, p, added.rate)
+    return drift, gain
+
+
 def balance(
     law: Controller,
     true: Plant,
@@ -74,6 +127,7 @@ def balance(
     x: Array,
     w: Array,
     u: Array | None = None,
+    added: Added | None = None,
 ) -> Balance:
     """The balance at one state of the true plant.
 
@@ -86,6 +140,7 @@ def balance(
         w: Wrenches, (6 * bodies,).
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
+        added: Disturbances of inputs and rates there, with a first axis of length 1.
     """
     error = law.designed.error
     p = law.parameters
@@ -96,6 +151,7 @@ def balance(
         u = np.atleast_1d(u)[None]
 
     motion = error.error_dynamics([t], x, p, true.rigid, w, u)
+    motion = with_added(error, x, p, motion, added)
     z = error.error_state(t, x[0], p)[None]
     return _balances(law, [t], x, z, motion).at(0)
 
@@ -106,6 +162,7 @@ def balances(
     t: Sequence[float],
     x: Array,
     w: Array,
+    added: Added | None = None,
 ) -> Balance:
     """The balance at many states of a plant with equations, all at once.
 
@@ -115,6 +172,7 @@ def balances(
         t: Times [s], (N,).
         x: States, (N, n).
         w: Wrenches, (N, 6 * bodies).
+        added: Disturbances of inputs and rates; none by default.
     """
     error = law.designed.error
     p = law.parameters
@@ -122,6 +180,7 @@ def balances(
 
     z = error.along(t, x, p)
     motion = error.error_dynamics(t, x, p, true, w)
+    motion = with_added(error, x, p, motion, added)
     return _balances(law, t, x, z, motion)
 
 
@@ -140,14 +199,17 @@ def balances_along(
         true: The plant that it meets.
         run: The run.
         every: Of so many samples one is looked at.
-        pushed: Whether its wrenches count.
+        pushed: Whether its disturbances count.
     """
     rows = slice(0, len(run.time) - 1, every)
     t = run.time[rows].tolist()
     w = np.zeros((len(t), 6 * len(true.system.bodies)))
-    if pushed and run.wrench is not None:
-        w = run.wrench[rows]
-    return balances(law, true, t, run.state[rows], w)
+    added = None
+    if pushed:
+        added = Added.of_run(run, rows)
+        if run.wrench is not None:
+            w = run.wrench[rows]
+    return balances(law, true, t, run.state[rows], w, added)
 
 
 def _balances(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import ROUNDING
+from grosmc_mj.assumptions.balance import Added
 from grosmc_mj.control.reaching import matrix_vector
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.physics.wrenches import generalized_forces
@@ -39,26 +40,24 @@ class Load(NamedTuple):
     """A load on a body, an input or a state's rate.
 
     Attributes:
-        of: Name of the body, the input or the rate.
-        column: Its first column in the wrenches of the run.
+        of: Name of the body, the input or the state.
         at: Instants at which it acts.
-        w: Wrenches of this load alone at these, (N, 6 * bodies).
+        w: Wrenches of this load alone at these, (N, 6 * bodies); None of another load.
+        added: Disturbances of inputs and rates by this load alone; None of a wrench.
+        column: First column of the body in the wrenches.
     """
 
     of: str
-    column: int
     at: Instants
-    w: Array
+    w: Array | None = None
+    added: Added | None = None
+    column: int = 0
 
     @property
     def wrench(self) -> Array:
         """Its wrench, (N, 6)."""
+        assert self.w is not None
         return self.w[:, self.column : self.column + 6]
-
-    @property
-    def words(self) -> str:
-        """Name of what it acts on."""
-        return self.of.removeprefix("rate of ")
 
 
 def some_of(rows: NDArray[np.int_]) -> NDArray[np.int_]:
@@ -73,7 +72,21 @@ def instants_of(run: Trajectory, rows: NDArray[np.int_]) -> Instants:
 
 
 def loads_of(result: RunResult) -> list[Load]:
-    """Return the loads that acted in a run."""
+    """Return the loads that acted in a run; a disturbance of a measurement is none."""
+    run = result.trajectory
+    if not len(run.input):
+        return []
+
+    loads = wrenches_of(result)
+    for j, signal in enumerate(run.system.inputs):
+        loads += _added_load(run, signal.name, "input", j)
+    for j, state in enumerate(run.system.states):
+        loads += _added_load(run, state.name, "rate", j)
+    return loads
+
+
+def wrenches_of(result: RunResult) -> list[Load]:
+    """Return the loads on bodies that acted in a run."""
     run = result.trajectory
     if run.wrench is None or not len(run.input):
         return []
@@ -86,12 +99,35 @@ def loads_of(result: RunResult) -> list[Load]:
             rows = some_of(acting)
             w = np.zeros((len(rows), run.wrench.shape[1]))
             w[:, columns] = run.wrench[rows, columns]
-            loads.append(Load(body, columns.start, instants_of(run, rows), w))
+            loads.append(Load(body, instants_of(run, rows), w, column=columns.start))
     return loads
 
 
+def _added_load(run: Trajectory, name: str, part: str, index: int) -> list[Load]:
+    """Return the load on an input or a rate; nothing if none acted.
+
+    Args:
+        run: The run.
+        name: Name of the input or the state.
+        part: ``input`` or ``rate``.
+        index: Its number.
+    """
+    values = getattr(Added.of_run(run, slice(None)), part)[:, index]
+    acting = np.flatnonzero(values)
+    if not len(acting):
+        return []
+
+    rows = some_of(acting)
+    added = Added(
+        input=np.zeros((len(rows), len(run.system.inputs))),
+        rate=np.zeros((len(rows), len(run.system.states))),
+    )
+    getattr(added, part)[:, index] = values[rows]
+    return [Load(name, instants_of(run, rows), added=added)]
+
+
 def idle_loads(results: Sequence[RunResult]) -> list[str]:
-    """Return a line for each component of a load that moves nothing in any of these runs.
+    """Return a line for each component of a wrench that moves nothing in any of these runs.
 
     Jᵀ of its body, or the disturbance in the equations, is zero for it where a run begins to feel
     the load and along the run.
@@ -102,7 +138,7 @@ def idle_loads(results: Sequence[RunResult]) -> list[str]:
     effects: dict[str, list[Array]] = {}
     wrenches: dict[str, list[Array]] = {}
     for result in results:
-        for load in loads_of(result):
+        for load in wrenches_of(result):
             assert result.true is not None
             effects.setdefault(load.of, []).append(_effects(result.true, load))
             wrenches.setdefault(load.of, []).append(load.wrench)
@@ -121,7 +157,7 @@ def _effects(plant: Plant, load: Load) -> Array:
     effects = np.zeros((*load.at.x.shape, 6))
     disturbance = plant.system.symbolic_equations.disturbance
     for component in range(6):
-        w = np.zeros(load.w.shape[1])
+        w = np.zeros(6 * len(plant.system.bodies))
         w[load.column + component] = 1.0
         for i, x in enumerate(load.at.x):
             effects[i, :, component] = disturbance(x, w, plant.parameters)

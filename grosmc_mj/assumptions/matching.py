@@ -9,6 +9,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import per_second
+from grosmc_mj.assumptions.balance import Added, with_added
 from grosmc_mj.assumptions.loads import Instants, Load, instants_of, loads_of, some_of
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
@@ -70,9 +71,9 @@ def _changed(experiment: Experiment) -> bool:
 def _of_load(result: RunResult, load: Load) -> Finding:
     """Return the unmatched part of a load."""
     plant = _as_the_law_sees(result, result.true)
-    loaded, gain = _motion(result, plant, load.at, load.w)
+    loaded, gain = _motion(result, plant, load.at, load.w, load.added)
     free, _ = _motion(result, plant, load.at)
-    return _finding(f"the load on {load.words}", result, loaded - free, gain)
+    return _finding(f"the load on {load.of}", result, loaded - free, gain)
 
 
 def _of_change(experiment: Experiment, result: RunResult) -> Finding:
@@ -94,13 +95,18 @@ def _as_the_law_sees(result: RunResult, plant: Any) -> Any:
 
 
 def _motion(
-    result: RunResult, plant: Any, at: Instants, w: Array | None = None
+    result: RunResult,
+    plant: Any,
+    at: Instants,
+    w: Array | None = None,
+    added: Added | None = None,
 ) -> tuple[Array, Array]:
     """Return z' (N, size) of a plant under the inputs of the run, and the input matrix."""
     error = result.controller.designed.error
     p = result.controller.parameters
     with np.errstate(all="ignore"), warnings_counted_only():
-        drift, gain = error.error_dynamics(at.t, at.x, p, plant, w, at.u)
+        motion = error.error_dynamics(at.t, at.x, p, plant, w, at.u)
+        drift, gain = with_added(error, at.x, p, motion, added)
     v = at.u
     if isinstance(error, StateCoordinates):
         v = at.u - p.reference.u

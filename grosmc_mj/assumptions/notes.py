@@ -14,6 +14,7 @@ from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.physics.dry_friction import creeping_joints
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
+from grosmc_mj.simulation.disturbances import OutputDisturbance
 
 
 def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
@@ -30,6 +31,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
 
     notes = list(experiment.not_judged)
     notes += idle_loads(on_truest)
+    notes += _unmeasured(experiment)
     notes += unmatched(experiment, on_truest)
     notes += unfailing(experiment.limits, results)
     notes += _names_left_out(experiment, on_truest)
@@ -48,6 +50,23 @@ def notes_on_plant(experiment: Experiment, plant: Plant) -> list[str]:
         plant: Its truest plant.
     """
     return [*_exact_rates(experiment), *_creeping_friction(plant)]
+
+
+def _unmeasured(experiment: Experiment) -> Iterator[str]:
+    """Yield a line on each disturbance of a measurement that the loop does not make."""
+    loop = experiment.case.loop
+    if loop is None:
+        return
+
+    measured = {sensor.of for sensor in loop.sensors}
+    estimated: set[str] = set()
+    for part in loop.completed(experiment.nominal.system).estimators:
+        estimated.update(part.of)
+    for disturbance in experiment.case.disturbances:
+        of = disturbance.of
+        of_measurement = isinstance(disturbance, OutputDisturbance)
+        if of_measurement and of in estimated and of not in measured:
+            yield f"the disturbance of measured {of} does nothing: {of} is estimated, not measured"
 
 
 def _exact_rates(experiment: Experiment) -> Iterator[str]:

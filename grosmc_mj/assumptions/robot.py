@@ -24,7 +24,7 @@ from grosmc_mj.assumptions.audit import (
     reading_of,
     signals,
 )
-from grosmc_mj.assumptions.balance import Balance, balance
+from grosmc_mj.assumptions.balance import Added, Balance, balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
@@ -117,7 +117,9 @@ def _along(result: RunResult, plant: Any) -> Balance:
         for i in rows:
             t = float(run.time[i])
             w = wrenches[i]
-            points.append(balance(result.controller, plant, t, run.state[i], w, run.input[i]))
+            u = run.input[i]
+            added = Added.of_run(run, [i])
+            points.append(balance(result.controller, plant, t, run.state[i], w, u, added))
     columns = map(np.array, zip(*points, strict=True))
     return Balance(*columns)
 

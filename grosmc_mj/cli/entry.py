@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED, WRONG
+from grosmc_mj.cli.exit_codes import INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
 from grosmc_mj.errors import (
     MISTAKE_SEPARATOR,
@@ -69,8 +69,6 @@ def _exit_code(arguments: Sequence[str], debug: bool) -> int:
         from grosmc_mj.cli.program import execute
 
         return execute(arguments)
-    except SystemExit as stop:  # --help has been printed
-        return int(stop.code or DONE)
     except KeyboardInterrupt as stop:
         _complain(str(stop) or "interrupted; run the same command again to start over")
         return INTERRUPTED

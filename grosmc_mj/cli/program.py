@@ -3,54 +3,45 @@
 from __future__ import annotations
 
 import difflib
-import functools
-import operator
 from collections.abc import Mapping, Sequence
-from dataclasses import Field, fields
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
-import tyro
+from cyclopts import (
+    App,
+    ArgumentCollection,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
-# The parser's reports of what is wrong, as values: only here, and its versions are bounded.
-from tyro import _errors as reports
-from tyro.conf import subcommand
-
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, Studies
+from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Entry, Subcommands
+from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.output import PROGRAM
 from grosmc_mj.errors import ArgumentError, SetupError, unknown_name, value_text
 from grosmc_mj.films.offscreen import without_graphics
 
+if TYPE_CHECKING:
+    from grosmc_mj.cli.command import Command
+
 # The format of ``run --save`` without one.
 _FORMAT = "parquet"
 
-_LAWS_NOW = {
-    "--controller": "--controller is gone: the option is --laws",
-    "--controllers": "--controllers is gone: the option is --laws",
+# Removed options of a command, with the sentences that refuse them.
+_REMOVED = {
+    "campaign --replay": "--replay is gone: --plant WHICH writes the case file of a run's plant, "
+    "which grosmc-mj run takes",
+    "view --replay": "--replay is gone: view runs the case as you watch, and grosmc-mj film shows "
+    "a recorded run",
 }
-# Removed options and subcommands of each command, with the words that refuse them.
-_REMOVED: Mapping[str, Mapping[str, str]] = {
-    "campaign": {
-        **_LAWS_NOW,
-        "--replay": "--replay is gone: --plant WHICH writes the case file of a run's plant, which "
-        "grosmc-mj run takes",
-    },
-    "claims": {"self-test": unknown_name("command", "self-test", CLAIMS)},
-    "claims premises": _LAWS_NOW,
-    "film": _LAWS_NOW,
-    "run": _LAWS_NOW,
-    "study ladder": _LAWS_NOW,
-    "study region": _LAWS_NOW,
-    "study tolerance": _LAWS_NOW,
-    "view": {
-        **_LAWS_NOW,
-        "--replay": "--replay is gone: view runs the case as you watch, and grosmc-mj film shows a "
-        "recorded run",
-    },
-}
+# Former names of --laws.
+_FORMER_LAWS = ("--controller", "--controllers")
 
-# A command, or a group of subcommands by name.
-_Node = type[Command] | Mapping[str, Any]
+# The panel of options in a command's help.
+_OPTIONS = Group("Options", sort_key=0)
 
 
 def execute(arguments: Sequence[str]) -> int:
@@ -63,6 +54,8 @@ def execute(arguments: Sequence[str]) -> int:
         GrosmcError: If something is wrong with them, or on the way.
     """
     command = parse(arguments)
+    if command is None:
+        return DONE
     if not command.simulates:
         return command.execute()
 
@@ -75,33 +68,23 @@ def execute(arguments: Sequence[str]) -> int:
         return command.execute()
 
 
-def parse(arguments: Sequence[str]) -> Command:
-    """Return the command that the arguments describe.
+def parse(arguments: Sequence[str]) -> Command | None:
+    """Return the command that the arguments describe; None if they ask for help, now printed.
 
     Raises:
         ArgumentError: If they describe none, in one line.
     """
-    words = _with_format(_with_judge(arguments)) or ["--help"]
-    # The first help has a line of each command, not its whole text.
-    brief = words[0] in ("-h", "--help")
-    with reports.on_parse_error(functools.partial(_refuse, words)):
-        return tyro.cli(
-            _one_of(COMMANDS, brief=brief),
-            prog=PROGRAM,
-            description=ABOUT,
-            args=words,
-            config=(tyro.conf.OmitArgPrefixes,),
-        )
-
-
-def _with_judge(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with the subcommand that ``claims`` alone stands for."""
-    words = list(arguments)
+    words = _with_format(arguments)
     # A removed subcommand is refused: its name is not taken for a claim.
-    subcommands = {*CLAIMS, *_REMOVED["claims"], "-h", "--help"}
-    if words[:1] == ["claims"] and subcommands.isdisjoint(words[1:2]):
-        words.insert(1, "judge")
-    return words
+    if words[:2] == ["claims", "self-test"]:
+        raise _refusal(unknown_name("command", "self-test", CLAIMS), ["claims"])
+
+    app = _application(words)
+    path, _, _ = app.parse_commands(words)
+    try:
+        return app(words)
+    except CycloptsError as error:
+        raise _refusal(_sentence(" ".join(path), error), path) from None
 
 
 def _with_format(arguments: Sequence[str]) -> list[str]:
@@ -116,112 +99,109 @@ def _with_format(arguments: Sequence[str]) -> list[str]:
     return words
 
 
-def _one_of(commands: Mapping[str, type[Command] | Studies], *, brief: bool) -> Any:
-    """Return the union type of commands, from which the parser is made.
+def _application(words: Sequence[str]) -> App:
+    """Return the parser of all commands; it imports those that the words name."""
+    app = App(
+        name=PROGRAM,
+        help=ABOUT,
+        # Markdown would take a tenth of a second to import.
+        help_format="plaintext",
+        version_flags=(),
+        group_parameters=_OPTIONS,
+        default_parameter=Parameter(
+            allow_repeating=True,
+            consume_multiple=True,
+            json_list=False,
+            negative_iterable=(),
+        ),
+        result_action="return_value",
+        exit_on_error=False,
+        print_error=False,
+        suppress_keyboard_interrupt=False,
+    )
+    _add_commands(app, COMMANDS, words)
 
-    Args:
-        commands: Commands and groups of commands by name.
-        brief: True for a help that has the first line of each command alone.
-    """
-    kinds = []
-    for name, kind in commands.items():
-        if isinstance(kind, Mapping):
-            group = subcommand(name, description=GROUPS[name])
-            kinds.append(Annotated[_one_of(kind, brief=False), group])
+    app["study"].default(_refuse_study)
+    if "claims" in words:
+        from grosmc_mj.cli.commands.claims import JudgeCommand
+
+        app["claims"].default(JudgeCommand)
+    return app
+
+
+def _add_commands(
+    app: App,
+    commands: Mapping[str, Entry | Subcommands],
+    words: Sequence[str],
+) -> None:
+    """Add commands, and groups of them, in their order."""
+    for place, (name, entry) in enumerate(commands.items()):
+        if isinstance(entry, Entry):
+            # A command that is named has its docstring as help.
+            summary = None if name in words else entry.summary
+            path = f"grosmc_mj.cli.commands.{entry.path}"
+            app.command(path, name=name, help=summary, sort_key=place)
         else:
-            words = (kind.__doc__ or "").partition("\n")[0] if brief else None
-            kinds.append(Annotated[kind, subcommand(name, description=words)])
-    return functools.reduce(operator.or_, kinds)
+            group = App(name=name, help=GROUPS[name], group_parameters=_OPTIONS, sort_key=place)
+            _add_commands(group, entry, words)
+            app.command(group)
 
 
-def _refuse(words: Sequence[str], report: reports.ParseErrorEvent) -> None:
-    """Refuse arguments in one line; reports of future versions are left to the parser.
+def _refuse_study(*words: Annotated[str, Parameter(show=False)]) -> None:
+    """Refuse ``study`` without the name of one.
 
     Raises:
-        ArgumentError: What is wrong, and the command that shows the options.
+        ArgumentError: That names them.
     """
-    path, command = _command_of(words)
-    match report:
-        case reports.UnrecognizedArgs(tokens=[token, *_]):
-            wrong = _unknown(path, command, token)
-        case reports.MissingArgs(missing_arguments=missing):
-            names = [_argument_name(argument.arg) for argument in missing]
-            wrong = f"missing: {', '.join(names)}"
-        case reports.MissingSubcommand(subcommand_spec=spec):
-            wrong = f"missing: one of {', '.join(spec.parser_from_name)}"
-        case reports.InvalidChoice(argument=argument, value=value, choices=choices):
-            # The parser hands over a set.
-            valid = sorted(choice for choice in choices if choice != "None")
-            wrong = unknown_name(_argument_name(argument), value, valid)
-        case reports.BadValue(argument=argument):
-            wrong = f"{_argument_name(argument)}: a value is missing"
-        case reports.InstantiationFailure(argument=None, message=message):
-            wrong = f"arguments: {message}"
-        case reports.InstantiationFailure(argument=argument, message=message):
-            wrong = f"{_argument_name(argument)}: {message}"
-        case _:
-            return
-    raise ArgumentError(f"{wrong}; for help: {' '.join([PROGRAM, *path])} --help")
+    wrong = f"missing: one of {', '.join(STUDIES)}"
+    if words:
+        wrong = unknown_name("command", words[0], STUDIES)
+    raise _refusal(wrong, ["study"])
 
 
-def _argument_name(argument: Any) -> str:
-    """Return an option, or the metavariable of an argument without one."""
-    if argument.is_positional():
-        return argument.lowered.metavar
-    return argument.display_name()
+def _refusal(wrong: str, path: Sequence[str]) -> ArgumentError:
+    """Return the error of wrong use, with the command that shows the options."""
+    return ArgumentError(f"{wrong}; for help: {' '.join([PROGRAM, *path])} --help")
 
 
-def _command_of(words: Sequence[str]) -> tuple[list[str], _Node]:
-    """Return the names that lead to a command, and the command or the group that they name."""
-    path: list[str] = []
-    command: _Node = COMMANDS
-    for word in words:
-        if not isinstance(command, Mapping) or word not in command:
-            break
-        path.append(word)
-        command = command[word]
-    return path, command
+def _sentence(command: str, error: CycloptsError) -> str:
+    """Return what is wrong with the arguments of a command.
+
+    Args:
+        command: Names that lead to the command; empty for none.
+        error: The error of the parser.
+    """
+    match error:
+        case UnknownCommandError(unused_tokens=[token, *_]):
+            if token.startswith("-"):
+                return f"unknown option {value_text(token, str)}"
+            return unknown_name("command", token, COMMANDS)
+        case UnusedCliTokensError(unused_tokens=[token, *_]):
+            return f"unexpected argument {value_text(token)}"
+        case MissingArgumentError(argument=argument) if argument is not None:
+            if argument.is_positional_only():
+                return f"missing: {argument.parameter.metavar or argument.name}"
+            return f"{error.keyword or argument.name}: a value is missing"
+        case UnknownOptionError(token=token, argument_collection=options):
+            return _unknown_option(command, token.keyword or token.value, options)
+    return str(error).removesuffix(".")
 
 
-def _unknown(path: Sequence[str], command: _Node, token: str) -> str:
-    """Return a sentence that refuses a word which the parser does not know."""
-    option = token.partition("=")[0]
-    removed = _REMOVED.get(" ".join(path), {})
-    if option in removed:
-        return removed[option]
+def _unknown_option(command: str, word: str, options: ArgumentCollection) -> str:
+    """Return a sentence that refuses an option which a command does not have, or no longer."""
+    option = word.partition("=")[0]
+    if option in _FORMER_LAWS and "--laws" in options:
+        return f"{option} is gone: the option is --laws"
+    removed = _REMOVED.get(f"{command} {option}")
+    if removed:
+        return removed
 
-    if not token.startswith("-"):
-        if isinstance(command, Mapping):
-            return unknown_name("command", token, command)
-        return f"unexpected argument {value_text(token)}"
-
-    options = [] if isinstance(command, Mapping) else _options(command)
-    sentence = f"unknown option {value_text(token, str)}"
-    near = difflib.get_close_matches(token, options, n=1, cutoff=0.7)
+    sentence = f"unknown option {value_text(option, str)}"
+    names = [name for argument in options for name in argument.names]
+    near = difflib.get_close_matches(option, names, n=1, cutoff=0.7)
     if near:
         sentence += f": did you mean {near[0]}?"
     return sentence
-
-
-def _options(command: type[Command]) -> list[str]:
-    """Return the options of a command."""
-    hints = get_type_hints(command, include_extras=True)
-    options: list[str] = []
-    for field in fields(command):
-        name = _option_name(field, hints[field.name])
-        options.append(f"--{name}")
-        if field.default is True:
-            options.append(f"--no-{name}")
-    return options
-
-
-def _option_name(field: Field[Any], hint: Any) -> str:
-    """Return the name of an option: the one that its type gives it, or its field's."""
-    for mark in getattr(hint, "__metadata__", ()):
-        name = getattr(mark, "name", None)
-        if name:
-            return name
-    return field.name.replace("_", "-")
 
 
 def _import_mujoco() -> None:

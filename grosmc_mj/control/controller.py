@@ -33,7 +33,7 @@ from grosmc_mj.records import with_fields
 # Fields of p that every law gets.
 _OF_THE_NOMINAL_PLANT = ("plant", "reference", "period")
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
-_OF_THE_RUN = ("v", "undefined", "workspace", "first", "s")
+_OF_THE_RUN = ("v", "undefined", "workspace", "begun", "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +126,7 @@ class Controller:
         u = np.zeros(np.size(memory.v))
         state = np.asarray(x, float)
         self.law(t, state, memory, self.parameters, u)
+        memory.begun = 1.0
         return u
 
     @property
@@ -166,15 +167,9 @@ class Controller:
             numbers = self.design.numbers_at(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
 
-    def begin(self, first: float = 0.0) -> tuple[Memory, Workspace | None]:
-        """Return the memory of a new run, and a workspace that must live as long as the run.
-
-        Args:
-            first: Time of the law's first sample [s], see ``Memory``.
-        """
+    def begin(self) -> tuple[Memory, Workspace | None]:
+        """Return the memory of a new run, and a workspace that must live as long as the run."""
         memory = self.memory()
-        memory.first = first
-
         workspace = None
         if self.design is not None:
             workspace = self.design.error.workspace(self.parameters)

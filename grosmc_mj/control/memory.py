@@ -19,18 +19,18 @@ class Memory:
     """Memory of a law of one input without dynamics. Every field is recorded at every sample.
 
     Attributes:
-        v: The input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44);
-            a number or, for m inputs, (m,).
+        v: Input that the law's quadratic index weighs: u, or the v of eqs. (23) and (44), in the
+            unit of the input or of the output's highest derivative; a number or, for m inputs,
+            (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
         workspace: Address of the arrays that the feedback of this run computes in; 0 for none.
-        first: Time of the law's first sample [s]: 0, or later for a law that gets the state
-            predicted for the instant when its output arrives.
+        begun: 0 at the law's first sample, 1 afterwards; whoever calls the law sets it.
     """
 
     v: Any = 0.0
     undefined: float = 0.0
     workspace: float = 0.0
-    first: float = 0.0
+    begun: float = 0.0
 
 
 @dataclass
@@ -38,13 +38,14 @@ class SurfaceMemory(Memory):
     """Memory of the integral surface, eqs. (8), (31) and (51), for m inputs and n entries of z.
 
     Attributes:
-        v: As above, (m,).
-        z: The error state at the last sample, (n,).
-        s: The sliding variable at the last sample, (m,).
-        phi: The rate of s that the switching law asked for at the last sample, (m,).
-        z0: The error state at the first sample, (n,).
-        integral: Of G (A - B K) z up to the last sample, (m,).
-        rate: The integrand at the last sample, (m,).
+        v: Input that the law's quadratic index weighs, see ``Memory``, (m,).
+        z: Error state at the last sample, in the units of the error coordinates, (n,).
+        s: Sliding variable at the last sample, in the law's unit of s, (m,).
+        phi: Rate of s that the switching law asked for at the last sample, in that unit per
+            second, (m,).
+        z0: Error state at the first sample, in the units of z, (n,).
+        integral: Integral of ``rate`` up to the last sample, in the unit of s, (m,).
+        rate: S z at the last sample, see ``surface_rates``, in the unit of s per second, (m,).
         t: Time of the last sample [s].
         elapsed: Time between the last two samples [s]; 0 at the first.
     """

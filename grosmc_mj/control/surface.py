@@ -31,7 +31,7 @@ def integral_surface(t: float, z: Any, memory: Any, p: Any) -> None:
     """
     z0 = memory.z0
     s = memory.s
-    if t == memory.first:
+    if not memory.begun:
         memory.t = t
         for j in range(len(z)):
             z0[j] = z[j]

@@ -26,7 +26,8 @@ from grosmc_mj.fields import Range
 from grosmc_mj.films.offscreen import BACKENDS, render_here
 from grosmc_mj.films.scene import default_camera, pose
 from grosmc_mj.loop.loop import LARGEST_SEED
-from grosmc_mj.loop.stages import observe, remember
+from grosmc_mj.loop.software import observe
+from grosmc_mj.loop.world import remember, sense
 from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.plants import Signal, find_system
 from grosmc_mj.simulation.prepare import prepare
@@ -286,9 +287,10 @@ class Episode:
             # The next sample is still to come: its sensors are asked in a copy of the loop.
             step = self._closed.steps
             ahead = copy.deepcopy(self._closed.run.loop)
-            remember(step, x, ahead)
-            observe(step, ahead)
-            x = ahead.seen
+            remember(step, x, ahead.world)
+            sample = sense(step, ahead.world, ahead.measured)
+            observe(sample, ahead.measured, ahead.software)
+            x = ahead.software.seen
         return self.signals.observe(self.time, x)
 
     def picture(self, width: int = 640, height: int = 480) -> np.ndarray:

@@ -25,8 +25,25 @@ from grosmc_mj.machine import MachinePart
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
+from grosmc_mj.simulation.disturbances import (
+    AnyDisturbance,
+    Constant,
+    Disturbance,
+    InputDisturbance,
+    OutputDisturbance,
+    Pulse,
+    RateDisturbance,
+    SineFrom,
+    Table,
+)
 from grosmc_mj.units import number_in, numbers_of, si_number
+
+# Key of a case file for what a disturbance with an amplitude acts on.
+_KEYS: Mapping[type[AnyDisturbance], str] = {
+    InputDisturbance: "input",
+    OutputDisturbance: "measured",
+    RateDisturbance: "state",
+}
 
 
 @dataclass(frozen=True)
@@ -41,7 +58,7 @@ class Case:
         x0: Start, in the order of the system's states.
         duration: Duration [s]; the chapter prints none.
         edits: Edits of the plant; the controller keeps the nominal numbers.
-        disturbances: Wrenches on the plant.
+        disturbances: Of bodies, inputs, measured states and rates.
         loop: Sensors, computer and actuators between laws and plant; None without them.
         known_loop: Loop that predicting laws take for theirs; None for the loop itself.
         run: Number of the run: each run of a seed has its own noise, jitter and missed samples.
@@ -55,7 +72,7 @@ class Case:
     x0: tuple[float, ...]
     duration: float
     edits: tuple[Edit, ...] = ()
-    disturbances: tuple[Disturbance, ...] = ()
+    disturbances: tuple[AnyDisturbance, ...] = ()
     loop: Loop | None = None
     known_loop: Loop | None = None
     run: int = 0
@@ -87,14 +104,7 @@ def seed_of(case: Case) -> int | None:
 
 def case_document(case: Case) -> dict[str, Any]:
     """Return a case as plain values."""
-    disturbances = [
-        {
-            "body": disturbance.body,
-            "wrench": list(disturbance.wrench),
-            "profile": _profile_in_words(disturbance.profile),
-        }
-        for disturbance in case.disturbances
-    ]
+    disturbances = [_disturbance_document(disturbance) for disturbance in case.disturbances]
     return {
         "system": case.system,
         "case": case.name,
@@ -105,6 +115,16 @@ def case_document(case: Case) -> dict[str, Any]:
         "edits": [asdict(edit) for edit in case.edits],
         "disturbances": disturbances,
     }
+
+
+def _disturbance_document(disturbance: AnyDisturbance) -> dict[str, Any]:
+    """Return a disturbance as plain values."""
+    if isinstance(disturbance, Disturbance):
+        document = {"body": disturbance.body, "wrench": list(disturbance.wrench)}
+    else:
+        key = _KEYS[type(disturbance)]
+        document = {key: disturbance.of, "amplitude": disturbance.amplitudes[0]}
+    return {**document, "profile": _profile_in_words(disturbance.profile)}
 
 
 def _profile_in_words(profile: Any) -> str:
@@ -276,35 +296,55 @@ _PROFILE_KEYS: Mapping[str, tuple[str, ...]] = {
     "constant": (),
     "pulse": ("start", "stop"),
     "sine": ("frequency", "onset", "phase"),
+    "table": ("values", "hold", "periodic"),
 }
 
 
-def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
+def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> AnyDisturbance:
     """Return one disturbance with its profile."""
-    wrench: Any = (*table.force, *table.torque)
-    lacks = "neither force nor torque"
-    if table.body is None:
-        wrench = _generalized_wrench(table, system)
-        lacks = "no amplitude"
-    elif not system.bodies:
+    if table.body is not None:
+        return _on_body(table, system, folder)
+
+    states = [state.name for state in system.states]
+    if table.input is not None:
+        inputs = [signal.name for signal in system.inputs]
+        require_known("input", table.input, inputs)
+        unit = system.inputs[inputs.index(table.input)].unit
+        amplitude = _amplitude(table, unit)
+        return InputDisturbance(table.input, amplitude, _profile(table, folder), table.label)
+
+    if table.measured is not None:
+        require_known("state", table.measured, states)
+        unit = system.states[states.index(table.measured)].unit
+        amplitude = _amplitude(table, unit)
+        return OutputDisturbance(table.measured, amplitude, _profile(table, folder), table.label)
+
+    if system.joints:
+        raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body or an input")
+    assert table.state is not None
+    require_known("state", table.state, states)
+    unit = system.states[states.index(table.state)].rate_unit
+    amplitude = _amplitude(table, unit)
+    return RateDisturbance(table.state, amplitude, _profile(table, folder), table.label)
+
+
+def _on_body(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
+    """Return a disturbance on a body."""
+    if not system.bodies:
         raise ArgumentError(f"{system.name} has no bodies: name an input or a state")
     # Zero is a number too: a disturbance without effect still ends the transient.
-    if not table.model_fields_set & {"force", "torque", "amplitude"}:
-        raise ArgumentError(f"it has {lacks}")
-    return Disturbance(table.of, wrench, _profile(table, folder), table.label)
+    if not table.model_fields_set & {"force", "torque"}:
+        raise ArgumentError("it has neither force nor torque")
+    wrench: Any = (*table.force, *table.torque)
+    assert table.body is not None
+    return Disturbance(table.body, wrench, _profile(table, folder), table.label)
 
 
-def _generalized_wrench(table: DisturbanceTable, system: System) -> Any:
-    """Return the amplitude on an input or a state's rate, in the place of a force along x."""
-    if system.joints:
-        raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body")
-    if table.state:
-        require_known("state", table.state, [state.name for state in system.states])
-    else:
-        require_known("input", table.input, [signal.name for signal in system.inputs])
-    unit = system.pushes[table.of]
-    numbers = numbers_of(table, ["amplitude"], lambda _name: unit)
-    return (*numbers.values(), 0.0, 0.0, 0.0, 0.0, 0.0)
+def _amplitude(table: DisturbanceTable, unit: str) -> float:
+    """Return the amplitude of a disturbance of a signal in this unit."""
+    if table.amplitude is None:
+        raise ArgumentError("it has no amplitude")
+    return numbers_of(table, ["amplitude"], lambda _name: unit)["amplitude"]
 
 
 def _profile(table: DisturbanceTable, folder: Path) -> Any:
@@ -324,6 +364,10 @@ def _profile(table: DisturbanceTable, folder: Path) -> Any:
         if table.stop is None:
             raise ArgumentError("a pulse needs stop")
         return Pulse(table.start, table.stop)
+    if table.profile == "table":
+        if not table.values or table.hold is None:
+            raise ArgumentError("a table needs values and hold")
+        return Table(tuple(table.values), table.hold, table.periodic)
     if table.frequency is None:
         raise ArgumentError("a sine needs frequency")
     return SineFrom(table.frequency, table.onset, table.phase)

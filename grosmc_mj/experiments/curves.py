@@ -507,8 +507,7 @@ def shade_disturbances(axes: Axes, case: Case) -> None:
 
     for disturbance in case.disturbances:
         start, stop = disturbance.window
-        label = disturbance.label or f"disturbance on {disturbance.body}"
-        shade(axes, start, min(stop, case.duration), label)
+        shade(axes, start, min(stop, case.duration), disturbance.title)
     axes.set_xlim(0, case.duration)
 
 
@@ -550,7 +549,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
         {
             "start": disturbance.window[0],
             "stop": min(disturbance.window[1], case.duration),
-            "label": disturbance.label or f"disturbance on {disturbance.body}",
+            "label": disturbance.title,
         }
         for disturbance in case.disturbances
     ]

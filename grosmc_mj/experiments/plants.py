@@ -42,7 +42,6 @@ class NominalPlant:
         scales: Parameters of equations without a model, with factors that the true ones have.
         believed: Other equations that laws are designed from, if the file names some.
         at: Its operating point, if the file has one or laws need one.
-        pushed: Inputs and rates of equations that disturbances act on.
     """
 
     plant: AnalyticPlant | MujocoPlant
@@ -50,7 +49,6 @@ class NominalPlant:
     scales: tuple[tuple[str, float], ...] = ()
     believed: AnalyticPlant | None = None
     at: OperatingPoint | None = None
-    pushed: tuple[str, ...] = ()
 
     @property
     def system(self) -> System:
@@ -111,7 +109,7 @@ class NominalPlant:
             true = self.plant
             for parameter, factor in self.scales:
                 true = true.changed(scales={parameter: factor})
-            return true.pushed(self.pushed)
+            return true
         machine = self.plant if self.robot is None else self.robot.built
         physics = _edited(machine, edits, timestep, integrator)
         if name == "physics":
@@ -163,12 +161,8 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
         )
     for name in parameters:
         require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
-    pushed = [table.of for table in file.disturbance if not table.body]
-    return replace(
-        nominal,
-        scales=tuple((table.parameter or "", table.scale or 0.0) for table in file.edit),
-        pushed=tuple(dict.fromkeys(pushed)),
-    )
+    scales = tuple((table.parameter or "", table.scale or 0.0) for table in file.edit)
+    return replace(nominal, scales=scales)
 
 
 # A model is compiled once for all experiments on it.

@@ -14,7 +14,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import Settings
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -180,7 +180,7 @@ def trial(
     x0: tuple[float, ...],
     duration: float,
     edits: tuple[Edit, ...] = (),
-    disturbances: tuple[Disturbance, ...] = (),
+    disturbances: tuple[AnyDisturbance, ...] = (),
 ) -> Experiment:
     """An experiment of this project's own, beside the chapter's, under the nominal case's laws."""
     return find_experiment(system, "nominal").varied(

@@ -263,7 +263,7 @@ def _label(
             notes.append((take.ended, _WARNING))
         if take.ghost is not None:
             notes.append((f"ghost: {film.ghost_label} {film.ghost_symbol}", _NOTE_INK))
-        if take.run.wrench is not None:
+        if take.run.disturbed is not None:
             notes.append(("disturbance", DISTURBANCE))
 
         text = write(columns.start + pad, _LABEL, take.label, 1.1, color=take.colour, weight="bold")
@@ -380,8 +380,8 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
     axes.set_xlim(start, stop)
 
     run = max((take.run for take in film.takes), key=lambda run: len(run.time))
-    if run.wrench is not None:
-        acts = np.flatnonzero(np.any(run.wrench, axis=1))
+    if run.disturbed is not None:
+        acts = np.flatnonzero(run.disturbed)
         if len(acts):
             begin = float(run.time[acts[0]])
             end = float(run.time[acts[-1] + 1])

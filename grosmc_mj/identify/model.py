@@ -15,7 +15,7 @@ from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
+from grosmc_mj.simulation.disturbances import AnyDisturbance, Constant, Pulse, SineFrom
 
 # Time over which the speeds of a log are taken, in samples at least and in seconds.
 _SPEED_SAMPLES = 5
@@ -34,7 +34,7 @@ class LogModel:
 
     plant: Plant
     loop: Loop | None = None
-    disturbances: Sequence[Disturbance] = ()
+    disturbances: Sequence[AnyDisturbance] = ()
 
     @property
     def delay(self) -> float:
@@ -52,7 +52,7 @@ class LogModel:
                     return sensor
         return Sensor(state)
 
-    def disturbances_from(self, start: float) -> Sequence[Disturbance]:
+    def disturbances_from(self, start: float) -> Sequence[AnyDisturbance]:
         """The disturbances of a run that begins at an instant of the log [s]."""
         return [_begun(disturbance, start) for disturbance in self.disturbances]
 
@@ -91,7 +91,7 @@ class _Later:
         return self.profile(t + self.start)
 
 
-def _begun(disturbance: Disturbance, start: float) -> Disturbance:
+def _begun(disturbance: AnyDisturbance, start: float) -> AnyDisturbance:
     """A disturbance as a run sees it that begins at an instant of the log [s]."""
     profile: Any = disturbance.profile
     if type(profile) is Constant:
@@ -104,7 +104,9 @@ def _begun(disturbance: Disturbance, start: float) -> Disturbance:
         later = SineFrom(profile.frequency, profile.onset - start, phase)
     else:
         later = _Later(profile, start)
-    return replace(disturbance, profile=later)
+    # Each kind is a dataclass.
+    kind: Any = disturbance
+    return replace(kind, profile=later)
 
 
 def _top_speed(log: Log, position: str, rate: str) -> float:

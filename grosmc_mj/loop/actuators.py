@@ -1,4 +1,4 @@
-"""Actuators: delay, resolution, limit, rate limit, lag and dead zone."""
+"""Actuators: delay, gain, resolution, limit, rate limit, lag and dead zone."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 from grosmc_mj.fields import Name, Range, checked
 from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.ring import ring_row
 from grosmc_mj.loop.rows import row_dtype
-from grosmc_mj.loop.sensors import quantized, ring_row
+from grosmc_mj.loop.sensors import quantized
 
 
 @checked()
@@ -18,6 +19,7 @@ class Actuator:
     Attributes:
         of: Name of the input.
         delay: [s]; a multiple of the timestep.
+        gain: Factor of the command; 1 of an actuator that is calibrated.
         resolution: Resolution of the command; 0 for none.
         limit: Largest |u|.
         rate_limit: Largest change per second.
@@ -28,6 +30,7 @@ class Actuator:
 
     of: Name
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms late"] = 0.0
+    gain: Annotated[float, Range(), "gain of {value:.4g}"] = 1.0
     resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
     limit: Annotated[
         float, Range(0, unit="{}", above=True, infinite=True), "within {value:.4g} {unit}"
@@ -40,10 +43,10 @@ class Actuator:
     dead_zone: Annotated[float, Range(0, unit="{}"), "dead up to {value:.4g} {unit}"] = 0.0
 
 
-# Row of each input: its actuator with the delay in timesteps; the input at rest; the limit that the
-# law knows; exp(-timestep/lag); the outputs of the computer, the rate limit, the first lag and the
-# second lag.
-ACTUATOR = row_dtype(Actuator, "rest", "known_limit", "kept", "output", "rated", "first", "second")
+# Row of each input: its actuator with the delay in timesteps; the input at rest;
+# exp(-timestep/lag); the outputs of the computer, the rate limit, the first lag and the second lag,
+# in the input's unit.
+ACTUATOR = row_dtype(Actuator, "rest", "kept", "output", "rated", "first", "second")
 
 
 def kept_in_a_timestep(actuator: Actuator, timestep: float) -> float:
@@ -75,16 +78,17 @@ def lagged(
 
 
 @jitable
-def actuate(i: int, loop: Any, given: Any) -> None:
+def actuate(i: int, world: Any, given: Any) -> None:
     """Queue the computer's output in timestep i and write the actuators' outputs into given."""
-    q = loop.computer[0]
-    row = ring_row(i, loop.queue)
-    for j in range(len(loop.actuators)):
-        actuator = loop.actuators[j]
-        loop.queue[row, j] = actuator.output
+    q = world.computer[0]
+    row = ring_row(i, world.queue)
+    for j in range(len(world.actuators)):
+        actuator = world.actuators[j]
+        world.queue[row, j] = actuator.output
         a = i - int(q.delay) - int(actuator.delay)
-        u = actuator.rest if a < 0 else loop.queue[ring_row(a, loop.queue), j]
-        u = min(actuator.limit, max(-actuator.limit, quantized(u, actuator.resolution)))
+        u = actuator.rest if a < 0 else world.queue[ring_row(a, world.queue), j]
+        u = quantized(actuator.gain * u, actuator.resolution)
+        u = min(actuator.limit, max(-actuator.limit, u))
         before, change = actuator.rated, actuator.rate_limit * q.timestep
         u = min(before + change, max(before - change, u))
         actuator.rated = u

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -15,20 +16,22 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Flag, Range, checked_call
 from grosmc_mj.loop.design_model import design_model
 from grosmc_mj.loop.loop import LARGEST_SEED, Loop
-from grosmc_mj.loop.stages import LoopRun
-from grosmc_mj.loop.start import LoopTask, loop_at_start
+from grosmc_mj.loop.software_start import settle
+from grosmc_mj.loop.start import LoopRun, loop_at_start
+from grosmc_mj.loop.task import LoopTask
 from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of
 from grosmc_mj.plants import System
 
-# Arrays of a ``LoopRun`` that a run changes.
-_CHANGING = (
-    "computer",
-    "sensors",
+# Arrays that a run changes, of each half.
+_OF_WORLD = ("computer", "sensors", "actuators", "past", "queue")
+_OF_SOFTWARE = (
+    "setup",
+    "states",
+    "inputs",
     "estimators",
-    "actuators",
     "gain",
-    "past",
-    "queue",
+    "sent",
+    "sent_at",
     "x",
     "mean",
 )
@@ -62,13 +65,9 @@ class AppliedLoop:
     model: DesignModel | None
     start: LoopRun
 
-    @property
-    def ahead(self) -> float:
-        """Time from a sample to the arrival of its output, as the law knows it [s]."""
-        return float(self.start.computer["ahead"][0])
-
     def begin(
         self,
+        x0: Array,
         seen: Array,
         predicted: Array,
         **of_engine: Any,
@@ -76,30 +75,50 @@ class AppliedLoop:
         """Loop of a new run.
 
         Args:
+            x0: True state at the start, (n,).
             seen: Array for the state by sensors and estimators, (n,).
             predicted: Array for the state that the law gets, (n,).
-            of_engine: ``advance``, ``memory``, ``p`` and ``own`` of ``LoopRun``.
+            of_engine: ``advance``, ``memory``, ``p`` and ``own`` of ``Software``.
         """
-        copies = {name: getattr(self.start, name).copy() for name in _CHANGING}
-        return self.start._replace(**copies, seen=seen, predicted=predicted, **of_engine)
+        start = self.start
+        software = _copied(start.software, _OF_SOFTWARE)
+        loop = LoopRun(
+            world=_copied(start.world, _OF_WORLD),
+            measured=_copied(start.measured, start.measured._fields),
+            software=software._replace(seen=seen, predicted=predicted, **of_engine),
+        )
+        settle(loop.software, x0)
+        return loop
 
-    def restart(self, loop: LoopRun) -> None:
-        """Bring a loop with arrays of the same ``sizes`` to the start of a run."""
-        for name in _CHANGING:
-            getattr(loop, name)[...] = getattr(self.start, name)
+    def restart(self, loop: LoopRun, x0: Array) -> None:
+        """Bring a loop with arrays of the same ``sizes`` to the start of a run from x0, (n,)."""
+        for name in _OF_WORLD:
+            getattr(loop.world, name)[...] = getattr(self.start.world, name)
+        for name in _OF_SOFTWARE:
+            getattr(loop.software, name)[...] = getattr(self.start.software, name)
         if self.model is not None:
-            loop.own[:] = self.model.own
+            loop.software.own[:] = self.model.own
+        settle(loop.software, x0)
 
     # The native engine asks for it in each run.
     @cached_property
     def sizes(self) -> tuple[Any, ...]:
         """Shapes of the arrays that a run changes."""
-        return tuple(getattr(self.start, name).shape for name in _CHANGING)
+        world = [getattr(self.start.world, name).shape for name in _OF_WORLD]
+        software = [getattr(self.start.software, name).shape for name in _OF_SOFTWARE]
+        return (*world, *software)
 
-    def begin_uncompiled(self, memory: Any, seen: Array, predicted: Array) -> LoopRun:
+    def begin_uncompiled(
+        self,
+        x0: Array,
+        memory: Any,
+        seen: Array,
+        predicted: Array,
+    ) -> LoopRun:
         """Loop of a new run for plain Python.
 
         Args:
+            x0: True state at the start, (n,).
             memory: Memory of the law.
             seen: Array for the state by sensors and estimators, (n,).
             predicted: Array for the state that the law gets, (n,).
@@ -110,7 +129,11 @@ class AppliedLoop:
         def advance(t: float, x: Any, u: Any, h: float, _address: Any) -> None:
             model.advance(t, x, u, h, memory, p, model.own)
 
-        return self.begin(seen, predicted, advance=advance).uncompiled()
+        loop = self.begin(x0, seen, predicted, advance=advance)
+        return loop._replace(
+            world=loop.world.uncompiled(),
+            software=loop.software.uncompiled(),
+        )
 
     def of_run(self, run: int) -> AppliedLoop:
         """Copy for the run of another number, which has noise of its own."""
@@ -124,6 +147,11 @@ class AppliedLoop:
             run=run,
             known=self.known,
         )
+
+
+def _copied(record: Any, names: Sequence[str]) -> Any:
+    """Copy of a named tuple with copies of some of its arrays."""
+    return record._replace(**{name: getattr(record, name).copy() for name in names})
 
 
 @checked_call

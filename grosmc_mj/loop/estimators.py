@@ -14,14 +14,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
-
 from grosmc_mj.control.matrices import copy
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Check, Flag, Known, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
-from grosmc_mj.loop.sensors import measured_at, ring_row
+from grosmc_mj.loop.rows import numbers_dtype
 from grosmc_mj.refusals import refusal
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
@@ -101,11 +99,19 @@ class Estimator:
 
 
 # Row of each estimated rate: kind and number of the estimator, indices of the rate and of its
-# position in the state, 1 if it begins settled. Memory of a run: 1 once it has begun, the estimated
-# position, rate and disturbance, the last measurement and its timestep.
-_COLUMNS = ("kind", "number", "of", "position", "settled")
-MEMORY = ("begun", "y", "rate", "load", "last", "at")
-ESTIMATOR = np.dtype([(name, np.float64) for name in (*_COLUMNS, *MEMORY)])
+# position in the state, 1 if it begins settled. Memory of a run: the estimated position, rate and
+# disturbance, and the last measurement, in the units of the states.
+ESTIMATOR = numbers_dtype(
+    "kind",
+    "number",
+    "of",
+    "position",
+    "settled",
+    "y",
+    "rate",
+    "load",
+    "last",
+)
 
 
 @jitable
@@ -188,47 +194,45 @@ def _update(
 
 
 @jitable
-def note_gains(i: int, t: float, loop: Any) -> None:
-    """Note before a sample by how much the design model changes each state in a period.
+def note_gains(k: int, clock: int, software: Any) -> None:
+    """Note before sample k by how much the design model changes each state in a period.
 
     It starts from the estimates of the extended observers.
     """
-    copy(loop.seen, loop.x)
-    for row in range(len(loop.estimators)):
-        estimator = loop.estimators[row]
+    copy(software.seen, software.x)
+    for row in range(len(software.estimators)):
+        estimator = software.estimators[row]
         if estimator.kind == ESO:
-            loop.x[int(estimator.position)] = estimator.y
-            loop.x[int(estimator.of)] = estimator.rate
-    copy(loop.x, loop.predicted)
-    move_by_a_period(i, t, loop)
-    for j in range(len(loop.sensors)):
-        loop.sensors[j].gained = loop.x[j] - loop.predicted[j]
+            software.x[int(estimator.position)] = estimator.y
+            software.x[int(estimator.of)] = estimator.rate
+
+    copy(software.x, software.predicted)
+    move_by_a_period(k, clock, software)
+    for j in range(len(software.states)):
+        software.states[j].gained = software.x[j] - software.predicted[j]
 
 
 @jitable
-def estimate(i: int, loop: Any) -> None:
-    """Write estimated rates into ``loop.seen``."""
-    q = loop.computer[0]
-    for row in range(len(loop.estimators)):
-        estimator = loop.estimators[row]
+def estimate(k: int, measured: Any, software: Any) -> None:
+    """Write the rates that are estimated at sample k into ``software.seen``."""
+    setup = software.setup[0]
+    for row in range(len(software.estimators)):
+        estimator = software.estimators[row]
         rate = int(estimator.of)
         position = int(estimator.position)
-        y = loop.seen[position]
-        sensor = loop.sensors[position]
-        at = measured_at(i, sensor)
-        if estimator.begun == 0.0:
-            estimator.begun = 1.0
+        y = software.seen[position]
+        fresh = measured.fresh[position]
+
+        if k == 0:
+            # The rate is there: the true one if it begins settled, else zero.
             estimator.y = y
             estimator.last = y
-            estimator.at = at
-            if estimator.settled != 0.0:
-                estimator.rate = loop.past[ring_row(i, loop.past), rate]
-        elif at > estimator.at:
+        elif fresh > 0.0:
             # A sensor with a period has a clock of its own; others follow the computer's.
-            T = q.period
-            if sensor.period > 0.0:
-                T = (at - estimator.at) * q.timestep
-            _update(estimator, y, T, loop.sensors[rate].gained)
+            T = setup.period
+            sensor_period = software.states[position].sensor_period
+            if sensor_period > 0.0:
+                T = fresh * sensor_period * setup.tick
+            _update(estimator, y, T, software.states[rate].gained)
             estimator.last = y
-            estimator.at = at
-        loop.seen[rate] = estimator.rate
+        software.seen[rate] = estimator.rate

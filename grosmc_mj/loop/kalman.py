@@ -11,34 +11,36 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import GainError, one_line
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.prediction import move_by_a_period
-from grosmc_mj.loop.sensors import ring_row
 
 # Larger poles of a filter are 1 up to the rounding of the differences in A and B.
 _FADES = 1 - 1e-9
 
 
 @jitable
-def filter_states(i: int, t: float, loop: Any) -> None:
-    """Step the filter at the sample of timestep i; its estimates go into ``loop.seen``."""
-    q = loop.computer[0]
-    n = len(loop.sensors)
+def filter_states(k: int, measured: Any, software: Any) -> None:
+    """Step the filter at sample k; its estimates go into ``software.seen``."""
+    n = len(software.states)
     # Until a first measurement arrives there is nothing to correct with.
-    fresh = q.sample == 0.0 or i > q.oldest
+    fresh = True
     for j in range(n):
-        loop.x[j] = loop.sensors[j].observed
-        if q.sample == 0.0 and q.settled != 0.0:
-            loop.x[j] = loop.past[ring_row(i, loop.past), j]
-    if q.sample > 0.0 and fresh:
-        move_by_a_period(i, t, loop)
+        fresh = fresh and measured.fresh[j] > 0.0
+
+    # Prediction.
     for j in range(n):
-        sensor = loop.sensors[j]
-        sensor.observed = loop.x[j]
-        for k in range(n):
-            if fresh and loop.gain[j, k] != 0.0:
-                sensor.observed += loop.gain[j, k] * (loop.seen[k] - loop.x[k])
+        software.x[j] = software.states[j].observed
+    if k > 0 and fresh:
+        move_by_a_period(k, int(measured.clock[0]), software)
+
+    # Correction.
     for j in range(n):
-        if loop.sensors[j].filtered != 0.0:
-            loop.seen[j] = loop.sensors[j].observed
+        state = software.states[j]
+        state.observed = software.x[j]
+        for i in range(n):
+            if fresh and software.gain[j, i] != 0.0:
+                state.observed += software.gain[j, i] * (software.seen[i] - software.x[i])
+    for j in range(n):
+        if software.states[j].filtered != 0.0:
+            software.seen[j] = software.states[j].observed
 
 
 def kalman_gain(

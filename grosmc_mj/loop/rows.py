@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
+import numba
 import numpy as np
+from numba.core import types
 
 from grosmc_mj.fields import range_of
 from grosmc_mj.loop.timing import TIMES
@@ -17,9 +20,26 @@ def numbers_of(part: type) -> Iterator[str]:
     return (item.name for item in fields(part) if range_of(part, item.name) is not None)
 
 
+def numbers_dtype(*names: str) -> np.dtype[Any]:
+    """Dtype of a row of numbers with these names."""
+    return np.dtype([(name, np.float64) for name in names])
+
+
 def row_dtype(part: type, *memory: str) -> np.dtype[Any]:
     """Dtype of a row: the numbers of a part, then constants and memory of a run."""
-    return np.dtype([(name, np.float64) for name in (*numbers_of(part), *memory)])
+    return numbers_dtype(*numbers_of(part), *memory)
+
+
+def rows_type(dtype: np.dtype[Any]) -> types.Type:
+    """Type in numba of an array of rows."""
+    return types.Array(numba.from_dtype(dtype), 1, "C")
+
+
+def row_objects(rows: np.ndarray[Any, Any]) -> list[SimpleNamespace]:
+    """Rows as Python objects with the same names, for the stages as plain Python."""
+    names = rows.dtype.names
+    assert names is not None
+    return [SimpleNamespace(**dict(zip(names, row, strict=True))) for row in rows.tolist()]
 
 
 def rows_of(

@@ -10,6 +10,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Flag, Name, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.counter import normal
+from grosmc_mj.loop.ring import ring_row
 from grosmc_mj.loop.rows import row_dtype
 
 # A float64 cannot tell whole multiples beyond this apart.
@@ -55,9 +56,9 @@ class Sensor:
         return all(getattr(self, item.name) == item.default for item in numbers)
 
 
-# Row of each state: its sensor with times in timesteps; 1 if the Kalman filter estimates it; the
-# filter's estimate; the rate that the design model misses; its change in a period by the model.
-SENSOR = row_dtype(Sensor, "filtered", "observed", "missed", "gained")
+# Row of each state: its sensor with times in timesteps; timestep of its last measurement that was
+# read.
+SENSOR = row_dtype(Sensor, "at")
 
 
 @jitable
@@ -66,12 +67,6 @@ def quantized(value: float, q: float) -> float:
     if q > 0.0 and abs(value) < _EXACT * q:
         return q * math.floor(value / q + 0.5)
     return value
-
-
-@jitable
-def ring_row(i: int, ring: Any) -> int:
-    """Row of timestep i in a ring of a power of two rows, without a division, which is slow."""
-    return i & (ring.shape[0] - 1)
 
 
 @jitable
@@ -85,14 +80,28 @@ def measured_at(i: int, sensor: Any) -> int:
 
 
 @jitable
-def measure(i: int, loop: Any) -> None:
-    """Write the newest measurements in timestep i into ``loop.seen``."""
-    q = loop.computer[0]
-    for j in range(len(loop.sensors)):
-        sensor = loop.sensors[j]
+def measure(i: int, k: int, world: Any, measured: Any) -> None:
+    """Write the newest measurements in timestep i, at sample k, into ``measured``."""
+    q = world.computer[0]
+    for j in range(len(world.sensors)):
+        sensor = world.sensors[j]
         a = measured_at(i, sensor)
-        value = loop.past[ring_row(a, loop.past), j]
+        value = world.past[ring_row(a, world.past), j]
         value = sensor.scale * value + (sensor.bias + sensor.drift * (a * q.timestep))
         if sensor.noise > 0.0:
             value += sensor.noise * normal(q.seed, q.run, j, a)
-        loop.seen[j] = quantized(value, sensor.resolution)
+        measured.y[j] = quantized(value, sensor.resolution)
+        measured.fresh[j] = _new_measurements(a, k, sensor)
+        sensor.at = a
+
+
+@jitable
+def _new_measurements(a: int, k: int, sensor: Any) -> int:
+    """Number of measurements after the last one that was read, up to that of timestep a."""
+    if k == 0:
+        return 1
+    elapsed = a - int(sensor.at)
+    period = int(sensor.period)
+    if period > 0:
+        return elapsed // period
+    return min(elapsed, 1)

@@ -7,18 +7,17 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
-import sympy as sp
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arguments import real, reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ModelError, value_text
 from grosmc_mj.fields import Known, checked
-from grosmc_mj.plants.system import Model, System, Variant, wrench_symbols
+from grosmc_mj.plants.system import Model, System, Variant
 
 # Largest |x'| of an equilibrium, in units of the state per second: an input computed by hand or
 # by a root finder passes, a state that is merely near one does not.
@@ -358,15 +357,6 @@ class AnalyticPlant(Plant):
                 raise ModelError(f"{self.system.name}: {name} = {value_text(value)} must be finite")
         return replace(self, parameters=replace(self.parameters, **changes))
 
-    def pushed(self, names: tuple[str, ...]) -> AnalyticPlant:
-        """Copy on some of whose ``system.pushes`` disturbances act.
-
-        The first component of the wrench on a body of that name is added to the input or rate.
-        """
-        if not names:
-            return self
-        return replace(self, system=_pushed(self.system, names))
-
     def scaled(self, body: str, mass: float, length: float) -> AnalyticPlant:
         """Copy with the mass and all lengths of its uncertain body scaled.
 
@@ -390,21 +380,3 @@ class AnalyticPlant(Plant):
         A = np.reshape(equations.jacobian(x, u, p), (n, n))
         B = np.reshape(equations.input_matrix(x, p), (n, -1))
         return A, B
-
-
-# Plants that share a system share its compiled functions.
-@lru_cache(maxsize=64)
-def _pushed(system: System, names: tuple[str, ...]) -> System:
-    """Copy of a system with a wrench on each of these names of its ``pushes``."""
-    equations = system.symbolic_equations
-    n = len(system.states)
-    columns = [*sp.Matrix(equations.g).T.tolist(), *sp.eye(n).tolist()]
-    direction = dict(zip(system.pushes, columns, strict=True))
-
-    w = wrench_symbols(*names)
-    d = sp.Matrix(equations.d)
-    for i, name in enumerate(names):
-        d += w[6 * i] * sp.Matrix(direction[name])
-
-    equations = replace(equations, w=(*equations.w, *w), d=tuple(d))
-    return replace(system, equations=equations, bodies=(*system.bodies, *names))

@@ -1,4 +1,4 @@
-"""One step of the analytic plants under held input and wrench."""
+"""One step of the analytic plants under held input and disturbances."""
 
 from __future__ import annotations
 
@@ -13,18 +13,28 @@ from grosmc_mj.plants import System
 # One function serves all plants of a system, and is compiled once.
 @cache
 def runge_kutta_step(system: System) -> Callable[..., None]:
-    """Compile the classical fourth-order step of x' = f(x) + g(x) u + d(x, w).
+    """Compile the classical fourth-order step of x' = f(x) + g(x) u + d(x, w) + rates.
 
     Returns:
-        A jitable (x, u, w, p, h, slope, stage, total) that moves x, (n,), by h under u, (m,);
-        the last three are scratch space, (n,).
+        A jitable (x, u, w, rates, p, h, slope, stage, total) that moves x, (n,), by h under u,
+        (m,), and added rates, (n,); the last three are scratch space, (n,).
     """
     n = len(system.states)
     slope_at = state_derivative(system)
 
     # Nested, for numba takes n and slope_at as constants.
     @jitable
-    def step(x: Any, u: Any, w: Any, p: Any, h: float, slope: Any, stage: Any, total: Any) -> None:
+    def step(
+        x: Any,
+        u: Any,
+        w: Any,
+        rates: Any,
+        p: Any,
+        h: float,
+        slope: Any,
+        stage: Any,
+        total: Any,
+    ) -> None:
         for i in range(n):
             stage[i] = x[i]
             total[i] = 0.0
@@ -34,6 +44,7 @@ def runge_kutta_step(system: System) -> Callable[..., None]:
             reach = h if k == 2 else 0.5 * h
             slope_at(stage, u, w, p, slope)
             for i in range(n):
+                slope[i] += rates[i]
                 total[i] += weight * slope[i]
                 stage[i] = x[i] + reach * slope[i]
 

@@ -67,6 +67,11 @@ class Signal:
     symbol: str
     unit: str
 
+    @property
+    def rate_unit(self) -> str:
+        """Unit of its rate."""
+        return f"{self.unit}/s".replace("/s/s", "/s^2")
+
 
 Names = Annotated[tuple[str, ...], Items(str, "a tuple of names")]
 Signals = Annotated[tuple[Signal, ...], Items(Signal, "a tuple of Signals")]
@@ -198,14 +203,6 @@ class System:
     def input(self) -> Signal:
         """The first input."""
         return self.inputs[0]
-
-    @property
-    def pushes(self) -> dict[str, str]:
-        """Units of the inputs and of the states' rates, which a disturbance may be added to."""
-        units = {signal.name: signal.unit for signal in self.inputs}
-        for state in self.states:
-            units[f"rate of {state.name}"] = f"{state.unit}/s".replace("/s/s", "/s^2")
-        return units
 
     @property
     def singular(self) -> Callable[[Any], bool]:

@@ -212,6 +212,10 @@ class RobotCoordinates(OutputCoordinates):
             drift[i, 1::2] = data.qacc - gain[i, 1::2] @ data.qfrc_actuator
         return self.sign * (drift - self.raised_along(t, p)), self.sign * gain
 
+    def from_rates(self, x: Array, p: Any, rates: Array) -> Array:
+        """The added rates, (N, n), in the order of the errors."""
+        return self.sign * rates[:, self._order]
+
     def outputs_along(self, x: ArrayLike, plant: Any) -> Array:
         """q and q' of each joint at every state of a trajectory, (N, n); returns (N, size)."""
         return np.asarray(x, float)[:, self._order]

@@ -1,4 +1,4 @@
-from .disturbances import Constant, SineFrom
+from .disturbances import Constant, SineFrom, Table
 from .trajectory import Status
 
-__all__ = ["Constant", "SineFrom", "Status"]
+__all__ = ["Constant", "SineFrom", "Status", "Table"]

@@ -1,25 +1,38 @@
-"""Disturbances as values: a wrench on a body and its course in time."""
+"""Disturbances as values: where they act, how large they are, and their course in time.
+
+They enter a control loop at three places: at an input of the plant, at a measured output, at the
+plant itself. The plant is disturbed by a wrench on a body or, where it is given as equations, at
+the rate of a state.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Annotated
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name, value_text
-from grosmc_mj.fields import Finite, Is, Numbers, Range, checked
+from grosmc_mj.fields import Finite, Flag, Is, Name, Numbers, Range, Reals, checked
 from grosmc_mj.jitable import jitable
+from grosmc_mj.loop.timing import steps_in
+from grosmc_mj.plants import System
+from grosmc_mj.refusals import refusal
 
-# Kinds of courses in time: one of the formulas below, or values at all timesteps.
+# Kinds of courses in time: one of the formulas below, values at all timesteps, or a table.
 CONSTANT = 0.0
 PULSE = 1.0
 SINE = 2.0
 VALUES = 3.0
-# Numbers of a disturbance: body, course, a, b, c, force (3), torque (3).
-PUSH = 11
+TABLE = 4.0
+PERIODIC_TABLE = 5.0
+# Numbers of a disturbance: first signal, number of signals, course, a, b, c, amplitudes (6).
+NUMBERS = 12
+_COURSE = 2
+_AMPLITUDES = 6
 
 # Timesteps in a period of a sine, at least: held over a quarter of it, a sine keeps 90 % of its
 # amplitude; with fewer than two it is another, slower one.
@@ -61,36 +74,62 @@ def _share(t: float, h: float, edge: float) -> float:
 
 
 @jitable
-def push(
-    pushes: Array,
+def tabulated(kind: float, values: Array, step: int, a: float, b: float, c: float) -> float:
+    """Value of a course without a formula in a timestep.
+
+    Args:
+        kind: ``VALUES``, ``TABLE`` or ``PERIODIC_TABLE``.
+        values: Values of all such courses, one after the other.
+        step: Number of the timestep.
+        a: Index of the first value; of ``VALUES`` that of timestep 0, which may lie before it.
+        b: Timesteps for which a value of a table is held.
+        c: Number of values of a table.
+    """
+    first = int(a)
+    if kind == VALUES:
+        return values[first + step]
+    index = step // int(b)
+    count = int(c)
+    if kind == PERIODIC_TABLE:
+        index %= count
+    if index >= count:
+        return 0.0
+    return values[first + index]
+
+
+@jitable
+def disturb(
+    disturbances: Array,
     values: Array,
     step: int,
     t: float,
     h: float,
-    wrenches: Array,
+    signals: Array,
 ) -> None:
-    """Write the wrenches of disturbances that are held through a timestep.
+    """Write the sums of the disturbances that are held through a timestep.
 
     Args:
-        pushes: Numbers of the disturbances, (count, PUSH), see ``packed``.
-        values: Values of courses without a formula, (count, steps).
+        disturbances: Numbers of the disturbances, (count, NUMBERS), see ``packed``.
+        values: Values of courses without a formula, one after the other.
         step: Number of the timestep.
         t: Its begin [s].
         h: Its length [s].
-        wrenches: Wrench on each body, flat, (6 * bodies,).
+        signals: Disturbance of each signal, in the order of ``widths``.
     """
-    for i in range(len(wrenches)):
-        wrenches[i] = 0.0
-    for k in range(len(pushes)):
-        kind = pushes[k, 1]
-        a = pushes[k, 2]
-        if kind == VALUES:
-            value = values[int(a), step]
+    for i in range(len(signals)):
+        signals[i] = 0.0
+    for k in range(len(disturbances)):
+        kind = disturbances[k, 2]
+        a = disturbances[k, 3]
+        b = disturbances[k, 4]
+        c = disturbances[k, 5]
+        if kind >= VALUES:
+            value = tabulated(kind, values, step, a, b, c)
         else:
-            value = course(kind, t, a, pushes[k, 3], pushes[k, 4], h)
-        first = 6 * int(pushes[k, 0])
-        for i in range(6):
-            wrenches[first + i] += value * pushes[k, 5 + i]
+            value = course(kind, t, a, b, c, h)
+        first = int(disturbances[k, 0])
+        for i in range(int(disturbances[k, 1])):
+            signals[first + i] += value * disturbances[k, 6 + i]
 
 
 Profile = Callable[[float], float]
@@ -154,13 +193,114 @@ class SineFrom(_Formula):
         return SINE, self.frequency, self.onset, self.phase
 
 
+class _Values(Reals):
+    """Numbers in a list, kept as a tuple, which can be compared and hashed."""
+
+    def __call__(self, value: Any) -> Any:
+        """Return the numbers as floats."""
+        numbers = super().__call__(value)
+        if not len(numbers):
+            raise refusal("at least one number")
+        return tuple(numbers.tolist())
+
+
+@checked(label="table")
+class Table:
+    """Values that are held for the same time each, from t = 0 on; 0 after the last one.
+
+    Attributes:
+        values: Values, one after the other.
+        hold: Time for which each is held [s]; a multiple of the timestep.
+        periodic: Whether they begin again after the last one.
+    """
+
+    values: Annotated[tuple[float, ...], _Values((None,))]
+    hold: Annotated[float, Range(0, unit="s", above=True)]
+    periodic: Flag = False
+
+    def __call__(self, t: float) -> float:
+        """Value at t [s]."""
+        index = math.floor((t + _INSTANT) / self.hold)
+        count = len(self.values)
+        if self.periodic:
+            return self.values[index % count]
+        return self.values[index] if 0 <= index < count else 0.0
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Begin of the first value that is not zero and end of the last value [s]."""
+        acting = [index for index, value in enumerate(self.values) if value != 0.0]
+        start = self.hold * min(acting, default=0)
+        if self.periodic:
+            return start, math.inf
+        return start, self.hold * len(self.values)
+
+
+class AnyDisturbance:
+    """A disturbance of some signals: amplitudes times a profile of t.
+
+    It is sampled at the start of each timestep and held through it. A pulse that begins or ends
+    between two timesteps counts with its share of the one around that instant.
+
+    Attributes:
+        part: Signals of which it disturbs some: a key of ``widths``.
+        profile: Function of t [s].
+        label: Name in figures.
+    """
+
+    part: ClassVar[str]
+    profile: Profile
+    label: str
+
+    @property
+    def of(self) -> str:
+        """Name of the body, the input or the state."""
+        raise NotImplementedError
+
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """Values for a profile of 1: one, or the six of a wrench."""
+        raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """Its label, or where it acts in words."""
+        raise NotImplementedError
+
+    def scaled(self, factor: float) -> Self:
+        """Copy with its amplitudes times a factor."""
+        raise NotImplementedError
+
+    def unit(self, system: System) -> str:
+        """Unit of the amplitude of a signal; "" of a wrench, which has two."""
+        raise NotImplementedError
+
+    def place(self, system: System) -> int:
+        """Index of its first signal among those of its part.
+
+        Raises:
+            ArgumentError: If the system has no such body, input or state.
+        """
+        raise NotImplementedError
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """First and last instant at which it may act [s]; the last one may be infinite."""
+        if isinstance(self.profile, Pulse):
+            return (self.profile.start, self.profile.stop)
+        if isinstance(self.profile, Table):
+            return self.profile.window
+        return (getattr(self.profile, "onset", 0.0), math.inf)
+
+
+_Profile = Annotated[Profile, Is(Callable, "a function of t [s] that returns a number")]
+
+
 @checked(label="disturbance")
-class Disturbance:
+class Disturbance(AnyDisturbance):
     """A wrench on a body, times a profile of t.
 
-    It reaches physics through ``xfrc_applied``: at the body's centre of mass, in world axes,
-    sampled at the start of each timestep and held through it. A pulse that begins or ends between
-    two timesteps counts with its share of the one around that instant.
+    It reaches physics through ``xfrc_applied``: at the body's centre of mass, in world axes.
 
     Attributes:
         body: Name of the body.
@@ -169,65 +309,266 @@ class Disturbance:
         label: Name in figures.
     """
 
+    part: ClassVar[str] = "w"
+
     body: Annotated[str, Is(str, "the name of a body")]
     wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6)]
-    profile: Annotated[Profile, Is(Callable, "a function of t [s] that returns a number")] = (
-        Constant()
-    )
+    profile: _Profile = Constant()
     label: str = ""
 
     @property
-    def window(self) -> tuple[float, float]:
-        """First and last instant at which it may act [s]; the last one may be infinite."""
-        if isinstance(self.profile, Pulse):
-            return (self.profile.start, self.profile.stop)
-        return (getattr(self.profile, "onset", 0.0), math.inf)
+    def of(self) -> str:
+        """Name of the body."""
+        return self.body
+
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """The wrench."""
+        return self.wrench
+
+    @property
+    def title(self) -> str:
+        """Its label, or the body."""
+        return self.label or f"disturbance on {self.body}"
+
+    def scaled(self, factor: float) -> Self:
+        """Copy with its wrench times a factor."""
+        return replace(self, wrench=tuple(factor * part for part in self.wrench))
+
+    def unit(self, system: System) -> str:
+        """Nothing: forces and torques have different ones."""
+        return ""
+
+    def place(self, system: System) -> int:
+        """Index of the first of six components."""
+        return 6 * _index("body", self.body, system.bodies)
+
+
+class _OfOneSignal(AnyDisturbance):
+    """A disturbance of one signal, in its unit."""
+
+    amplitude: float
+
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """The amplitude."""
+        return (self.amplitude,)
+
+    def scaled(self, factor: float) -> Self:
+        """Copy with its amplitude times a factor."""
+        of_signal: Any = self
+        return replace(of_signal, amplitude=factor * self.amplitude)
+
+
+@checked(label="disturbance")
+class InputDisturbance(_OfOneSignal):
+    """A value added to an input that reaches the plant, after the actuators of a loop.
+
+    A model in MuJoCo keeps the sum within the range of its own actuator. The input that
+    trajectories record and requirements measure is without it.
+
+    Attributes:
+        input: Name of the input.
+        amplitude: In the unit of the input.
+        profile: Function of t [s]; 1 by default.
+        label: Name in figures.
+    """
+
+    part: ClassVar[str] = "input_disturbance"
+
+    input: Name
+    amplitude: Finite
+    profile: _Profile = Constant()
+    label: str = ""
+
+    @property
+    def of(self) -> str:
+        """Name of the input."""
+        return self.input
+
+    @property
+    def title(self) -> str:
+        """Its label, or the input."""
+        return self.label or f"disturbance of {self.input}"
+
+    def place(self, system: System) -> int:
+        """Index of the input."""
+        return _index("input", self.input, [signal.name for signal in system.inputs])
+
+    def unit(self, system: System) -> str:
+        """Unit of the input."""
+        return system.inputs[self.place(system)].unit
+
+
+@checked(label="disturbance")
+class OutputDisturbance(_OfOneSignal):
+    """A value added to a state as it is measured: sensors measure x + d in place of x.
+
+    A sensor that is late has the disturbance of the instant at which it measured; its scale, bias,
+    noise and resolution come after it. Without a loop the law gets x + d. The plant and the
+    metrics have the true state, and so have estimators that start settled. It has no effect on a
+    state that an estimator gives and no sensor measures.
+
+    Attributes:
+        state: Name of the state.
+        amplitude: In the unit of the state.
+        profile: Function of t [s]; 1 by default.
+        label: Name in figures.
+    """
+
+    part: ClassVar[str] = "output_disturbance"
+
+    state: Name
+    amplitude: Finite
+    profile: _Profile = Constant()
+    label: str = ""
+
+    @property
+    def of(self) -> str:
+        """Name of the state."""
+        return self.state
+
+    @property
+    def title(self) -> str:
+        """Its label, or the measured state."""
+        return self.label or f"disturbance of measured {self.state}"
+
+    def place(self, system: System) -> int:
+        """Index of the state."""
+        return _index("state", self.state, [state.name for state in system.states])
+
+    def unit(self, system: System) -> str:
+        """Unit of the state."""
+        return system.states[self.place(system)].unit
+
+
+@checked(label="disturbance")
+class RateDisturbance(_OfOneSignal):
+    """A value added to the rate of a state, x' = f + g u + d; of plants given as equations only.
+
+    Attributes:
+        state: Name of the state.
+        amplitude: In the unit of the state per second.
+        profile: Function of t [s]; 1 by default.
+        label: Name in figures.
+    """
+
+    part: ClassVar[str] = "rate_disturbance"
+
+    state: Name
+    amplitude: Finite
+    profile: _Profile = Constant()
+    label: str = ""
+
+    @property
+    def of(self) -> str:
+        """Name of the state."""
+        return self.state
+
+    @property
+    def title(self) -> str:
+        """Its label, or the rate."""
+        return self.label or f"disturbance of the rate of {self.state}"
+
+    def place(self, system: System) -> int:
+        """Index of the state."""
+        return _index("state", self.state, [state.name for state in system.states])
+
+    def unit(self, system: System) -> str:
+        """Unit of the rate of the state."""
+        return system.states[self.place(system)].rate_unit
+
+
+def _index(kind: str, name: str, names: Sequence[str]) -> int:
+    """Index of a name; refuse an unknown one."""
+    if name not in names:
+        raise ArgumentError(unknown_name(kind, name, names))
+    return names.index(name)
+
+
+def widths(disturbances: Iterable[AnyDisturbance], system: System) -> dict[str, int]:
+    """Number of signals of each part, in the order of ``disturb``; 0 if nothing disturbs it.
+
+    ``w`` are the wrenches on the bodies.
+    """
+    n = len(system.states)
+    m = len(system.inputs)
+    sizes = {
+        Disturbance.part: 6 * len(system.bodies),
+        InputDisturbance.part: m,
+        OutputDisturbance.part: n,
+        RateDisturbance.part: n,
+    }
+    disturbed = {disturbance.part for disturbance in disturbances}
+    return {part: size if part in disturbed else 0 for part, size in sizes.items()}
 
 
 def packed(
-    disturbances: Sequence[Disturbance],
-    bodies: Sequence[str],
+    disturbances: Sequence[AnyDisturbance],
+    system: System,
+    sizes: Mapping[str, int],
     steps: range,
     timestep: float,
 ) -> tuple[Array, Array]:
-    """Numbers of disturbances for ``push``, and the values of courses without a formula.
+    """Numbers of disturbances for ``disturb``, and the values of courses without a formula.
 
     A profile of another kind than the classes above is called once for each timestep, in order.
 
     Args:
         disturbances: Disturbances.
-        bodies: Names of the system's bodies.
+        system: System with the names of bodies, inputs and states.
+        sizes: Number of signals of each part, see ``widths``.
         steps: Numbers of the timesteps.
         timestep: [s].
 
     Returns:
-        Numbers, (count, PUSH), and values, (count, steps).
+        Numbers, (count, NUMBERS), and values, flat.
 
     Raises:
-        ArgumentError: If a body is not among ``bodies``, a profile gives a value that is not a
-            finite number, or a sine is too fast for the timestep.
+        ArgumentError: If a name is not among the system's, a profile gives a value that is not a
+            finite number, a sine is too fast for the timestep, or a table does not fit to it.
     """
-    pushes = np.zeros((len(disturbances), PUSH))
-    values: list[Array] = []
-    for row, disturbance in zip(pushes, disturbances, strict=True):
-        body = disturbance.body
-        profile = disturbance.profile
-        if body not in bodies:
-            raise ArgumentError(unknown_name("body", body, bodies))
-        # A subclass may compute something else.
-        if isinstance(profile, _Formula) and type(profile) in (Constant, Pulse, SineFrom):
-            # A formula that is finite at both ends is so between them.
-            _values(disturbance, np.array([steps[0], steps[-1]]) * timestep)
-            _refuse_fast(disturbance, timestep)
-            numbers = profile.numbers
-        else:
-            numbers = VALUES, len(values), 0.0, 0.0
-            values.append(_values(disturbance, np.array(steps) * timestep))
-        row[:] = bodies.index(body), *numbers, *disturbance.wrench
-    return pushes, np.array(values).reshape(len(values), len(steps))
+    starts = {}
+    start = 0
+    for part, size in sizes.items():
+        starts[part] = start
+        start += size
+
+    numbers = np.zeros((len(disturbances), NUMBERS))
+    values: list[float] = []
+    for row, disturbance in zip(numbers, disturbances, strict=True):
+        amplitudes = disturbance.amplitudes
+        row[0] = starts[disturbance.part] + disturbance.place(system)
+        row[1] = len(amplitudes)
+        row[_COURSE:_AMPLITUDES] = _course_numbers(disturbance, steps, timestep, values)
+        row[_AMPLITUDES : _AMPLITUDES + len(amplitudes)] = amplitudes
+    return numbers, np.array(values)
 
 
-def _refuse_fast(disturbance: Disturbance, timestep: float) -> None:
+def _course_numbers(
+    disturbance: AnyDisturbance, steps: range, timestep: float, values: list[float]
+) -> tuple[float, float, float, float]:
+    """Kind of a disturbance's course, and its a, b and c; ``values`` grows by values it needs."""
+    profile = disturbance.profile
+    first = len(values)
+    if isinstance(profile, Table):
+        values += profile.values
+        kind = PERIODIC_TABLE if profile.periodic else TABLE
+        hold = steps_in(f"{disturbance.title}: hold", profile.hold, timestep)
+        return kind, first, hold, len(profile.values)
+
+    # A subclass may compute something else.
+    if isinstance(profile, _Formula) and type(profile) in (Constant, Pulse, SineFrom):
+        # A formula that is finite at both ends is so between them.
+        _values(disturbance, np.array([steps[0], steps[-1]]) * timestep)
+        _refuse_fast(disturbance, timestep)
+        return profile.numbers
+
+    values += _values(disturbance, np.array(steps) * timestep).tolist()
+    return VALUES, first - steps.start, 0.0, 0.0
+
+
+def _refuse_fast(disturbance: AnyDisturbance, timestep: float) -> None:
     """Refuse a sine with too few timesteps a period."""
     profile = disturbance.profile
     if not isinstance(profile, SineFrom) or profile.frequency == 0:
@@ -237,24 +578,24 @@ def _refuse_fast(disturbance: Disturbance, timestep: float) -> None:
     longest = 2 * math.pi / frequency / _STEPS_A_PERIOD
     if timestep > longest * (1 + 1e-9):
         raise ArgumentError(
-            f"sine of the disturbance on {disturbance.body!r}: {frequency:.4g} rad/s has fewer "
+            f"sine of the disturbance on {disturbance.of!r}: {frequency:.4g} rad/s has fewer "
             f"than {_STEPS_A_PERIOD} timesteps of {timestep:g} s a period: take a timestep of "
             f"{longest:.3g} s or less"
         )
 
 
-def _values(disturbance: Disturbance, time: Array) -> Array:
+def _values(disturbance: AnyDisturbance, time: Array) -> Array:
     """Values of a profile at these instants [s], all finite."""
     try:
         values = np.array([float(disturbance.profile(t)) for t in time.tolist()])
     except (TypeError, ValueError) as error:
         raise ArgumentError(
-            f"profile of the disturbance on {disturbance.body!r} must take t [s] and return "
+            f"profile of the disturbance on {disturbance.of!r} must take t [s] and return "
             f"a number: {error}"
         ) from error
     if not np.all(np.isfinite(values)):
         bad = time[~np.isfinite(values)][0]
         raise ArgumentError(
-            f"profile of the disturbance on {disturbance.body!r} is not finite at t = {bad:g} s"
+            f"profile of the disturbance on {disturbance.of!r} is not finite at t = {bad:g} s"
         )
     return values

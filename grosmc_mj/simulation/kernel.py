@@ -1,4 +1,4 @@
-"""The closed loop: sample the law, actuate, disturb, accumulate metrics, step, record.
+"""The closed loop: disturb, sample the law, actuate, accumulate metrics, step, record.
 
 ``run_of`` is plain Python. numba compiles it once for all plants, laws, loops and metrics, which it
 calls at their addresses; uncompiled it is the reference engine.
@@ -20,11 +20,22 @@ from grosmc_mj.compilation import compile_c
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.actuators import actuate
 from grosmc_mj.loop.delay import send
-from grosmc_mj.loop.stages import LoopRun, Matrix, Vector, observe, remember
-from grosmc_mj.simulation.disturbances import push
+from grosmc_mj.loop.sent import keep_output
+from grosmc_mj.loop.software import Software, observe
+from grosmc_mj.loop.start import LoopRun
+from grosmc_mj.loop.world import remember, sense
+from grosmc_mj.simulation.disturbances import disturb
 from grosmc_mj.simulation.guard import Guard
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import laid_out, laid_out_as, members_at, numba_type, structure_at
+from grosmc_mj.structures import (
+    Matrix,
+    Vector,
+    laid_out,
+    laid_out_as,
+    members_at,
+    numba_type,
+    structure_at,
+)
 
 # Entries of ``KernelRun.progress``.
 NEXT_STEP = 0
@@ -74,23 +85,29 @@ class KernelRun(NamedTuple):
         v: Velocities of the plant; of equations nothing.
         u: Inputs of the plant, (m,).
         warnings: Counts of reasons why the state has diverged, in every other entry.
-        pushes: Disturbances, (count, PUSH).
-        values: Values of disturbances without a formula, (count, steps).
+        disturbances: Numbers of the disturbances, (count, NUMBERS).
+        values: Values of disturbances without a formula, flat.
         bodies: Rows of ``forces`` of the system's bodies.
         forces: Wrenches that act on the plant, (rows, 6).
+        rates: Rates that are added to those of the states, (n,); of equations only.
         now: Recorded signals; ``engine_time`` to ``given`` are views of it.
         engine_time: Time as MuJoCo adds it up [s], (1,).
         x: True state, (n,).
         command: Output of the law, (m,).
         memory: Memory of the law, flat.
+        disturbed: Sums of the disturbances; the next four are views of it, and empty where
+            nothing is disturbed.
         w: Wrench on each of the bodies, flat.
+        input_disturbance: Disturbance of each input, (m,).
+        output_disturbance: Disturbance of each state as it is measured, (n,).
+        rate_disturbance: Disturbance of the rate of each state, (n,).
         given: Output of the actuators of a loop, (m,); nothing without a loop.
         seen: State that the law gets, (n,).
         p: Numbers of the law, flat.
         meters: Accumulated metrics, flat; nothing if none are wanted.
         meter_numbers: Constants of ``note``, flat.
         rows: ``now`` after the kept steps of all runs, (rows, at least its size).
-        loop: Sensors, computer and actuators between law and plant.
+        loop: Sensors, computer, estimators and actuators between law and plant.
     """
 
     address: Annotated[Any, types.voidptr]
@@ -111,16 +128,21 @@ class KernelRun(NamedTuple):
     v: Vector
     u: Vector
     warnings: Annotated[NDArray[np.int32], types.Array(types.int32, 1, "C")]
-    pushes: Matrix
-    values: Matrix
+    disturbances: Matrix
+    values: Vector
     bodies: Annotated[NDArray[np.int64], _INTEGERS]
     forces: Matrix
+    rates: Vector
     now: Vector
     engine_time: Vector
     x: Vector
     command: Vector
     memory: Vector
+    disturbed: Vector
     w: Vector
+    input_disturbance: Vector
+    output_disturbance: Vector
+    rate_disturbance: Vector
     given: Vector
     seen: Vector
     p: Vector
@@ -128,6 +150,22 @@ class KernelRun(NamedTuple):
     meter_numbers: Vector
     rows: Matrix
     loop: LoopRun
+
+
+@jitable
+def act_on_plant(
+    w: Array,
+    bodies: NDArray[np.int64],
+    forces: Array,
+    rate_disturbance: Array,
+    rates: Array,
+) -> None:
+    """Bring wrenches on bodies and rates of states, or none of them, to the plant."""
+    for k in range(len(w) // 6):
+        for j in range(6):
+            forces[bodies[k], j] = w[6 * k + j]
+    for j in range(len(rate_disturbance)):
+        rates[j] = rate_disturbance[j]
 
 
 # One function serves all runs, and is compiled once.
@@ -143,7 +181,9 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     @jitable
     def run(r: KernelRun) -> None:
         """Make the timesteps of a run from ``NEXT_STEP`` to before ``LAST_STEP``."""
-        x, u, q, v, w, loop, progress = r.x, r.u, r.q, r.v, r.w, r.loop, r.progress
+        x, u, q, v, progress = r.x, r.u, r.q, r.v, r.progress
+        world, measured, software = r.loop
+        disturbed = len(r.disturbed) > 0
         n = len(x)
         m = len(u)
         nq = len(q)
@@ -152,20 +192,27 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
         sample = -(-first // r.stride)
         due = sample * r.stride
         for i in range(first, progress[LAST_STEP]):
+            if disturbed:
+                disturb(r.disturbances, r.values, i, i * r.h, r.h, r.disturbed)
+                act_on_plant(r.w, r.bodies, r.forces, r.rate_disturbance, r.rates)
+
             if looped:
-                remember(i, x, loop)
-                due = int(loop.computer[0].due)
+                remember(i, x, r.output_disturbance, world)
+                due = int(world.computer[0].due)
 
             # A sample.
             if i >= due:
                 if looped:
-                    t = observe(i, loop)
+                    sample = sense(i, world, measured)
+                    t = observe(sample, measured, software)
                 else:
                     t = sample * r.period
                     sample += 1
                     due += r.stride
                     for j in range(n):
                         r.seen[j] = x[j]
+                    for j in range(len(r.output_disturbance)):
+                        r.seen[j] += r.output_disturbance[j]
 
                 answer = r.law(t, r.address)
                 if answer != ANSWERED:
@@ -174,26 +221,29 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                     return
 
                 if looped:
-                    send(r.command, loop)
+                    in_time = send(r.command, world)
+                    keep_output(sample, r.command, in_time, measured, software)
                 else:
                     for j in range(m):
                         u[j] = r.command[j]
 
             if looped:
-                actuate(i, loop, u)
+                actuate(i, world, u)
                 for j in range(m):
                     r.given[j] = u[j]
-
-            if len(r.pushes) > 0:
-                push(r.pushes, r.values, i, i * r.h, r.h, w)
-                for k in range(len(r.bodies)):
-                    for j in range(6):
-                        r.forces[r.bodies[k], j] = w[6 * k + j]
 
             if len(r.meters) > 0:
                 r.note(i * r.h, r.address)
 
-            r.step(r.model, r.data)
+            # Metrics and the next timestep have the input without its disturbance.
+            if len(r.input_disturbance) > 0:
+                for j in range(m):
+                    u[j] += r.input_disturbance[j]
+                r.step(r.model, r.data)
+                for j in range(m):
+                    u[j] = r.given[j] if looped else r.command[j]
+            else:
+                r.step(r.model, r.data)
             for j in range(0, len(r.warnings), 2):
                 if r.warnings[j] != 0:
                     progress[NEXT_STEP] = i
@@ -217,12 +267,12 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     return run
 
 
-# Functions for compiled code, from the address of a ``KernelRun``, or of its loop, to the members
-# that a law, a metric and a design model read and write.
+# Functions for compiled code, from the address of a ``KernelRun``, or of a ``Software``, to the
+# members that a law, a metric and a design model read and write.
 _KERNEL_RUN = numba_type(KernelRun)
 law_members_at = members_at(_KERNEL_RUN, "x", "seen", "command", "memory", "p")
 note_members_at = members_at(_KERNEL_RUN, "x", "u", "memory", "p", "meters", "meter_numbers")
-advance_members_at = members_at(numba_type(LoopRun), "memory", "p", "own")
+advance_members_at = members_at(numba_type(Software), "memory", "p", "own")
 _run_at = structure_at(_KERNEL_RUN)
 
 
@@ -260,8 +310,8 @@ class CompiledRun:
         self._kernel = kernel(looped=looped).address
 
         self._structure["address"] = self._address
-        loop_offset = self._structure.dtype.fields["loop"][1]
-        self._structure["loop"]["address"] = self._address + loop_offset
+        software = self._structure["loop"]["software"]
+        software["address"] = software.ctypes.data
 
     def put(self, **arrays: Array) -> None:
         """Replace arrays by others, which the caller keeps alive."""

@@ -199,6 +199,7 @@ def write_inputs(
         if strict or not failure.undefined:
             raise failure from error
         u[:] = np.nan
+    memory.begun = 1.0
     return all_finite(u)
 
 

@@ -20,8 +20,8 @@ from grosmc_mj.control.coordinates.design_model import Advance
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
-from grosmc_mj.loop.stages import ADVANCE, LoopRun
-from grosmc_mj.loop.start import ideal_loop
+from grosmc_mj.loop.software import ADVANCE
+from grosmc_mj.loop.start import LoopRun, ideal_loop
 from grosmc_mj.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
@@ -203,9 +203,9 @@ class _Worker:
         self._steppers = steppers
         # Stepper and sizes of the loop for which there is room.
         self._fits: Any = None
-        # Controller and first sample [s] of the last run, the law's memory as a run begins, and the
-        # workspace that the law computes in.
-        self._begun: tuple[Controller, float] | None = None
+        # Controller of the last run, its memory as a run begins, and the workspace that its law
+        # computes in.
+        self._controller: Controller | None = None
         self._memory: Any = None
         self._workspace: Any = None
         self._steps_before_pause = _FIRST_STEPS
@@ -263,7 +263,7 @@ class _Worker:
                 design_model["p"] = run.p
                 design_model["own"] = applied.model.own.copy()
             seen = run.now[problem.columns["seen"]]
-            loop = applied.begin(seen, run.seen, **design_model)
+            loop = applied.begin(problem.x0[number], seen, run.seen, **design_model)
         return CompiledRun(run._replace(loop=loop), looped=problem.looped)
 
     def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
@@ -274,19 +274,18 @@ class _Worker:
         loop = problem.loops[number]
         meters = problem.meters[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
-        first = problem.first_sample(number)
-        if (controller, first) != self._begun:
-            memory, self._workspace = controller.begin(first)
-            self._begun = controller, first
+        if controller is not self._controller:
+            memory, self._workspace = controller.begin()
+            self._controller = controller
             self._memory = pack(memory)
 
         start(room.r, problem, number, stepper, self._memory, batch.record)
         room.r.p[:] = batch.numbers[controller]
         if loop is not None:
-            loop.restart(room.r.loop)
-        if len(problem.pushes) > 1:
-            pushes, values = problem.pushes_of(number)
-            room.put(pushes=pushes, values=values)
+            loop.restart(room.r.loop, problem.x0[number])
+        if len(problem.packed_disturbances) > 1:
+            disturbances, values = problem.disturbances_of(number)
+            room.put(disturbances=disturbances, values=values)
         if meters is not None:
             room.r.meter_numbers[:] = batch.constants[meters]
             room.r.meters[:] = batch.record.meters[number]
@@ -344,6 +343,7 @@ def _compiled_law(
             law(t, local_copy(seen, n), memory_record, record_at(p, numbers_dtype), u)
         except Exception:
             return failed
+        memory_record.begun = 1.0
         for i in range(m):
             command[i] = u[i]
 

@@ -19,7 +19,7 @@ from grosmc_mj.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import record_dtype
 from grosmc_mj.refusals import refusal
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import AnyDisturbance, RateDisturbance
 from grosmc_mj.simulation.problem import Meters, Problem
 
 ANALYTIC_TIMESTEP = 1e-3
@@ -42,10 +42,11 @@ class OneOrMore(Is):
 class _Lists(Check):
     """A list of disturbances for all simulations, or a list for each: a tuple of such lists."""
 
-    def __call__(self, value: Any) -> tuple[tuple[Disturbance, ...], ...]:
+    def __call__(self, value: Any) -> tuple[tuple[AnyDisturbance, ...], ...]:
         several = isinstance(value, (list, tuple))
-        single = not several or all(isinstance(item, Disturbance) for item in value)
-        items = Items(Disturbance, "a list of Disturbances, or one such list for each simulation")
+        single = not several or all(isinstance(item, AnyDisturbance) for item in value)
+        wanted = "a list of Disturbances, or one such list for each simulation"
+        items = Items(AnyDisturbance, wanted)
         return tuple(map(items, [value] if single else value))
 
 
@@ -132,10 +133,20 @@ def prepare(
     )
     for item, start in zip(problem.plants, problem.x0, strict=True):
         item.require_start(start)
-    problem.pushes  # noqa: B018  refuses unknown bodies and profiles before anything runs
+    _refuse_rates_in_physics(problem)
+    problem.packed_disturbances  # noqa: B018  refuses unknown names and profiles before the run
     several = isinstance(plant, tuple) or isinstance(controller, tuple) or isinstance(loop, tuple)
     single = nsim == 1 and states.ndim == 1 and not several
     return problem, single
+
+
+def _refuse_rates_in_physics(problem: Problem) -> None:
+    """Refuse a disturbance of a state's rate on a plant in MuJoCo."""
+    if problem.plants[0].kind == "physics" and problem.disturbed[RateDisturbance.part]:
+        raise ArgumentError(
+            f"{problem.system.name} runs in MuJoCo, where no rate is disturbed: name a body or an "
+            "input"
+        )
 
 
 def _number_of_simulations(

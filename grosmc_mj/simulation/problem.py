@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +16,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.disturbances import Disturbance, packed
+from grosmc_mj.simulation.disturbances import AnyDisturbance, packed, widths
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class Problem:
     stride: int
     timestep: float
     control_period: float
-    disturbances: tuple[tuple[Disturbance, ...], ...]
+    disturbances: tuple[tuple[AnyDisturbance, ...], ...]
     record: bool
     threads: int
 
@@ -91,17 +92,11 @@ class Problem:
         """Whether the law is in a loop with sensors and actuators."""
         return self.loops[0] is not None
 
-    def first_sample(self, run: int) -> float:
-        """Time of the law's first sample in one simulation [s], see ``Memory``."""
-        loop = self.loops[run]
-        if loop is None:
-            return 0.0
-        return loop.ahead
-
-    @property
-    def disturbed(self) -> bool:
-        """Whether anything acts on any of the simulations."""
-        return any(self.disturbances)
+    # The columns and every list of disturbances need it.
+    @cached_property
+    def disturbed(self) -> dict[str, int]:
+        """Number of signals of each part that is disturbed in any simulation, see ``widths``."""
+        return widths(itertools.chain.from_iterable(self.disturbances), self.system)
 
     # The engines ask for it in each run.
     @cached_property
@@ -114,7 +109,8 @@ class Problem:
         n = self.x0.shape[1]
         m = len(self.system.inputs)
         sizes = {"engine_time": 1, "x": n, "command": m, "memory": self.memory_dtype.itemsize // 8}
-        sizes["w"] = 6 * len(self.system.bodies) if self.disturbed else 0
+        # Side by side: ``disturb`` writes them as one array.
+        sizes.update(self.disturbed)
         sizes["given"] = m if self.looped else 0
         sizes["seen"] = n if self.looped else 0
 
@@ -126,27 +122,35 @@ class Problem:
         return columns
 
     @property
+    def disturbed_columns(self) -> slice:
+        """Columns of the sums of all disturbances."""
+        parts = [self.columns[part] for part in self.disturbed]
+        return slice(parts[0].start, parts[-1].stop)
+
+    @property
     def width(self) -> int:
         """Number of signals in a row."""
         return self.columns["seen"].stop
 
     # Profiles that are no formula are called at every timestep, once.
     @cached_property
-    def pushes(self) -> list[tuple[Array, Array]]:
+    def packed_disturbances(self) -> list[tuple[Array, Array]]:
         """Numbers of the one list of disturbances, or of each list, see ``packed``.
 
         Raises:
             ArgumentError: If ``packed`` refuses a disturbance.
         """
-        bodies = self.system.bodies
-        steps = range(self.steps)
-        return [packed(items, bodies, steps, self.timestep) for items in self.disturbances]
+        return [self.packed(items, range(self.steps)) for items in self.disturbances]
 
-    def pushes_of(self, run: int) -> tuple[Array, Array]:
-        """Numbers of the disturbances on one simulation."""
-        if len(self.pushes) == 1:
-            return self.pushes[0]
-        return self.pushes[run]
+    def packed(self, disturbances: Sequence[AnyDisturbance], steps: range) -> tuple[Array, Array]:
+        """Numbers of disturbances and their values in some timesteps, see ``packed``."""
+        return packed(disturbances, self.system, self.disturbed, steps, self.timestep)
+
+    def disturbances_of(self, run: int) -> tuple[Array, Array]:
+        """Numbers of the disturbances of one simulation."""
+        if len(self.packed_disturbances) == 1:
+            return self.packed_disturbances[0]
+        return self.packed_disturbances[run]
 
 
 @dataclass(eq=False)

@@ -13,6 +13,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.records import pack
+from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
 from grosmc_mj.simulation.law_inputs import write_inputs
 from grosmc_mj.simulation.problem import Problem, Record
@@ -54,7 +55,7 @@ class ClosedLoop:
         self._stepper = steppers.of(problem.plants[number])
 
         self.steps = 0
-        self.memory, self._workspace = self._controller.begin(problem.first_sample(number))
+        self.memory, self._workspace = self._controller.begin()
         self.meters = deepcopy(self._meters.start) if self._meters else None
         self.run = self._begun(number, record)
 
@@ -86,7 +87,8 @@ class ClosedLoop:
             loop = ideal_loop(len(run.seen), len(stepper.u))
         else:
             seen = run.now[problem.columns["seen"]]
-            loop = self._loop.begin_uncompiled(self.memory, seen, run.seen)
+            x0 = problem.x0[number]
+            loop = self._loop.begin_uncompiled(x0, self.memory, seen, run.seen)
         run = run._replace(loop=loop)
         start(run, problem, number, stepper, pack(self.memory), kept)
         return run
@@ -109,9 +111,20 @@ class ClosedLoop:
         return Status(int(self.run.progress[ANSWER]) - ANSWERED)
 
     def advance_under(self, wrench: Array) -> Status:
-        """Make one timestep under a wrench, (6 * bodies,), in place of the disturbances."""
-        self.run = self.run._replace(pushes=self.run.pushes[:0])
-        self.run.forces[self.run.bodies] = wrench.reshape(-1, 6)
+        """Make one timestep under a wrench, (6 * bodies,), beside the disturbances.
+
+        It may go on after the end of the run. Some disturbance of the problem must act on a body,
+        if only with a wrench of zero.
+        """
+        problem = self._problem
+        disturbances = [*problem.disturbances[0]]
+        for body, of_body in zip(problem.system.bodies, wrench.reshape(-1, 6), strict=True):
+            if of_body.any():
+                pull: Any = of_body.tolist()
+                disturbances.append(Disturbance(body, pull))
+        steps = range(self.steps, self.steps + 1)
+        numbers, values = problem.packed(disturbances, steps)
+        self.run = self.run._replace(disturbances=numbers, values=values)
         return self.advance()
 
     def _sample(self, t: float, _address: Any) -> int:
@@ -165,7 +178,7 @@ def kernel_run(
         of_engine: Fields of ``KernelRun`` in which the engines differ.
     """
     meters = problem.meters[number]
-    pushes, values = problem.pushes_of(number)
+    disturbances, values = problem.disturbances_of(number)
     now = np.zeros(problem.width)
     signals = {name: now[columns] for name, columns in problem.columns.items()}
     # A loop writes the measured state into its column; the law gets it in an array of its own.
@@ -181,11 +194,13 @@ def kernel_run(
         v=stepper.v,
         u=stepper.u,
         warnings=stepper.warnings,
-        pushes=pushes,
+        disturbances=disturbances,
         values=values,
         bodies=stepper.bodies,
         forces=stepper.forces,
+        rates=stepper.rates,
         now=now,
+        disturbed=now[problem.disturbed_columns],
         **signals,
         meters=record.meters[number].copy(),
         meter_numbers=pack(meters.numbers) if meters else np.zeros(0),

@@ -13,7 +13,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
 from grosmc_mj.loop import AppliedLoop, Loop
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Meters, Problem, Record
@@ -33,7 +33,7 @@ def simulate(
     loop: Loop | AppliedLoop | Sequence[Loop | AppliedLoop | None] | None = None,
     control_period: float | None = None,
     timestep: float | None = None,
-    disturbances: Sequence[Disturbance] | Sequence[Sequence[Disturbance]] = (),
+    disturbances: Sequence[AnyDisturbance] | Sequence[Sequence[AnyDisturbance]] = (),
     meters: Meters | Sequence[Meters] | None = None,
     engine: Engine = "native",
     record: bool = True,
@@ -54,7 +54,8 @@ def simulate(
         control_period: Time between two samples of the law [s]; the timestep by default. It
             must be a multiple of the timestep.
         timestep: Of an analytic plant [s], 1 ms by default; a model in MuJoCo has its own.
-        disturbances: Wrenches, for all simulations or one list for each.
+        disturbances: Of bodies, inputs, measured states and rates, in one list for all
+            simulations, or one list for each.
         meters: Metrics to accumulate, for all simulations or one for each.
         engine: ``native`` compiles law and loop; ``python`` runs any callable law.
         record: Whether to keep every timestep, or only start and end.
@@ -129,13 +130,21 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         sliding=_squeezed(memory["s"]) if "s" in fields else None,
         weighed=_squeezed(memory["v"]),
         memory=memory,
-        wrench=held["w"] if problem.disturbed else None,
+        wrench=_if_disturbed(held["w"]),
+        input_disturbance=_if_disturbed(_squeezed(held["input_disturbance"])),
+        output_disturbance=_if_disturbed(held["output_disturbance"]),
+        rate_disturbance=_if_disturbed(held["rate_disturbance"]),
         physics=_physics(problem, rows),
         status=np.array([Status(value) for value in record.status], object),
         valid_until=record.valid * problem.timestep,
         unseen=tuple(getattr(plant, "hidden_states", ()) for plant in problem.plants),
         meters=record.meters.view(meters.kind[1])[:, 0] if meters else None,
     )
+
+
+def _if_disturbed(rows: Array) -> Array | None:
+    """Disturbances in the rows of a record; None if none was given."""
+    return rows if rows.size else None
 
 
 def _physics(problem: Problem, rows: Array) -> Array | None:

@@ -1,7 +1,8 @@
 """Steppers: they move a plant by a timestep, equations by RK4, an mjData by MuJoCo.
 
-A stepper holds one simulation of a plant. Its arrays ``q``, ``v``, ``u``, ``warnings``, ``bodies``
-and ``forces`` are views of the state that it moves, and mean the same as in ``kernel.KernelRun``.
+A stepper holds one simulation of a plant. Its arrays ``q``, ``v``, ``u``, ``warnings``, ``bodies``,
+``forces`` and ``rates`` are views of the state that it moves, and mean the same as in
+``kernel.KernelRun``.
 ``model`` and ``data`` are the arguments of ``advance``: an mjModel and an mjData, or the numbers
 and the arrays of equations. Overflows of a diverging run are the caller's to silence, and so are
 MuJoCo's warnings.
@@ -60,6 +61,7 @@ class EquationStepper:
         self.warnings = self.data.warnings
         self.forces = self.data.w.reshape(-1, 6)
         self.bodies = np.arange(len(self.forces))
+        self.rates = self.data.rates
 
         self.model = plant.parameters
         # It refuses parameters that are no numbers.
@@ -73,10 +75,11 @@ class EquationStepper:
             self._numbers[:] = pack(plant.parameters)
 
     def restart(self, x0: Array) -> None:
-        """Go to a start, (n,), with neither input nor wrench."""
+        """Go to a start, (n,), with neither input nor disturbance."""
         self.q[:] = x0
         self.u[:] = 0.0
         self.forces[:] = 0.0
+        self.rates[:] = 0.0
         self.warnings[:] = 0
 
     def advance(self, model: Any, data: Any) -> None:
@@ -96,12 +99,13 @@ class EquationStepper:
 
 
 def _block_dtype(system: System) -> np.dtype[Any]:
-    """Memory of a step of equations: timestep, state, input, wrenches and scratch space."""
+    """Memory of a step of equations: timestep, state, input, disturbances and scratch."""
     n = len(system.states)
     sizes = {
         "x": n,
         "u": len(system.inputs),
         "w": 6 * len(system.bodies),
+        "rates": n,
         "slope": n,
         "stage": n,
         "total": n,
@@ -121,7 +125,7 @@ def _step_of(system: System) -> Any:
     @jitable
     def step(p: Any, d: Any) -> None:
         x = d.x
-        rk4(x, d.u, d.w, p, d.h, d.slope, d.stage, d.total)
+        rk4(x, d.u, d.w, d.rates, p, d.h, d.slope, d.stage, d.total)
         for i in range(n):
             if not abs(x[i]) < largest:
                 d.warnings[0] = 1
@@ -166,6 +170,7 @@ class PhysicsStepper:
         self.warnings = _warning_counts(data)
         self.forces = data.xfrc_applied
         self.bodies = np.array([model.body(name).id for name in system.bodies], np.int64)
+        self.rates = np.zeros(0)
 
         self.size = mujoco.mj_stateSize(model, _FULL_PHYSICS)
         # Without hidden states it is the time and the state, which a row has anyway.

@@ -37,7 +37,8 @@ class Status(Enum):
 _NOT_SAVED = ("workspace", "first")
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
-_INTERVALS = ("command", "input", "sliding", "weighed", "memory", "wrench", "seen")
+_DISTURBANCES = ("wrench", "input_disturbance", "output_disturbance", "rate_disturbance")
+_INTERVALS = ("command", "input", "sliding", "weighed", "memory", "seen", *_DISTURBANCES)
 # Key of the description in a file.
 _ABOUT = "grosmc_mj"
 _PARQUET = ".parquet"
@@ -51,20 +52,21 @@ class Trajectory:
     With N timesteps, arrays over instants have N + 1 rows (t = 0 ... N h) and arrays over
     intervals have N: row i holds over [t_i, t_{i+1}). After the end of a run that stopped early
     the rows repeat its last valid ones; without recording N is 1. With m > 1 inputs those of
-    command, input, sliding and weighed have one more axis at the end, (..., N, m).
+    command, input, input_disturbance, sliding and weighed have one more axis at the end,
+    (..., N, m).
 
     Attributes:
         system: The plant's system, which names the states and gives their units.
         time: Instants, exactly i h [s], (N + 1,).
         state: x, (..., N + 1, n).
         command: What the law asked for, in the unit of ``system.input``, (..., N).
-        input: What the actuator applied, (..., N).
+        input: What the actuator applied, without a disturbance of the input, (..., N).
         sliding: s at the samples, held between them, (..., N); None if the law has no surface.
         weighed: The input v that the law's index weighs, (..., N).
         memory: The law's memory after its last sample by the fields of its dataclass, a
             structured array, (..., N); zeros where an unrecorded run ended early.
         wrench: [force, torque] of each of ``system.bodies``, (..., N, 6 * bodies); None if no
-            disturbance was given.
+            disturbance on a body was given.
         physics: mjSTATE_FULLPHYSICS at each instant, (..., N + 1, size), to replay the run
             exactly; None on an analytic plant.
         status: How each run ended, () or (nsim,).
@@ -74,6 +76,11 @@ class Trajectory:
         unseen: What of ``physics`` no law sees, such as twists and currents of a machine; of a
             batch one such tuple for each run.
         meters: The accumulated metrics, a structured array, () or (nsim,); None without any.
+        input_disturbance: Disturbances of the inputs, in their units, (..., N); None if none was
+            given.
+        output_disturbance: Disturbances of the states as they are measured, (..., N, n); None if
+            none was given.
+        rate_disturbance: Disturbances of the rates of states, (..., N, n); None if none was given.
     """
 
     system: System
@@ -91,6 +98,21 @@ class Trajectory:
     seen: Array | None = None
     unseen: tuple[Any, ...] = ()
     meters: Any = None
+    input_disturbance: Array | None = None
+    output_disturbance: Array | None = None
+    rate_disturbance: Array | None = None
+
+    @property
+    def disturbed(self) -> NDArray[np.bool_] | None:
+        """Whether a disturbance acts in each interval of one run, (N,); None if none was given."""
+        acts = None
+        for name in _DISTURBANCES:
+            rows = getattr(self, name)
+            if rows is None:
+                continue
+            nonzero = np.any(rows.reshape(len(rows), -1) != 0, axis=1)
+            acts = nonzero if acts is None else acts | nonzero
+        return acts
 
     def __repr__(self) -> str:
         """System, number of instants and how it ended, without rows."""
@@ -124,8 +146,7 @@ class Trajectory:
             held = np.full((len(self.time), len(names)), np.nan)
             held[: len(rows)] = rows.reshape(len(rows), -1)
             for name, (_, unit), values in zip(names, labels, held.T, strict=True):
-                if name:
-                    columns.append(_Column(name, unit, values))
+                columns.append(_Column(name, unit, values))
 
         about = {
             "system": self.system.name,
@@ -152,7 +173,7 @@ class Trajectory:
             ("command", [(f"{u.name} asked", u.unit) for u in inputs], self.command),
             ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
             ("weighed", _numbered("v", "", self.weighed), self.weighed),
-            ("wrench", _wrench_labels(self.system), self.wrench),
+            *self._disturbances(),
             ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
         ]
         if self.physics is not None and self.unseen:
@@ -165,12 +186,27 @@ class Trajectory:
                 signals.append((name, _numbered(name, "", rows), rows))
         return [(name, labels, rows) for name, labels, rows in signals if rows is not None]
 
+    def _disturbances(self) -> list[tuple[str, _Labels, Array | None]]:
+        """Name, labels and rows of the disturbances."""
+        inputs = [(f"disturbance of {u.name}", u.unit) for u in self.system.inputs]
+        outputs = []
+        rates = []
+        for state in self.system.states:
+            outputs.append((f"disturbance of measured {state.name}", state.unit))
+            rates.append((f"disturbance of the rate of {state.name}", state.rate_unit))
+        return [
+            ("wrench", _wrench_labels(self.system), self.wrench),
+            ("input_disturbance", inputs, self.input_disturbance),
+            ("output_disturbance", outputs, self.output_disturbance),
+            ("rate_disturbance", rates, self.rate_disturbance),
+        ]
+
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet`` or ``.csv``, by the ending.
 
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
-        were applied and as they were asked for, ``s``, ``v``, memory, forces and torques, what of
-        a machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
+        were applied and as they were asked for, ``s``, ``v``, memory, disturbances, what of a
+        machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
         what is held over an interval stands at its beginning, and the last row has none. Parquet
         keeps all of the run, for ``load_trajectory``; columns of CSV are called ``name [unit]``.
 
@@ -228,7 +264,7 @@ class Trajectory:
         )
 
 
-# Name and unit of each column of a signal; an empty name for a column that is not written.
+# Name and unit of each column of a signal.
 _Labels = list[tuple[str, str]]
 
 
@@ -255,13 +291,9 @@ def _numbered(name: str, unit: str, rows: Array | None) -> _Labels:
 
 
 def _wrench_labels(system: System) -> _Labels:
-    """Labels of the wrenches; a disturbance of an input or a rate uses the first column only."""
+    """Labels of the wrenches."""
     labels = []
     for body in system.bodies:
-        if body in system.pushes:
-            labels.append((f"disturbance of {body}", system.pushes[body]))
-            labels += [("", "")] * 5
-            continue
         for kind, unit in (("force", "N"), ("torque", "N m")):
             labels += [(f"{kind} {axis} on {body}", unit) for axis in "xyz"]
     return labels
@@ -360,9 +392,8 @@ def _restored(table: Any) -> Trajectory:
 
 
 def _rows(table: Any, names: Sequence[str]) -> Array:
-    """Columns of a signal side by side, (N + 1, columns); zeros for a column without a name."""
-    unused = np.zeros(table.num_rows)
-    return np.column_stack([table[name].to_numpy() if name else unused for name in names])
+    """Columns of a signal side by side, (N + 1, columns)."""
+    return np.column_stack([table[name].to_numpy() for name in names])
 
 
 def _memory(fields: dict[str, Array], length: int) -> NDArray[np.void]:

@@ -308,8 +308,8 @@ def _amounts(
         of: Any = getattr(part, "of", "")
         for item in fields(part):
             quantity = item.name
-            # A sensor's scale is 1 where it is ideal, and has no more or less.
-            if quantity not in LOOP_UNITS[kind] or quantity == "scale":
+            # A factor is 1 where it is ideal, and has no more or less.
+            if quantity not in LOOP_UNITS[kind] or quantity in ("scale", "gain"):
                 continue
             value: Any = getattr(part, quantity)
             if value != 0 and math.isfinite(value):

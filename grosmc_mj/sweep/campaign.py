@@ -39,7 +39,7 @@ from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
 from grosmc_mj.sweep.parameters import CaseSample, with_values
@@ -362,9 +362,9 @@ class Campaign:
 
     @property
     def idle(self) -> list[str]:
-        """Label or body of each disturbance that begins after the end of every run."""
+        """Label, or body or signal, of each disturbance that begins after the end of every run."""
         return [
-            disturbance.label or disturbance.body
+            disturbance.label or disturbance.of
             for disturbance in self.experiment.case.disturbances
             if _onset(disturbance, self.family)[0] >= self.duration
         ]
@@ -459,7 +459,7 @@ def _refuse_missing_corners(specification: Specification, family: Family) -> Non
         )
 
 
-def _onset(disturbance: Disturbance, family: Family) -> tuple[float, float]:
+def _onset(disturbance: AnyDisturbance, family: Family) -> tuple[float, float]:
     """Earliest and latest begin of a disturbance [s]."""
     for number in family.quantities:
         if number.of == disturbance.label and number.quantity == "onset":

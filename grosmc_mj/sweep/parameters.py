@@ -20,7 +20,7 @@ from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.plants import Plant, System
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.disturbances import AnyDisturbance, Pulse
 
 # The edits that have the numbers of each owner.
 _EDITS: Mapping[str, Any] = {"body": BodyEdit, "joint": JointEdit, **MACHINE_PARTS}
@@ -219,20 +219,20 @@ class Parameter:
             changed.append(_EDITS[self.owner](self.of, **change))
         return changed
 
-    def disturbed(self, disturbance: Disturbance, value: float) -> Disturbance:
+    def disturbed(self, disturbance: AnyDisturbance, value: float) -> AnyDisturbance:
         """Return a disturbance with this value; a pulse with another onset keeps its length."""
         if disturbance.label != self.of:
             return disturbance
         if self.quantity == "amplitude":
-            fx, fy, fz, tx, ty, tz = (value * part for part in disturbance.wrench)
-            return replace(disturbance, wrench=(fx, fy, fz, tx, ty, tz))
+            return disturbance.scaled(value)
 
         profile: Any = disturbance.profile
         if isinstance(profile, Pulse):
             changed = Pulse(value, value + (profile.stop - profile.start))
         else:
             changed = replace(profile, **{self.quantity: value})
-        return replace(disturbance, profile=changed)
+        of_disturbance: Any = disturbance
+        return replace(of_disturbance, profile=changed)
 
     def changed_case(self, case: Case, value: float, system: System) -> Case:
         """Return a case with this value in its start, disturbances, edits or loop.

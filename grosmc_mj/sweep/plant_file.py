@@ -22,7 +22,11 @@ from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import System
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
+from grosmc_mj.simulation.disturbances import (
+    AnyDisturbance,
+    Pulse,
+    SineFrom,
+)
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.family import Quantity
 from grosmc_mj.sweep.radius import RADIUS
@@ -338,21 +342,22 @@ class PlantTables:
         of = table["of"]
         return of if isinstance(of, list) else [of]
 
-    def set_disturbance(self, index: int, disturbance: Disturbance) -> None:
-        """Give a disturbance its wrench and the numbers of its profile.
+    def set_disturbance(self, index: int, disturbance: AnyDisturbance) -> None:
+        """Give a disturbance its wrench or amplitude and the numbers of its profile.
 
         Args:
             index: Its place in the file.
             disturbance: With the numbers.
         """
         table = self._rows("disturbance")[index]
+        amplitudes = disturbance.amplitudes
         if "force" in table:
-            table["force"] = [written(part, "N") for part in disturbance.wrench[:3]]
+            table["force"] = [written(part, "N") for part in amplitudes[:3]]
         if "torque" in table:
-            table["torque"] = [written(part, "N m") for part in disturbance.wrench[3:]]
+            table["torque"] = [written(part, "N m") for part in amplitudes[3:]]
         if "amplitude" in table:
-            unit = self._system.pushes[disturbance.body]
-            table["amplitude"] = written(disturbance.wrench[0], unit)
+            unit = disturbance.unit(self._system)
+            table["amplitude"] = written(amplitudes[0], unit)
 
         profile = disturbance.profile
         if isinstance(profile, Pulse):

@@ -22,9 +22,18 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import largest_rate, least_margin
+from grosmc_mj.assumptions.balance import Added
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
-from grosmc_mj.simulation.disturbances import Constant, Profile, Pulse, SineFrom
+from grosmc_mj.simulation.disturbances import (
+    AnyDisturbance,
+    Constant,
+    Disturbance,
+    InputDisturbance,
+    Profile,
+    Pulse,
+    SineFrom,
+)
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.search import largest_passing
 
@@ -92,28 +101,41 @@ class PromisedFamily:
                 )
         return cls(campaign, law, region)
 
-    def margin(self, values: Array, amplitude: Array) -> float:
+    def margin(self, values: Array, amplitude: Array, of_inputs: Array) -> float:
         """Least difference of configured and required switching rate in the operating region.
 
         Args:
             values: Uncertain numbers, (d,); those of disturbances and starts play no part.
             amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
+            of_inputs: Largest magnitude of the disturbance of each input, (m,).
         """
         plant = self.campaign.plant_sample(values).plant(self.campaign.plant)
-        return least_margin(self.law, plant.analytic(), self.bound, amplitude)
+        added = Added(of_inputs, np.zeros(len(plant.system.states)))
+        return least_margin(self.law, plant.analytic(), self.bound, amplitude, added)
 
     def amplitude(self, scale: float) -> Array:
         """The largest wrenches of the family, with its uncertainty scaled, (6 * bodies,)."""
-        bodies = self.campaign.plant.system.bodies
-        largest = np.zeros((len(bodies), 6))
+        wrenches = np.zeros(6 * len(self.campaign.plant.system.bodies))
+        return self._with_largest(wrenches, Disturbance, scale)
+
+    def input_amplitude(self, scale: float) -> Array:
+        """The largest disturbances of the inputs, with the uncertainty scaled, (m,)."""
+        inputs = np.zeros(len(self.campaign.plant.system.inputs))
+        return self._with_largest(inputs, InputDisturbance, scale)
+
+    def _with_largest(self, sizes: Array, kind: type[AnyDisturbance], scale: float) -> Array:
+        """Sizes with the largest magnitudes of all disturbances of a kind added to them."""
         for disturbance in self.campaign.experiment.case.disturbances:
+            if not isinstance(disturbance, kind):
+                continue
             factor = self._largest_factor(disturbance.label, scale)
-            size = np.abs(disturbance.wrench) * factor * self._peak(disturbance.profile)
-            largest[bodies.index(disturbance.body)] += size
-        return largest.ravel()
+            largest = np.abs(disturbance.amplitudes) * factor * self._peak(disturbance.profile)
+            first = disturbance.place(self.campaign.plant.system)
+            sizes[first : first + len(largest)] += largest
+        return sizes
 
     def _largest_factor(self, label: str, scale: float) -> float:
-        """The largest factor on the wrench of a disturbance; 1 if its amplitude is certain."""
+        """The largest factor on a disturbance; 1 if its amplitude is certain."""
         for number in self.campaign.family.quantities:
             if number.quantity == "amplitude" and number.of == label:
                 low, high = number.ends(scale)
@@ -157,7 +179,11 @@ class PromisedFamily:
         if not self.starts_inside(scale):
             return False
         amplitude = self.amplitude(scale)
-        return all(self.margin(values, amplitude) >= -_ROUNDING for values in self.corners(scale))
+        of_inputs = self.input_amplitude(scale)
+        return all(
+            self.margin(values, amplitude, of_inputs) >= -_ROUNDING
+            for values in self.corners(scale)
+        )
 
     def starts_inside(self, scale: float) -> bool:
         """Whether every start has its error state in the operating region."""

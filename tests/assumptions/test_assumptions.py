@@ -88,7 +88,7 @@ def state(law: Controller, t: float, z: Array) -> Array:
 def input_beside_surface(law: Controller, t: float, z: Array, s: float) -> Array:
     """The input of a law that is off its surface by s."""
     G = law.parameters.G[0]
-    memory = SurfaceMemory(z0=z - s * G / (G @ G), t=t)
+    memory = SurfaceMemory(z0=z - s * G / (G @ G), t=t, begun=1.0)
     u = law.input_at(t, state(law, t, z), memory)
     assert math.copysign(1.0, memory.s.item()) == math.copysign(1.0, s)
     return u

@@ -192,6 +192,24 @@ def test_a_load_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     assert not_matched == expected
 
 
+ON_CURRENT = '[[disturbance]]\ninput = "current"\namplitude = "1 A"\n'
+ON_HIP = 'force = ["0 N", "0 N", "0 N"]\n[[disturbance]]\ninput = "hip"\namplitude = "1 N m"'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        short_step("grosmc", "corrected") + ON_CURRENT,
+        short_step("grosmc", "physics") + ON_CURRENT,
+        short_step("lqr", "physics") + ON_CURRENT,
+        LEG.format(wrench=ON_HIP),
+    ],
+    ids=["equations", "GROSMC in MuJoCo", "LQR in MuJoCo", "a robot"],
+)
+def test_a_disturbance_of_an_input_is_matched_on_every_plant(tmp_path, text) -> None:
+    assert lines(tmp_path, text) == ([], [])
+
+
 @pytest.mark.parametrize(("load", "holds"), [(LOAD_ON_SPEED, False), (LOAD_ON_INPUT, True)])
 def test_a_load_where_no_input_acts_breaks_the_premise_of_matching(tmp_path, load, holds) -> None:
     (tmp_path / "own.py").write_text(MOTOR, encoding="utf-8")

@@ -7,6 +7,7 @@ import io
 import re
 import tempfile
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,8 @@ from rich.cells import cell_len
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES
+from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES, Entry
+from grosmc_mj.cli.program import parse
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
 from grosmc_mj.experiments.file.text import complete_text
@@ -48,8 +50,12 @@ limit = "4 A"
 
 def all_commands() -> list[type[Command]]:
     """The commands, those of groups included."""
-    commands = [command for command in COMMANDS.values() if isinstance(command, type)]
-    return [*commands, *STUDIES.values(), *CLAIMS.values()]
+    entries = [entry for entry in COMMANDS.values() if isinstance(entry, Entry)]
+    commands = []
+    for entry in (*entries, *STUDIES.values(), *CLAIMS.values()):
+        module, _, name = entry.path.partition(":")
+        commands.append(getattr(import_module(f"grosmc_mj.cli.commands.{module}"), name))
+    return commands
 
 
 @pytest.fixture
@@ -216,8 +222,8 @@ def test_every_command_takes_verbose(command: type[Command]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("", f"usage: grosmc-mj {' '.join(COMMANDS)}"),
-        ("validate", "SYSTEM/CASE --verbose --out"),
+        ("", f"Usage: grosmc-mj {' '.join(COMMANDS)}"),
+        ("validate", "TARGETS SYSTEM --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
         ("study", "region tolerance ladder"),
     ],
@@ -226,6 +232,76 @@ def test_help_names_the_options(arguments: str, words: str, capsys: Screen) -> N
     assert run(*arguments.split(), "--help") == cli.DONE
     output = capsys.readouterr().out
     assert [word for word in words.split() if word not in output] == []
+
+
+def panels(command: str, screen: Screen) -> dict[str, list[str]]:
+    """Return the options of each panel of a command's help."""
+    assert run(*command.split(), "--help") == cli.DONE
+    found: dict[str, list[str]] = {}
+    title = ""
+    for line in screen.readouterr().out.splitlines():
+        if line.startswith("╭─"):
+            title = line.split()[1]
+            found[title] = []
+        elif title:
+            found[title].extend(re.findall(r"^│ (--[a-z-]+)", line))
+    return found
+
+
+def test_the_help_of_a_campaign_begins_with_eight_options(capsys: Screen) -> None:
+    found = panels("campaign", capsys)
+    assert list(found) == [
+        "Arguments",
+        "Options",
+        "Search",
+        "Sampling",
+        "Simulation",
+        "Execution",
+        "Output",
+    ]
+    first = "--runs --laws --at-least --worst --radius --out --resume --plant"
+    assert found["Options"] == first.split()
+
+
+def test_the_overview_has_a_line_for_each_command(capsys: Screen, monkeypatch: Patch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("--help") == cli.DONE
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line for line in lines if line.startswith("│")]
+    assert [row.split()[1] for row in rows] == [*COMMANDS, "--help"]
+
+
+@pytest.mark.parametrize("arguments", ["claims servo", "claims judge servo"])
+def test_claims_alone_are_judged(arguments: str) -> None:
+    command = parse(arguments.split())
+    assert type(command).__name__ == "JudgeCommand"
+    assert command == parse(["claims", "judge", "servo"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "values"),
+    [
+        ("run servo", {"laws": (), "save": None, "figures": True, "film": False}),
+        ("run servo --laws lqr grosmc --no-figures", {"laws": ("lqr", "grosmc"), "figures": False}),
+        ("run --laws lqr grosmc --film servo", {"laws": ("lqr", "grosmc"), "target": "servo"}),
+        ("run servo --laws lqr --laws grosmc", {"laws": ("lqr", "grosmc")}),
+        ("run servo --laws=lqr", {"laws": ("lqr",)}),
+        ("run --laws lqr -- servo", {"laws": ("lqr",), "target": "servo"}),
+        ('run servo --laws ["lqr"]', {"laws": ('["lqr"]',)}),
+        ("run servo --save", {"save": "parquet"}),
+        ("run servo --save --film", {"save": "parquet", "film": True}),
+        ("run --save csv servo", {"save": "csv", "target": "servo"}),
+        ("campaign servo --runs 4 --runs 8", {"runs": 8}),
+        ("campaign servo --seed -3 --at-least .5", {"seed": -3, "at_least": 0.5}),
+        ("campaign servo --control_period 0.1", {"control_period": 0.1}),
+        ("film servo --from -1 --to 3 -o f.mp4", {"start": -1.0, "stop": 3.0}),
+        ("study region servo --limits -10 1", {"limits": (-10.0, 1.0)}),
+        ("validate arm servo --no-claims", {"targets": ("arm", "servo"), "claims": False}),
+    ],
+)
+def test_options_are_the_fields_of_a_command(arguments: str, values: dict[str, object]) -> None:
+    command = parse(arguments.split())
+    assert {name: getattr(command, name) for name in values} == values
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def worst_rate_of_s(ctl: Controller) -> float:
         )
         x = np.zeros(4)
         x[[1, 3]] = z
-        memory = SurfaceMemory(z0=z - side * off_surface, t=1.0)
+        memory = SurfaceMemory(z0=z - side * off_surface, t=1.0, begun=1.0)
         u = ctl.input_at(1.0, x, memory)
         assert np.sign(memory.s).tolist() == [side]
 

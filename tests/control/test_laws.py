@@ -79,6 +79,7 @@ def memory_at(ctl: Controller, t: float, x: Array, s: Any = 0.0) -> Any:
         offset = np.broadcast_to(s, memory.s.shape)
         memory.z0[:] = z - np.linalg.pinv(ctl.parameters.G) @ offset
         memory.t = t
+        memory.begun = 1.0
     return memory
 
 
@@ -167,7 +168,6 @@ def test_law_is_the_equivalent_control_on_its_surface(design: str) -> None:
     t = 0.7
     for x in states(design, 30):
         memory: Any = ctl.memory()
-        memory.first = t
         u = ctl.input_at(t, x, memory)
         assert not memory.s.any()
         np.testing.assert_array_equal(u, optimal.input_at(t, x, optimal.memory()))

@@ -15,6 +15,7 @@ import grosmc_mj as gm
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import prediction_errors
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.model import LogModel
@@ -97,31 +98,41 @@ def test_a_disturbance_that_moves_nothing_is_noted() -> None:
 
 LOAD_CASE = """
 title = "A servo under a load"
-plant = { system = "servo" }
-run = { duration = "5 s" }
-controller = [{ law = "lqr" }]
-disturbance = [{ body = "rotor", torque = ["0 N m", "1 N m", "0 N m"], label = "load" }]
+plant = {{ system = "servo" }}
+run = {{ duration = "5 s" }}
+controller = [{{ law = "lqr" }}]
+disturbance = [{{ {disturbance}, label = "load" }}]
 uncertain = [
-  { body = "rotor", mass_scale = [0.3, 4] },
-  { disturbance = "load", amplitude = [-1, 1] },
+  {{ body = "rotor", mass_scale = [0.3, 4] }},
+  {{ disturbance = "load", amplitude = [-1, 1] }},
 ]
 """
+# Of each the torque is -0.1 N m, as that of the log.
+LOADS = [
+    ('body = "rotor", torque = ["0 N m", "1 N m", "0 N m"]', -0.1),
+    ('input = "current", amplitude = "1 A"', 0.1 / 0.667),
+]
 
 
-@pytest.fixture(scope="module")
-def loaded_fit(tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    """The fit of a case with 1 N m of unknown size to a servo that is driven by -0.1 N m."""
-    path = tmp_path_factory.mktemp("load") / "load.toml"
-    path.write_text(LOAD_CASE, encoding="utf-8")
+@pytest.mark.parametrize(("disturbance", "amplitude"), LOADS)
+def test_an_uncertain_load_is_fitted_and_written(
+    disturbance: str, amplitude: float, tmp_path: Path
+) -> None:
+    """A case of a unit load is fitted to a servo that is driven by a part of it."""
+    path = tmp_path / "load.toml"
+    path.write_text(LOAD_CASE.format(disturbance=disturbance), encoding="utf-8")
     experiment = Experiment.load(path)
     log = exact_log(LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE),)))
     parameters = parameters_of(experiment, ())
     plant = experiment.plant("physics")
-    return fit(parameters, log, plant, horizon=1.0, timestep=TIMESTEP)
+    found = fit(parameters, log, plant, horizon=1.0, timestep=TIMESTEP)
+    assert found.values == pytest.approx([1.0, amplitude], rel=1e-6)
 
-
-def test_an_uncertain_load_is_fitted(loaded_fit: Fit) -> None:
-    assert loaded_fit.values == pytest.approx([1.0, -0.1], rel=1e-6)
+    written = tmp_path / "found.toml"
+    write_case(found, "a log", written)
+    (load,) = Experiment.load(written).case.disturbances
+    (declared,) = experiment.case.disturbances
+    assert load.amplitudes == pytest.approx(declared.scaled(amplitude).amplitudes, rel=1e-6)
 
 
 UNSTABLE = gm.affine_plant(

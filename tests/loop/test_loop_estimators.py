@@ -219,7 +219,7 @@ def gain_of(noise: float, load: float, of: str = ANGLE, resolution: float = 0.0)
         sensors=(Sensor(of, resolution, noise=noise),),
         estimators=(Estimator((ANGLE, SPEED), "kalman", load=load),),
     )
-    return apply_loop(loop, scripted([0.0], modelled=True), SERVO).start.gain
+    return apply_loop(loop, scripted([0.0], modelled=True), SERVO).start.software.gain
 
 
 each_noise = pytest.mark.parametrize(("noise", "load"), [(1e-3, 1e-2), (1e-7, 1.0)])

@@ -51,6 +51,7 @@ settled = false
 [[actuator]]
 of = "current"
 delay = "0.5 ms"
+gain = 1.2
 resolution = "1 mA"
 limit = "4 A"
 rate_limit = "100 A/s"
@@ -88,6 +89,7 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
     actuator = Actuator(
         "current",
         delay=0.5 * H,
+        gain=1.2,
         resolution=H,
         limit=4.0,
         rate_limit=100.0,
@@ -251,8 +253,9 @@ def delays_of(file: Path) -> tuple[float, float]:
     """True delay of the computer, and the dead time that LQR knows, in timesteps."""
     loop = Experiment.load(file).applied_loop("physics", "lqr")
     assert loop is not None
-    (computer,) = loop.start.computer
-    return computer["delay"], computer["dead"]
+    (computer,) = loop.start.world.computer
+    (setup,) = loop.start.software.setup
+    return computer["delay"], setup["dead"]
 
 
 KNOWN_LOOP = """

@@ -73,7 +73,8 @@ def actuated(actuator: Any, demands: list[float]) -> list[float]:
     inputs = []
     rated = 0.0
     for demand in demands:
-        limited = np.clip(rounded(demand, actuator["resolution"]), -limit, limit)
+        commanded = actuator["gain"] * demand
+        limited = np.clip(rounded(commanded, actuator["resolution"]), -limit, limit)
         rated += np.clip(limited - rated, -largest_change, largest_change)
         beyond = max(abs(rated) - actuator["dead_zone"], 0.0)
         inputs.append(math.copysign(beyond, rated))
@@ -98,6 +99,7 @@ def actuated(actuator: Any, demands: list[float]) -> list[float]:
     actuator=st.fixed_dictionaries(
         {
             "delay": late,
+            "gain": st.floats(-2, 2),
             "resolution": st.just(0.0) | size,
             "limit": size,
             "rate_limit": st.floats(1, 1e4),

@@ -15,7 +15,12 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 def dead_time(loop: AppliedLoop) -> float:
     """Dead time that the law of a loop knows, in timesteps."""
-    return float(loop.start.computer["dead"][0])
+    return float(loop.start.software.setup["dead"][0])
+
+
+def time_ahead(loop: AppliedLoop) -> float:
+    """Time from a sample to the arrival of its output, as the law of a loop knows it [s]."""
+    return float(loop.start.software.setup["ahead"][0])
 
 
 def midpoint_error(run: Trajectory, steps: int) -> float:
@@ -105,13 +110,13 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants(order: int, lag: float, s
     loop = predicting(Loop(actuators=(actuator,)))
     assert dead_time(loop) == steps
     # The law's first output arrives then: a surface begins there.
-    assert loop.ahead == pytest.approx(steps * H)
+    assert time_ahead(loop) == pytest.approx(steps * H)
 
 
 def test_the_age_of_a_measurement_is_dead_time_before_the_sample() -> None:
     loop = predicting(Loop(sensors=sensors_of_age(2)))
     assert dead_time(loop) == 2.0
-    assert loop.ahead == 0.0
+    assert time_ahead(loop) == 0.0
 
 
 def test_a_law_may_know_another_loop_than_the_real_one() -> None:

@@ -119,6 +119,7 @@ def test_each_s_falls_at_the_declared_rate_for_all_of_the_declared_family(
         assert isinstance(memory, SurfaceMemory)
         memory.z0[:] = z - np.linalg.pinv(p.G) @ (1e-6 * sides)
         memory.t = 1.0
+        memory.begun = 1.0
         u = grosmc.input_at(1.0, x, memory)
         assert np.sign(memory.s).tolist() == sides.tolist()
 

@@ -653,6 +653,18 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
     assert file.read_bytes() == resumed
 
 
+def test_a_law_that_keeps_everything_on_no_rung_is_a_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never_kept(_: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> RungResult:
+        return row(rung.name, 2.0, law.name, together=together, condition=condition.name)
+
+    monkeypatch.setattr(study, "run_rung", never_kept)
+    monkeypatch.setattr("grosmc_mj.results.charts.write_cells", lambda path, *_: path)
+    command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
+    assert run(*command) == cli.DIFFERS
+
+
 @pytest.mark.parametrize(
     ("name", "other"), [("versions", {"mujoco": "another"}), ("source_digest", "another")]
 )

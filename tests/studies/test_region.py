@@ -349,6 +349,11 @@ def test_a_question_without_sense_is_one_line(
     assert_one_line(error)
 
 
+def test_a_law_that_converges_from_no_start_is_a_verdict(tmp_path: Path) -> None:
+    short = ("--points", "2", "--duration", "0.01", "--laws", "lqr")
+    assert run("study", "region", "arm", *short, "--out", tmp_path) == cli.DIFFERS
+
+
 ARM_REGION = ("study", "region", "arm", "--points", "5", "--duration", "6")
 
 

@@ -580,6 +580,17 @@ def test_a_finished_study_overwrites_an_interrupted_one(finished: Stored) -> Non
     assert_first_law_is_kept(finished, complete=True)
 
 
+def test_a_law_that_keeps_everything_under_no_condition_is_a_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never_kept(studied: ToleranceStudy, *_: object, **__: object) -> list[Tolerance]:
+        return rows_of(studied, kept_ideally=False)
+
+    monkeypatch.setattr(tolerance, "tolerances", never_kept)
+    monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
+    assert run("study", "tolerance", "arm", "--laws", "lqr", "--out", tmp_path) == cli.DIFFERS
+
+
 def test_the_answer_names_the_law_that_breaks_first(finished: Stored) -> None:
     answer = verdict(rows_of(tolerance_study("arm", ["lqr"])))
     assert answer in " ".join(finished.said.splitlines())

@@ -116,7 +116,29 @@ joint = "shaft"
 friction = 0.1
 """
 
+ELSEWHERE = """
+[[disturbance]]
+input = "current"
+amplitude = "0.2 A"
+profile = "table"
+values = [1, -1]
+hold = "3 ms"
+periodic = true
+label = "ripple"
+[[disturbance]]
+measured = "rotor angle"
+amplitude = "2 mrad"
+label = "glitch"
+[[uncertain]]
+disturbance = "ripple"
+amplitude = [0, 1]
+[[uncertain]]
+disturbance = "glitch"
+amplitude = [-1, 1]
+"""
+
 CAMPAIGNS = {
+    "an input and a measured state": servo("") + ELSEWHERE,
     "bodies, joints and a pulse": servo(BOTH + DAMPING) + EDITED,
     "two links": TWO_LINKS,
     "a loop with noise": standing(DELAYS, LOOP),

@@ -412,6 +412,21 @@ def test_wrenches_on_a_body_add_up_at_their_largest_magnitudes(spread: str, scal
     assert premises.amplitude(scale).tolist() == [0, 0, 0, 0, torque, 0]
 
 
+RIPPLE = """
+[[disturbance]]
+input = "current"
+amplitude = "-0.2 A"
+label = "load"
+"""
+
+
+def test_the_largest_disturbance_of_an_input_counts_beside_the_wrenches() -> None:
+    text = small.case("servo", load_amplitude("[-1, 3]"), laws=LAWS, disturbances=RIPPLE)
+    premises = PromisedFamily.of(campaign(text), "grosmc")
+    assert premises.input_amplitude(0.5).tolist() == pytest.approx([0.2 * 1.5])
+    assert premises.amplitude(0.5).tolist() == [0.0] * 6
+
+
 SQUALL = """
 [[disturbance]]
 body = "rotor"

@@ -24,7 +24,13 @@ from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.program import parse
 from grosmc_mj.machine import LuGre, Stop, SwingingLoad, Transmission
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.disturbances import (
+    Disturbance,
+    InputDisturbance,
+    OutputDisturbance,
+    Pulse,
+    Table,
+)
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.viewer import LONGEST, PICTURE, play
 
@@ -121,7 +127,19 @@ def recorded(run: Run, window: FakeWindow) -> np.ndarray:
     return np.asarray(trajectory.physics)[rows, :columns]
 
 
-@pytest.mark.parametrize("make", [lambda: disturbed(control_period=5e-3), machine])
+def disturbed_at_input_and_sensor() -> Run:
+    """Samples every 5 ms under a disturbance of the input and one of a measured state."""
+    disturbances = (
+        InputDisturbance("force", 2.0, Pulse(0.05, 0.3)),
+        OutputDisturbance("pole angle", 0.01, Table((1.0, -1.0), 7e-3, periodic=True)),
+    )
+    return disturbed(control_period=5e-3, disturbances=disturbances)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: disturbed(control_period=5e-3), machine, disturbed_at_input_and_sensor],
+)
 def test_pictures_are_the_recorded_run_bit_by_bit(
     make: Callable[[], Run], watch: Callable[..., FakeWindow]
 ) -> None:

@@ -219,7 +219,7 @@ def shaped_regulator(reach: SwitchingTerm) -> Law:
             memory.undefined = 1.0
             u[0] = 0.0
             return
-        if t == memory.first:
+        if not memory.begun:
             memory.z0[0] = x[3]
 
         to_cart = p.limit * math.tanh((p.K[0, 0] * x[0] + p.K[0, 2] * x[2]) / p.limit)

@@ -13,7 +13,7 @@ def pid(t, x, memory, p, u):
     """PID of the servo with a filtered rate, and an integral that waits while the input is cut."""
     e = p.target - x[0]
     # First-order low pass of the difference quotient, sampled by backward Euler.
-    if t == memory.first:
+    if not memory.begun:
         memory.last = e
     share = p.period / (p.filter + p.period)
     memory.rate += share * ((e - memory.last) / p.period - memory.rate)
@@ -42,7 +42,7 @@ def from_positions(t, x, memory, p, u):
     The last samples are kept, and a rate is their mean slope: less noise, more delay.
     """
     span = len(memory.angles)
-    if t == memory.first:
+    if not memory.begun:
         memory.angles[:] = x[1]
     for i in range(span - 1, 0, -1):
         memory.angles[i] = memory.angles[i - 1]

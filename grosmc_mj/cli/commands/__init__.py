@@ -3,49 +3,66 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
-from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands.campaign.command import CampaignCommand
-from grosmc_mj.cli.commands.claims import CLAIMS
-from grosmc_mj.cli.commands.diff import DiffCommand
-from grosmc_mj.cli.commands.film import FilmCommand
-from grosmc_mj.cli.commands.identify import CompareCommand, IdentifyCommand
-from grosmc_mj.cli.commands.list import ListCommand
-from grosmc_mj.cli.commands.new import NewCommand
-from grosmc_mj.cli.commands.report import ReportCommand
-from grosmc_mj.cli.commands.run import RunCommand
-from grosmc_mj.cli.commands.study.ladder import LadderCommand
-from grosmc_mj.cli.commands.study.region import RegionCommand
-from grosmc_mj.cli.commands.study.tolerance import ToleranceCommand
-from grosmc_mj.cli.commands.validate import ValidateCommand
-from grosmc_mj.cli.commands.view import ViewCommand
 
-Studies = Mapping[str, type[Command]]
+class Entry(NamedTuple):
+    """A command in the overview.
 
-STUDIES: Studies = {
-    "region": RegionCommand,
-    "tolerance": ToleranceCommand,
-    "ladder": LadderCommand,
+    Attributes:
+        path: Its module in this package, and its class; imported when the command is named.
+        summary: Its line in the overview.
+    """
+
+    path: str
+    summary: str
+
+
+Subcommands = Mapping[str, Entry]
+
+CLAIMS: Subcommands = {
+    "judge": Entry("claims:JudgeCommand", "Judge the claims; claims alone does it, too."),
+    "sweep": Entry("claims:SweepCommand", "Show where the answers turn as choices vary."),
+    "premises": Entry("claims:PremisesCommand", "Check the premises of the theorems in each case."),
 }
-COMMANDS: Mapping[str, type[Command] | Studies] = {
-    "new": NewCommand,
-    "run": RunCommand,
-    "campaign": CampaignCommand,
-    "film": FilmCommand,
-    "view": ViewCommand,
-    "validate": ValidateCommand,
+STUDIES: Subcommands = {
+    "region": Entry("study.region:RegionCommand", "From which starts does each law converge?"),
+    "tolerance": Entry(
+        "study.tolerance:ToleranceCommand",
+        "How much of each imperfection of the loop does each law stand?",
+    ),
+    "ladder": Entry(
+        "study.ladder:LadderCommand",
+        "Where does each law break between equations and machine?",
+    ),
+}
+COMMANDS: Mapping[str, Entry | Subcommands] = {
+    "new": Entry("new:NewCommand", "Write a case file to begin with, every key explained."),
+    "run": Entry("run:RunCommand", "Run an experiment: does it keep what it requires?"),
+    "campaign": Entry(
+        "campaign.command:CampaignCommand",
+        "Run thousands of uncertain plants: on what share do laws hold?",
+    ),
+    "film": Entry("film:FilmCommand", "Film a case: laws side by side in MuJoCo."),
+    "view": Entry("view:ViewCommand", "Watch a case in MuJoCo's window, and pull at it."),
+    "validate": Entry(
+        "validate:ValidateCommand",
+        "Run the chapter's cases: do they come out as recorded?",
+    ),
     "claims": CLAIMS,
     "study": STUDIES,
-    "identify": IdentifyCommand,
-    "compare": CompareCommand,
-    "report": ReportCommand,
-    "diff": DiffCommand,
-    "list": ListCommand,
+    "identify": Entry(
+        "identify:IdentifyCommand",
+        "Fit a case's parameters to a log of the machine.",
+    ),
+    "compare": Entry("identify:CompareCommand", "Which model explains a log of the machine?"),
+    "report": Entry("report:ReportCommand", "Write one HTML page of results."),
+    "diff": Entry("diff:DiffCommand", "Compare two results: what got worse beyond noise?"),
+    "list": Entry("list:ListCommand", "List systems, cases, laws and case files."),
 }
-# Help of the groups of commands; ``claims`` alone is ``claims judge``.
-_BESIDE_JUDGE = [name for name in CLAIMS if name != "judge"]
+# Summaries of the groups of commands.
 GROUPS = {
-    "claims": f"Judge the chapter's claims; or {', '.join(_BESIDE_JUDGE)}.",
+    "claims": "Judge the chapter's claims; or sweep, premises.",
     "study": f"Measure one thing: {', '.join(STUDIES)}.",
 }
 
@@ -54,7 +71,7 @@ ABOUT = (
     "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
     "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
     "MuJoCo, side by side.\n\n"
-    "What a command is about is a SYSTEM, one of its cases (SYSTEM/CASE) or a case file of your "
+    "The target of a command is a SYSTEM, one of its cases (SYSTEM/CASE) or a case file of your "
     "own (FILE.toml); grosmc-mj list names them, grosmc-mj new writes one. The answer comes first "
     "and fits on a screen; --verbose prints all tables.\n\n"
     "Exit codes: 0 done and kept, 1 something is not kept or not as recorded, 2 anything else that "

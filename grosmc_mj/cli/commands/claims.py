@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.errors import ArgumentError
@@ -19,13 +19,10 @@ if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
     from grosmc_mj.experiments.run_cache import RunCache
 
-_Claims = Annotated[
-    Positional[str | None],
-    arg(metavar="[SYSTEM|CLAIM]", name="target", help_behavior_hint="(default: all claims)"),
-]
+_Claims = Annotated[str | None, Parameter(show_default="all claims")]
 
 
-@dataclass(frozen=True)
+@command
 class JudgeCommand(Command):
     """Judge the chapter's claims, each with its number: supported, refuted, undetermined, ...
 
@@ -44,7 +41,8 @@ class JudgeCommand(Command):
     """
 
     target: _Claims = None
-    page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="")] = None
+    _: KW_ONLY
+    page: Annotated[Path | None, Parameter(metavar="FILE.md", group=OUTPUT)] = None
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -96,7 +94,7 @@ class JudgeCommand(Command):
         screen.say_files(screen.console(), picture)
 
 
-@dataclass(frozen=True)
+@command
 class SweepCommand(Command):
     """Vary every choice that a claim depends on, and show where its answer turns.
 
@@ -109,6 +107,7 @@ class SweepCommand(Command):
     """
 
     target: _Claims = None
+    _: KW_ONLY
     record: Flag = False
     out: Out = Path("renders")
 
@@ -132,7 +131,7 @@ class SweepCommand(Command):
         return DONE
 
 
-@dataclass(frozen=True)
+@command
 class PremisesCommand(Command):
     """Check the premises of the theorems in each case.
 
@@ -147,8 +146,9 @@ class PremisesCommand(Command):
         out: Folder for premises_SYSTEM.json.
     """
 
-    target: Annotated[Positional[str], arg(metavar=CASES, name="target")]
-    laws: Annotated[str, arg(metavar="NAME")] = "grosmc"
+    target: Annotated[str, Parameter(metavar=CASES)]
+    _: KW_ONLY
+    laws: Annotated[str, Parameter(metavar="NAME")] = "grosmc"
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -171,13 +171,6 @@ class PremisesCommand(Command):
         path = self.out / f"premises_{experiments[0].case.system}.json"
         screen.say_result(premises_result(audits, lab.settings), path, lines, full=self.verbose)
         return DONE
-
-
-CLAIMS = {
-    "judge": JudgeCommand,
-    "sweep": SweepCommand,
-    "premises": PremisesCommand,
-}
 
 
 def _run_cache() -> RunCache:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
-from typing import Annotated
-
-from tyro.conf import Positional, arg
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Out
+from grosmc_mj.cli.command import Command, Out, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 
 
-@dataclass(frozen=True)
+@command
 class DiffCommand(Command):
     """Compare two results: what changed, by how much, and which of it is noise.
 
@@ -33,8 +30,9 @@ class DiffCommand(Command):
         out: Folder for diff.json.
     """
 
-    old: Annotated[Positional[Path], arg(metavar="OLD")]
-    new: Annotated[Positional[Path], arg(metavar="NEW")]
+    old: Path
+    new: Path
+    _: KW_ONLY
     out: Out = Path("renders")
 
     @property

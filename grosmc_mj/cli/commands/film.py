@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Flag,
+    OptionalName,
+    OptionalSurface,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
@@ -25,7 +34,7 @@ if TYPE_CHECKING:
 _LAWS = ("lqr", "grosmc")
 
 
-@dataclass(frozen=True)
+@command
 class FilmCommand(Command):
     """Film a case: laws side by side in MuJoCo, with their curves.
 
@@ -40,8 +49,8 @@ class FilmCommand(Command):
     what is missing and which command installs it.
 
     Attributes:
-        target: A system, of which it is case1, a case of the package or a case file.
-        laws: One to four of those that grosmc-mj list shows, or of the file.
+        target: A system, of which it is case1, a case (SYSTEM/CASE) or a case file (FILE.toml).
+        laws: One to four laws that grosmc-mj list shows, or laws of the file.
         camera: Camera of the model: fixed, follow or wide; by default follow where it moves along
             with the cart, else fixed.
         size: Width and height in pixels, both even.
@@ -49,10 +58,10 @@ class FilmCommand(Command):
         speed: Seconds of the run in a second of the film.
         start: First instant shown, in s.
         stop: End of what is shown, in s.
-        duration: How long the runs last, in s, where that is not the case's own time.
+        duration: Duration of the runs, in s.
         output: The film; by default renders/films/SYSTEM_CASE.mp4.
-        gif: Whether to write a small GIF too.
-        workers: Rendering processes; by default one a core.
+        gif: Write a small GIF, too.
+        workers: Number of rendering processes.
         switching: Switching law of the sliding mode laws: sign as in the chapter, boundary-layer,
             implicit, implicit-estimate, super-twisting, adaptive, unit-vector or
             implicit-unit-vector.
@@ -60,29 +69,27 @@ class FilmCommand(Command):
     """
 
     target: Target
+    _: KW_ONLY
     laws: Annotated[
         tuple[str, ...] | None,
-        arg(
-            metavar="NAME [NAME ...]",
-            help_behavior_hint="(default: lqr grosmc, else the last four)",
-        ),
+        Parameter(metavar="NAME...", show_default="lqr grosmc, else the last four"),
     ] = None
     camera: OptionalName = None
-    size: Annotated[str, arg(metavar="WxH")] = "1280x720"
-    fps: Annotated[int, arg(metavar="N")] = 30
-    speed: Annotated[float, arg(metavar="X")] = 1.0
-    start: Annotated[float, arg(name="from", metavar="T")] = 0.0
+    size: Annotated[str, Parameter(metavar="WxH")] = "1280x720"
+    fps: WholeNumber = 30
+    speed: Annotated[float, Parameter(metavar="X")] = 1.0
+    start: Annotated[float, Parameter(name="--from", metavar="T")] = 0.0
     stop: Annotated[
-        float | None, arg(name="to", metavar="T", help_behavior_hint="(default: the run's end)")
+        float | None,
+        Parameter(name="--to", metavar="T", show_default="the run's end"),
     ] = None
-    duration: Annotated[
-        float | None, arg(metavar="S", help_behavior_hint="(default: the case's)")
-    ] = None
+    duration: Annotated[float | None, Parameter(metavar="S", show_default="the case's")] = None
     output: Annotated[
-        Path | None, arg(aliases=("-o",), metavar="FILE.mp4", help_behavior_hint="")
+        Path | None,
+        Parameter(alias="-o", metavar="FILE.mp4", group=OUTPUT),
     ] = None
-    gif: Flag = False
-    workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
+    workers: Annotated[WholeNumber | None, Parameter(show_default="one a core")] = None
     switching: OptionalName = None
     surface: OptionalSurface = None
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
@@ -34,10 +34,11 @@ class _OfLog(Command):
         out: Folder for results.
     """
 
-    log: Annotated[Positional[Path], arg(metavar="LOG")]
-    case: Annotated[Positional[str], arg(metavar="CASE")]
-    also: Annotated[tuple[Path, ...], arg(metavar="LOG ...")] = ()
-    horizon: Annotated[float, arg(metavar="S")] = 1.0
+    log: Path
+    case: str
+    _: KW_ONLY
+    also: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default=False)] = ()
+    horizon: Annotated[float, Parameter(metavar="S")] = 1.0
     out: Out = Path("renders")
 
     def _read(self) -> tuple[Experiment, Log]:
@@ -61,7 +62,7 @@ class _OfLog(Command):
         return self.out / f"{kind}_{result_name(experiment.path)}_{self.log.stem}.json"
 
 
-@dataclass(frozen=True)
+@command
 class IdentifyCommand(_OfLog):
     """Fit a case's parameters to a log of the machine, and write the case of that machine.
 
@@ -72,12 +73,13 @@ class IdentifyCommand(_OfLog):
     fitted values and their joint distribution, for run, campaign, study and film.
 
     Attributes:
-        fit: Names of [[uncertain]] numbers, or paths such as joint.shaft.damping; all by default.
+        fit: Names of [[uncertain]] numbers, or paths such as joint.shaft.damping.
         hold_out: Share of the log, its end, that is not fitted but predicted.
     """
 
-    fit: Annotated[tuple[str, ...], arg(metavar="NAME ...")] = ()
-    hold_out: Annotated[float, arg(metavar="SHARE")] = 0.3
+    _: KW_ONLY
+    fit: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
+    hold_out: Annotated[float, Parameter(metavar="SHARE")] = 0.3
 
     def execute(self) -> int:
         """Read the logs, fit the parameters, write and print the result."""
@@ -149,7 +151,7 @@ class IdentifyCommand(_OfLog):
         return fitted, held_out
 
 
-@dataclass(frozen=True)
+@command
 class CompareCommand(_OfLog):
     """Put the inputs of a log on every rung, and tell which one explains the machine.
 
@@ -161,7 +163,8 @@ class CompareCommand(_OfLog):
         film: Film the first prediction, with the measured machine as a ghost.
     """
 
-    film: Flag = False
+    _: KW_ONLY
+    film: Annotated[Flag, Parameter(group=OUTPUT)] = False
 
     def execute(self) -> int:
         """Read the logs, predict them on every rung, write and print the errors."""

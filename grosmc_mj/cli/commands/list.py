@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import Command, Target, command
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.cli.targets import TARGET
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
+@command
 class ListCommand(Command):
     """List the systems with their cases and controllers, and the case files of the package.
 
@@ -36,13 +34,10 @@ class ListCommand(Command):
     numbers of its plant.
 
     Attributes:
-        target: A system, a case of the package or a case file.
+        target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml).
     """
 
-    target: Annotated[
-        Positional[str],
-        arg(metavar=f"[{TARGET}]", name="target", help_behavior_hint="(default: everything)"),
-    ] = ""
+    target: Annotated[Target, Parameter(show_default="everything")] = ""
 
     @property
     def simulates(self) -> bool:

@@ -6,21 +6,21 @@ import keyword
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag
+from grosmc_mj.cli.command import Command, Flag, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, unknown_name, value_text
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
 
-@dataclass(frozen=True)
+@command
 class NewCommand(Command):
     """Write a case file to begin with: NAME.toml, every key explained.
 
@@ -31,8 +31,9 @@ class NewCommand(Command):
             file that uses them.
     """
 
-    name: Annotated[Positional[str], arg(metavar="NAME", name="name")]
-    like: Annotated[str | None, arg(metavar="SYSTEM/CASE", help_behavior_hint="")] = None
+    name: str
+    _: KW_ONLY
+    like: Annotated[str | None, Parameter(metavar="SYSTEM/CASE")] = None
     python: Flag = False
 
     def execute(self) -> int:

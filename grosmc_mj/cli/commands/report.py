@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command
+from grosmc_mj.cli.command import OUTPUT, Command, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.errors import ArgumentError, together
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 REPORT = "report.html"
 
 
-@dataclass(frozen=True)
+@command
 class ReportCommand(Command):
     """Write one HTML page of results, which opens offline and begins with the answer.
 
@@ -34,12 +34,11 @@ class ReportCommand(Command):
         output: The page; by default report.html in the first folder.
     """
 
-    paths: Annotated[
-        Positional[tuple[Path, ...]],
-        arg(metavar="[PATH ...]", name="path", help_behavior_hint="(default: renders)"),
-    ] = ()
+    paths: Annotated[tuple[Path, ...], Parameter(show_default="renders")] = ()
+    _: KW_ONLY
     output: Annotated[
-        Path | None, arg(aliases=("-o",), metavar="FILE.html", help_behavior_hint="")
+        Path | None,
+        Parameter(alias="-o", metavar="FILE.html", group=OUTPUT),
     ] = None
 
     def execute(self) -> int:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Laws, Out, Target
+from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, Out, Target, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment, RunResult
 
 
-@dataclass(frozen=True)
+@command
 class RunCommand(Command):
     """Run an experiment, and say whether it keeps what it requires.
 
@@ -37,23 +37,25 @@ class RunCommand(Command):
     file or set-up is wrong, or no requirement of a file that has some can be judged.
 
     Attributes:
-        target: A system, a case of the package or a case file.
+        target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml).
         laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet,
             --save csv for CSV. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
-        film: Whether to film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
+        film: Film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
     """
 
     target: Target
+    _: KW_ONLY
     laws: Laws = ()
     out: Out = Path("renders")
-    figures: bool = True
-    save: Annotated[Literal["parquet", "csv"] | None, arg(help_behavior_hint="(default: none)")] = (
-        None
-    )
-    film: Flag = False
+    figures: Figures = True
+    save: Annotated[
+        Literal["parquet", "csv"] | None,
+        Parameter(metavar="[FORMAT]", group=OUTPUT),
+    ] = None
+    film: Annotated[Flag, Parameter(group=OUTPUT)] = False
 
     def execute(self) -> int:
         """Run, judge, write, print and draw one experiment after the other."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out
+from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Out, command
 from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
-from grosmc_mj.cli.targets import CASES, recorded_experiments
+from grosmc_mj.cli.targets import recorded_experiments
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
 
 
-@dataclass(frozen=True)
+@command
 class ValidateCommand(Command):
     """Run the chapter's cases and say whether they come out as recorded.
 
@@ -42,21 +42,19 @@ class ValidateCommand(Command):
         out: Folder for validation.json and the figures.
         claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM.
         figures: Whether to draw the figures.
-        films: Whether to end with a film of each case, LQR beside GROSMC, in DIR/films. One that is
+        films: End with a film of each case, LQR beside GROSMC, in DIR/films. One that is
             there already, drawn from the same data, is kept.
-        report: Whether to end with a page of all that lies in DIR, DIR/report.html.
+        report: End with a page of all that lies in DIR, DIR/report.html.
         record: Record the results as expected, for review.
     """
 
-    targets: Annotated[
-        Positional[tuple[str, ...]],
-        arg(metavar=f"[{CASES} ...]", name="target", help_behavior_hint="(default: all systems)"),
-    ] = ()
+    targets: Annotated[tuple[str, ...], Parameter(show_default="all systems")] = ()
+    _: KW_ONLY
     out: Out = Path("renders")
     claims: bool = True
-    figures: bool = True
-    films: Flag = False
-    report: Flag = False
+    figures: Figures = True
+    films: Annotated[Flag, Parameter(group=OUTPUT)] = False
+    report: Annotated[Flag, Parameter(group=OUTPUT)] = False
     record: Flag = False
 
     def execute(self) -> int:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from typing import Annotated
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
-from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target
+from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import shown_experiment
 from grosmc_mj.errors import SetupError
 
 
-@dataclass(frozen=True)
+@command
 class ViewCommand(Command):
     """Watch a case in MuJoCo's window, and pull at it.
 
@@ -26,7 +26,7 @@ class ViewCommand(Command):
     mjpython -m grosmc_mj.cli view.
 
     Attributes:
-        target: A system, of which it is case1, a case of the package or a case file.
+        target: A system, of which it is case1, a case (SYSTEM/CASE) or a case file (FILE.toml).
         laws: One of those that grosmc-mj list shows, or of the file; grosmc by default, or
             a file's last one.
         speed: Seconds of the run in a second.
@@ -35,8 +35,9 @@ class ViewCommand(Command):
     """
 
     target: Target
+    _: KW_ONLY
     laws: OptionalName = None
-    speed: Annotated[float, arg(metavar="X")] = 1.0
+    speed: Annotated[float, Parameter(metavar="X")] = 1.0
     switching: OptionalName = None
     surface: OptionalSurface = None
 

@@ -205,6 +205,19 @@ class Coordinates(ABC):
             drift (N, size) and gain (N, size, m); of a law of outputs v is the input u.
         """
 
+    @abstractmethod
+    def from_rates(self, x: Array, p: Any, rates: Array) -> Array:
+        """Part of z' by what is added to the rates of the states.
+
+        Args:
+            x: States, (N, n).
+            p: The law's parameters, with ``plant``.
+            rates: Added rates, (N, n).
+
+        Returns:
+            (N, size).
+        """
+
     def along(self, time: ArrayLike, x: ArrayLike, p: Any) -> Array:
         """z at every sample of a trajectory: time (N,), x (N, n); returns (N, size)."""
         reference = self.reference_along(time, p.reference)

@@ -144,6 +144,10 @@ class StateCoordinates(Coordinates):
             gains.append(gain)
         return np.array(drifts), np.array(gains)
 
+    def from_rates(self, x: Array, p: Any, rates: Array) -> Array:
+        """The added rates, (N, n), themselves: z = x - x_e."""
+        return rates
+
     def beside(self, reference: Array, x: ArrayLike, p: Any) -> Array:
         """z = x - x_e at states x, (n,) or (N, n), for x_e there; returns their shape."""
         return np.asarray(x, float) - reference

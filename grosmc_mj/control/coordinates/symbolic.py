@@ -225,7 +225,11 @@ class ErrorCoordinates(OutputCoordinates):
             (N, size).
         """
         d = _along(plant.system.symbolic_equations.disturbance, x, plant.parameters, w)
-        output_rates = np.einsum("nij,nj->ni", self._slopes(x, p), d)
+        return self.from_rates(x, p, d)
+
+    def from_rates(self, x: Array, p: Any, rates: Array) -> Array:
+        """Part of z' by added rates of the states, (N, n), see ``Coordinates``."""
+        output_rates = np.einsum("nij,nj->ni", self._slopes(x, p), rates)
         return self.sign * output_rates
 
     def _slopes(self, x: Array, p: Any) -> Array:

@@ -120,7 +120,7 @@ def slotine_li(error: OutputCoordinates, parametrization: LinearParametrization)
         theta = memory.theta
         m = len(u)
 
-        if t == memory.first:
+        if not memory.begun:
             start = nominal(p.plant)
             for j in range(k):
                 theta[j] = start[j]

@@ -87,7 +87,7 @@ def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> L
         after = memory.after
 
         error_state(t, x, p, z)
-        if t == memory.first:
+        if not memory.begun:
             for i in range(len(q)):
                 q[i] = row_times(i, d.start, z)
 

@@ -208,7 +208,7 @@ def _law(error: OutputCoordinates | StateCoordinates, rows: tuple[int, ...]) -> 
             e = -sign * z[controlled[i]]
             y = r[i] - e
             weighted = p.rate_setpoint_weight * r[i] - y
-            if t == memory.first:
+            if not memory.begun:
                 memory.first_output[i] = y
                 memory.last[i] = weighted
             y_0 = memory.first_output[i]

@@ -218,29 +218,36 @@ class EditTable(Table):
 
 
 class DisturbanceTable(Table):
-    """``[[disturbance]]``: a wrench on a body, in world axes at its centre of mass.
+    """``[[disturbance]]``: of a body, an input, a measured state or a state's rate.
 
-    A user's own equations have no bodies: there it is added to an input or to a state's rate.
+    On a body it is a wrench, in world axes at the centre of mass. A plant as equations that has no
+    model has no bodies: there the rate of a state may be disturbed.
 
     Attributes:
         body: A body of the plant.
         force: Force [N], (3,).
         torque: Torque [N m], (3,).
-        input: An input of a user's own equations.
-        state: A state of a user's own equations, to whose rate it is added.
-        amplitude: In the unit of the input, or of the state per second.
+        input: An input of the plant; it is added after the actuators.
+        measured: A state; it is added to its measurement.
+        state: A state of equations without a model, to whose rate it is added.
+        amplitude: In the unit of the input, of the measured state, or of the state per second.
         profile: Its course in time: ``constant``, ``pulse`` (from ``start`` to ``stop``), ``sine``
-            (sin(frequency t + phase) from ``onset`` on), or ``module:name`` of a function of t.
+            (sin(frequency t + phase) from ``onset`` on), ``table`` (``values`` for the time
+            ``hold`` each), or ``module:name`` of a function of t.
         start: Start of a pulse [s].
         stop: End of a pulse [s].
         frequency: Frequency of a sine [rad/s]; 1 Hz is a turn a second.
         phase: Phase of a sine [rad].
         onset: Onset of a sine [s].
+        values: Values of a table, factors of the amplitude or the wrench; 0 after the last one.
+        hold: Time for which each of them is held [s], a multiple of the timestep.
+        periodic: Whether a table begins again after its last value.
         label: Name in figures.
     """
 
     body: str | None = None
     input: str | None = None
+    measured: str | None = None
     state: str | None = None
     amplitude: Any = None
     force: Annotated[list[Newtons], Three] = [0.0, 0.0, 0.0]
@@ -251,18 +258,21 @@ class DisturbanceTable(Table):
     frequency: RadiansPerSecond | None = None
     phase: Radians = 0.0
     onset: Seconds = 0.0
+    values: list[float] = []
+    hold: Seconds | None = None
+    periodic: bool = False
     label: str = ""
 
     @model_validator(mode="after")
     def _on_one_owner(self) -> DisturbanceTable:
-        keys = {"body": ("force", "torque"), "input": ("amplitude",), "state": ("amplitude",)}
+        keys = {
+            "body": ("force", "torque"),
+            "input": ("amplitude",),
+            "measured": ("amplitude",),
+            "state": ("amplitude",),
+        }
         _owner_of(self, keys)
         return self
-
-    @property
-    def of(self) -> str:
-        """Name of the body or the input, or the rate of a state."""
-        return self.body or self.input or f"rate of {self.state}"
 
 
 class RequirementTable(Table):
@@ -676,7 +686,7 @@ class CaseFile(_WithParts):
         design: The plant that the laws are designed for, if it is another one.
         run: Start, duration and sampling.
         edit: Changes of the true plant that the laws do not know.
-        disturbance: Wrenches and signals that act on the plant.
+        disturbance: Disturbances of bodies, inputs, measured states and rates.
         computing: The computer between sensors and actuators; ideal without it.
         sensor: Sensors of states; a state without one is measured exactly.
         estimator: Estimators of the states that are not measured.

@@ -198,6 +198,7 @@ def approach(
     p = law.parameters
     system = error.system
     memory = surface_memory(law)
+    memory.begun = 1.0
     # Moves z by 1e-6 of s.
     aside = 1e-6 * np.linalg.pinv(p.G)
 

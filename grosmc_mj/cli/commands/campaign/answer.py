@@ -41,7 +41,7 @@ def say_campaign_verdict(
     Returns:
         The exit code.
     """
-    missed = False
+    all_kept = True
     for law, rate in _laws_worst_first(findings):
         if at_least is None:
             good = rate.kept == rate.runs
@@ -50,18 +50,20 @@ def say_campaign_verdict(
             bound = rate_shown(rate.kept, rate.runs, confidence)
             # Of a tie, rounding has no say.
             good = bound >= at_least * (1 - 1e-12)
-            missed = missed or not good
+            all_kept = all_kept and good
             words = (
                 f"{law}: at least {100 * bound:.4g} % of the declared design keep everything "
                 f"({rate.kept} of {rate.runs} plants, one-sided confidence {confidence:g}); "
                 f"{100 * at_least:g} % are asked for."
             )
+        # Without a share that is asked for, one plant is enough.
+        all_kept = all_kept and rate.kept > 0
         screen.say_verdict(console, words, good=good)
 
     for law in campaign.laws:
         if law not in campaign.judged:
             console.print(f"{law}: nothing is required of it.", style="dim")
-    return DIFFERS if missed else DONE
+    return DONE if all_kept else DIFFERS
 
 
 def _laws_worst_first(findings: Findings) -> list[tuple[str, PassRate]]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import KW_ONLY, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from cyclopts import Group, Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Laws, OptionalName
+from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
@@ -37,92 +37,111 @@ _SPECIFIED = (
 _FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7
 
+# Panels of the help, below the options that matter most.
+_SEARCH = Group("Search", sort_key=1)
+_SAMPLING = Group("Sampling", sort_key=2)
+_SIMULATION = Group("Simulation", sort_key=3)
+_EXECUTION = Group("Execution", sort_key=4)
 
-@dataclass(frozen=True)
+_Seconds = Annotated[
+    float | None,
+    Parameter(metavar="S", group=_SIMULATION, show_default="the file's"),
+]
+
+
+@command
 class CampaignCommand(Command):
     """Run thousands of uncertain plants and say what share of them keeps what is required.
 
-    The uncertainty is a case file's [[uncertain]] tables; the package has a file for servo,
-    cart_pendulum and arm. Every plant meets every controller, in MuJoCo or, where --screen lets
-    it, on its equations, and nothing is recorded but what it did: pass rates with intervals,
-    margins, differences between the controllers and what drives the margins go to standard output.
-    The folder keeps manifest.json, one row a run in parts/*.parquet, results.json and figures.
+    The uncertainty is a case file's [[uncertain]] tables; servo, cart_pendulum, arm and
+    two_link_arm have files. Every plant meets every law. The answer is pass rates with intervals,
+    margins, and the numbers that drive them; the folder keeps a row for each run, the results and
+    the figures. With --plant one plant of such a folder becomes a case file for run, film and diff.
 
-    With --plant the target is such a folder, and one of its plants is written as a case file,
-    which run, film and diff take like any other. The folder is data: no Python is imported from
-    it.
-
-    Exit code: 0 if done, 1 if --at-least is missed, 2 if the command or the set-up is wrong.
+    Exit code: 0 if done, 1 if a law keeps everything on no plant or --at-least is missed, 2 if the
+    command or the set-up is wrong.
 
     Attributes:
-        target: A system, a case of the package or a case file; for --plant a campaign's folder.
-        runs: Plants.
-        shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
-        seed: Of the sampler; run i depends on it and on i alone.
-        sampler: random or corners. Random runs are independent, so that they alone give intervals;
-            corners are all combinations of the ranges' ends.
-        controllers: Laws to run, of the file's controllers or of its [laws]; for --plant the one
-            that ran on the plant, the campaign's last one by default.
-        control_period: Time between two samples of the laws, in s, instead of the file's.
-        duration: Of each run, in s, instead of the file's.
-        screen: Which runs are made on the equations, with all that are near a limit, ended early or
-            are worse than the worst of a sample confirmed in MuJoCo, and 2 % of the rest: auto
-            those of plants that equations describe as MuJoCo does, which is measured first;
-            equations all that equations can describe; none no run.
-        integrator: MuJoCo's, instead of the file's. implicitfast takes less than half the time of
-            RK4, the packaged models' own, and passes plants that RK4 fails: of 9 verdicts on 256
-            arms in which they differ RK4 was right in 8, by steps a tenth as long.
-        out: The campaign's folder, by default renders/campaigns/NAME; for --plant where to write.
+        target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml); for --plant a campaign's
+            folder.
+        runs: Number of plants.
+        controllers: Laws to run: of the file's controllers or of its [laws]. For --plant the law
+            that ran on the plant, by default the last one.
+        at_least: Share of the declared design that each law must be shown to keep: exit code 1 if
+            its one-sided lower bound, at the confidence, is below it. For random runs only.
+        worst: Search for the worst plant under each law, and shrink it.
+        radius: Search for the scale of the uncertainty at which each law first fails.
+        out: Folder of the campaign; for --plant the folder of the new case file.
         resume: Go on with what is in the folder.
-        executor: batch runs in this process, on all cores; processes in workers of their own; dask
-            in those of a Dask scheduler.
-        workers: Processes, for processes and for dask without a scheduler.
+        plant: Write the plant of a run as a case file: number of the run; or worst, shrunk or
+            outside, the plants that --worst and --radius found.
+        evaluations: Runs that --worst may take for each law.
+        sampler: random draws independent plants, which alone give intervals; corners takes all
+            combinations of the ranges' ends.
+        seed: Seed of the sampler; run i depends on it and on i alone.
+        confidence: Confidence of the intervals.
+        duration: Duration of each run, in s.
+        control_period: Time between two samples of the laws, in s.
+        integrator: Integrator of MuJoCo. implicitfast takes less than half the time of RK4, and
+            passes some plants that RK4 fails.
+        screen: Which plants run on their equations, with the critical ones confirmed in MuJoCo:
+            auto where both are measured to agree, equations where there are equations, none.
+        executor: batch runs in this process, on all cores; processes in worker processes; dask on
+            the workers of a Dask scheduler.
+        workers: Number of worker processes; for dask only without a scheduler.
         scheduler: Address or file of a Dask scheduler.
-        confidence: Of the intervals.
-        worst: Search for the worst plant under each controller, and shrink it.
-        evaluations: Runs that this search may take for a controller.
-        radius: Bisect the scale of the uncertainty at which each controller first fails.
+        shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
         axes: Two uncertain numbers that the map is drawn over.
-        at_least: Share of the declared design that must be shown to keep everything, under each
-            controller: exit code 1 if its one-sided lower bound (Clopper and Pearson, at the
-            confidence) is below it. It takes independent runs, as --sampler random draws them.
         figures: Whether to draw the figures.
-        plant: Number of the run whose plant is written as a case file; or worst, shrunk or outside,
-            the plants that --worst and --radius found.
-        case_file: For --plant: the campaign's case file. The new file is written beside it and
-            extends it. It is needed if it names a model or Python, which is imported from beside it
-            if it is what the campaign recorded.
+        case_file: For --plant: the campaign's case file, which the new file extends. It is needed
+            if it names a model or Python, which is imported only if it is the recorded one.
     """
 
-    target: Annotated[Positional[str], arg(metavar=f"{TARGET}|FOLDER", name="target")]
-    runs: Annotated[int, arg(metavar="N")] = 1024
-    shard: Annotated[int, arg(metavar="N")] = 512
-    seed: Annotated[int, arg(metavar="N")] = 0
-    sampler: Annotated[str, arg(metavar="NAME")] = "random"
+    target: Annotated[str, Parameter(metavar=f"{TARGET}|FOLDER")]
+    _: KW_ONLY
+    runs: WholeNumber = 1024
     controllers: Laws = ()
-    control_period: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
-    duration: Annotated[float | None, arg(metavar="S", help_behavior_hint="")] = None
-    screen: Annotated[str, arg(metavar="auto|equations|none")] = "auto"
-    integrator: OptionalName = None
-    out: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
-    resume: Flag = False
-    executor: Annotated[str, arg(metavar="NAME")] = "batch"
-    workers: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one a core)")] = (
-        None
-    )
-    scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
-    confidence: Annotated[float, arg(metavar="SHARE")] = 0.95
+    at_least: Annotated[float | None, Parameter(metavar="SHARE")] = None
     worst: Flag = False
-    evaluations: Annotated[int, arg(metavar="N")] = 1024
     radius: Flag = False
+    out: Annotated[
+        Path | None,
+        Parameter(metavar="DIR", show_default=str(_FOLDER / "NAME")),
+    ] = None
+    resume: Flag = False
+    plant: Annotated[str | None, Parameter(metavar="WHICH")] = None
+
+    evaluations: Annotated[WholeNumber, Parameter(group=_SEARCH)] = 1024
+
+    sampler: Annotated[str, Parameter(metavar="random|corners", group=_SAMPLING)] = "random"
+    seed: Annotated[WholeNumber, Parameter(group=_SAMPLING)] = 0
+    confidence: Annotated[float, Parameter(metavar="SHARE", group=_SAMPLING)] = 0.95
+
+    duration: _Seconds = None
+    control_period: _Seconds = None
+    integrator: Annotated[
+        str | None,
+        Parameter(metavar="NAME", group=_SIMULATION, show_default="the file's"),
+    ] = None
+    screen: Annotated[str, Parameter(metavar="auto|equations|none", group=_SIMULATION)] = "auto"
+
+    executor: Annotated[
+        str,
+        Parameter(metavar="batch|processes|dask", group=_EXECUTION),
+    ] = "batch"
+    workers: Annotated[
+        WholeNumber | None,
+        Parameter(group=_EXECUTION, show_default="one a core"),
+    ] = None
+    scheduler: Annotated[str | None, Parameter(metavar="ADDRESS", group=_EXECUTION)] = None
+    shard: Annotated[WholeNumber, Parameter(group=_EXECUTION)] = 512
+
     axes: Annotated[
         tuple[str, ...],
-        arg(metavar="X Y", help_behavior_hint="(default: those that drive margins most)"),
+        Parameter(metavar="X Y", group=OUTPUT, show_default="those that drive margins most"),
     ] = ()
-    at_least: Annotated[float | None, arg(metavar="SHARE", help_behavior_hint="")] = None
-    figures: bool = True
-    plant: Annotated[str | None, arg(metavar="WHICH", help_behavior_hint="")] = None
-    case_file: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    figures: Figures = True
+    case_file: Annotated[Path | None, Parameter(metavar="FILE", group=OUTPUT)] = None
 
     def execute(self) -> int:
         """Run the missing parts, print the answer, search; or write the case file of a plant."""

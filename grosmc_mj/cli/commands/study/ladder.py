@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out, Target
-from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, StudiedLaws, Target, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from grosmc_mj.studies.studied import StudiedLaw
 
 
-@dataclass(frozen=True)
+@command
 class LadderCommand(Command):
     """Find where each law breaks on the way from its equations to the machine as built.
 
@@ -33,27 +33,30 @@ class LadderCommand(Command):
     Writes ladder_NAME.json, .png and .svg to --out, after Ctrl-C or SIGTERM what there is of them,
     and each finished run to the folder ladder_NAME.
 
+    Exit code: 0 if done, 1 if a law keeps everything on no rung, 2 if the command or the set-up is
+    wrong.
+
     Attributes:
         target: A system, which means its machine, a case, or a case file, whose own edits and
             disturbances act.
-        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
-            file; all by default, but for the rivals.
+        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
         resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
             run is written, of the same file and versions.
-        film: A law to film around where it breaks; none by default.
-        gif: Write the film as an animated GIF as well.
+        film: A law to film around where it breaks.
+        gif: Write the film as a GIF, too.
         out: Folder for ladder_NAME.json and the figure.
     """
 
     target: Target
-    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    _: KW_ONLY
+    laws: StudiedLaws = ()
     rivals: Flag = False
     loaded: Flag = False
     resume: Flag = False
-    film: Annotated[str, arg(metavar="NAME", help_behavior_hint="(default: none)")] = ""
-    gif: Flag = False
+    film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
+    gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -81,7 +84,8 @@ class LadderCommand(Command):
         if self.film:
             files = (*files, self._film(studied, laws[self.film], rows))
         screen.say_files(screen.console(), *files)
-        return DONE
+        keeping = {row.law for row in rows if row.kept}
+        return DONE if keeping.issuperset(laws) else DIFFERS
 
     def _studied(self) -> Ladder:
         """Return the ladder of the target, with the sentences of the claims that its file cites."""

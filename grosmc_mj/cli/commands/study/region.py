@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Out, Target
-from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.command import Command, Out, Target, WholeNumber, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.files import atomic_write
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from grosmc_mj.studies.region import RegionMap, RegionStudy
 
 
-@dataclass(frozen=True)
+@command
 class RegionCommand(Command):
     """Map from which starts each law of a SYSTEM converges, in MuJoCo.
 
@@ -38,10 +38,13 @@ class RegionCommand(Command):
 
     Writes region_SYSTEM.json, .png and .svg to --out; after Ctrl-C the maps that are finished.
 
+    Exit code: 0 if done, 1 if a law converges from no start, 2 if the command or the set-up is
+    wrong.
+
     Attributes:
         target: servo, cart_pendulum, arm or two_link_arm; of SYSTEM/CASE the case is the perturbed
             plant, of a system its first case that edits bodies.
-        laws: Laws to map, such as cart-ism and cart-pfl; by default those of validate.
+        laws: Laws to map, such as cart-ism and cart-pfl.
         points: Starts along each axis, from 2 to 1000.
         axes: Two states that the starts differ in, such as theta theta_dot or p theta.
         limits: Starts go from minus to plus this on each axis, in degrees, rad/s, m or m/s.
@@ -50,20 +53,21 @@ class RegionCommand(Command):
     """
 
     target: Target
+    _: KW_ONLY
     laws: Annotated[
         tuple[str, ...],
-        arg(metavar="NAME [NAME ...]", help_behavior_hint="(default: those of validate)"),
+        Parameter(metavar="NAME...", show_default="those of validate"),
     ] = ()
-    points: Annotated[int, arg(metavar="N")] = 100
+    points: WholeNumber = 100
     axes: Annotated[
         tuple[str, ...],
-        arg(metavar="X Y", help_behavior_hint="(default: the controlled position and its rate)"),
+        Parameter(metavar="X Y", show_default="the controlled position and its rate"),
     ] = ()
     limits: Annotated[
         tuple[float, ...],
-        arg(metavar="X Y", help_behavior_hint="(default: 90 degrees, 10 rad/s, 1 m, 2 m/s)"),
+        Parameter(metavar="X Y", show_default="90 degrees, 10 rad/s, 1 m, 2 m/s"),
     ] = ()
-    duration: Annotated[float, arg(metavar="S")] = 12.0
+    duration: Annotated[float, Parameter(metavar="S")] = 12.0
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -99,7 +103,9 @@ class RegionCommand(Command):
         console.print(study.region_table(region, maps))
         console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
         screen.say_files(console, path, figure)
-        return DONE
+        converging = {law_map.controller for law_map in maps if law_map.converged > 0}
+        all_converge = all(law_map.controller in converging for law_map in maps)
+        return DONE if all_converge else DIFFERS
 
     def _region(self) -> RegionStudy:
         """Return the study that the options describe.

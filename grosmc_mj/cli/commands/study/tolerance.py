@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from tyro.conf import arg
+from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out, Target
-from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.command import Command, Flag, Out, StudiedLaws, Target, WholeNumber, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 _MOST_SEEDS = 1000
 
 
-@dataclass(frozen=True)
+@command
 class ToleranceCommand(Command):
     """Find how much of each imperfection of the loop each law stands.
 
@@ -34,11 +32,13 @@ class ToleranceCommand(Command):
 
     Writes tolerance_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
 
+    Exit code: 0 if done, 1 if a law keeps everything under no condition, even without any
+    imperfection, 2 if the command or the set-up is wrong.
+
     Attributes:
         target: A system, which means its bench, a case, or a case file; without a loop of its own
             it is studied on its system's bench.
-        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the
-            file; all by default, but for the rivals.
+        laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         control_period: Search the longest control period too, in an otherwise ideal loop.
         seeds: Runs that must all keep it where noise, jitter or missed samples are random.
@@ -46,10 +46,11 @@ class ToleranceCommand(Command):
     """
 
     target: Target
-    laws: Annotated[tuple[str, ...], arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    _: KW_ONLY
+    laws: StudiedLaws = ()
     rivals: Flag = False
     control_period: Flag = False
-    seeds: Annotated[int, arg(metavar="N")] = 4
+    seeds: WholeNumber = 4
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -82,7 +83,8 @@ class ToleranceCommand(Command):
         finally:
             self._print_answer(rows)
         screen.say_files(screen.console(), *files)
-        return DONE
+        keeping = {row.law for row in rows if row.kept_ideally}
+        return DONE if all(row.law in keeping for row in rows) else DIFFERS
 
     def _write(
         self, studied: ToleranceStudy, rows: list[Tolerance], *, complete: bool
