@@ -123,7 +123,7 @@ def _rung_errors(
     for state in system.states:
         if state.name in errors:
             by_window = errors[state.name]
-            rms = [_rms_at(time, ages, by_window, log.period) for time in horizons]
+            rms = [_rms_at(time, ages, by_window, log.sampling) for time in horizons]
             rows.append(PredictionError(rung, state.name, state.unit, horizons, rms))
     return rows
 

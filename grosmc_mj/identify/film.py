@@ -31,7 +31,7 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
     system = plant.system
     positions = [system.states[i].name for i in system.controlled]
     for name in positions:
-        if name not in log.outputs:
+        if name not in log.states:
             raise ArgumentError(f"--film: the log does not measure {name}: there is no ghost")
 
     predictor = Predictor.leading(log, horizon, plant.step_length)
@@ -40,7 +40,7 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
 
     # The measured positions at the instants of the simulated run.
     times = log.time[window.samples] - window.start
-    ghost = [np.interp(run.time, times, log.outputs[name][window.samples]) for name in positions]
+    ghost = [np.interp(run.time, times, log.states[name][window.samples]) for name in positions]
 
     # Film draws one more state beside the bodies: the first that is not controlled.
     uncontrolled = [i for i in range(len(system.states)) if i not in system.controlled]

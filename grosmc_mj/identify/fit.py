@@ -100,7 +100,7 @@ def fit(
     """
     predictor = Predictor.of(log, horizon, timestep)
     # In the order of the states, as the residual has them.
-    measured = [state.name for state in plant.system.states if state.name in log.outputs]
+    measured = [state.name for state in plant.system.states if state.name in log.states]
     scales = {name: log.deviation(name) for name in measured}
     values = parameters.first
     free = np.ones(len(parameters.names), bool)

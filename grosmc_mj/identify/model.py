@@ -111,15 +111,15 @@ def _begun(disturbance: AnyDisturbance, start: float) -> AnyDisturbance:
 
 def _top_speed(log: Log, position: str, rate: str) -> float:
     """Largest mean speed of a coordinate over a short time; 0 where it is not measured."""
-    if rate in log.outputs:
-        return float(np.abs(log.outputs[rate]).max())
-    if position not in log.outputs:
+    if rate in log.states:
+        return float(np.abs(log.states[rate]).max())
+    if position not in log.states:
         return 0.0
 
-    samples = max(_SPEED_SAMPLES, round(_SPEED_TIME / log.period))
+    samples = max(_SPEED_SAMPLES, round(_SPEED_TIME / log.sampling))
     speeds = [0.0]
     for piece in log.pieces:
-        values = log.outputs[position][piece]
+        values = log.states[position][piece]
         time = log.time[piece]
         if len(time) > samples:
             moved = values[samples:] - values[:-samples]

@@ -41,7 +41,7 @@ def unexplained_moments(
         window = windows[index]
         end = float(log.time[window.samples.stop - 1])
         # Moments that follow each other are one.
-        if spans and window.start - spans[-1][1] < 2 * log.period:
+        if spans and window.start - spans[-1][1] < 2 * log.sampling:
             spans[-1][1] = end
         else:
             spans.append([window.start, end])

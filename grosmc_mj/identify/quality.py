@@ -79,7 +79,7 @@ def quality(
         if name not in parts:
             continue
         samples, errors = zip(*parts[name], strict=True)
-        values = log.outputs[name]
+        values = log.states[name]
         measured = np.concatenate([values[window] for window in samples])
         rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
         spread = float(np.std(measured))

@@ -85,11 +85,11 @@ class Predictor:
         Raises:
             ArgumentError: If a window or a piece of the log would have too few samples.
         """
-        shortest = _FEWEST * log.period
+        shortest = _FEWEST * log.sampling
         if horizon < shortest:
             raise ArgumentError(
-                f"--horizon {horizon:g} s is {horizon / log.period:.3g} samples of {log.name}: it "
-                f"must be {_FEWEST} at least, {shortest:g} s"
+                f"--horizon {horizon:g} s is {horizon / log.sampling:.3g} samples of {log.name}: "
+                f"it must be {_FEWEST} at least, {shortest:g} s"
             )
         windows = []
         for piece in log.pieces:
@@ -195,9 +195,9 @@ class Predictor:
         """
         errors = {}
         for j, state in enumerate(model.plant.system.states):
-            if state.name not in self.log.outputs:
+            if state.name not in self.log.states:
                 continue
-            measured = self.log.outputs[state.name]
+            measured = self.log.states[state.name]
             sensor = model.sensor(state.name)
 
             by_window = []
@@ -216,7 +216,7 @@ class Predictor:
 
 def _lead(log: Log, horizon: float) -> float:
     """Time that the start of a prediction is fitted to [s]."""
-    return max(_LEAD * horizon, _FEWEST * log.period)
+    return max(_LEAD * horizon, _FEWEST * log.sampling)
 
 
 def _law(system: System, inputs: Array, timestep: float) -> Controller:

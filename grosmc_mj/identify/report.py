@@ -196,7 +196,7 @@ def _draw_state(
     labels = ("measured", "fitted", "residual")
     for samples, error in pieces:
         time = log.time[samples]
-        measured = log.outputs[state][samples]
+        measured = log.states[state][samples]
         above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=labels[0])
         above.plot(time, measured - error, color=BLUE, lw=1.0, label=labels[1])
         below.plot(time, error, color=VERMILION, lw=0.8, label=labels[2])

@@ -42,7 +42,7 @@ def likely_slip(predictor: Predictor, model: LogModel, unexplained: float) -> st
         return ""
 
     inputs = [signal.name for signal in model.plant.system.inputs]
-    for name in (*predictor.log.outputs, *inputs):
+    for name in (*predictor.log.states, *inputs):
         for factor, words in _SLIPS:
             mended = replace(predictor, log=_scaled(predictor.log, name, factor, inputs))
             if unexplained_share(mended, model) < unexplained / _BETTER:
@@ -61,8 +61,8 @@ def _scaled(
     inputs: Sequence[str],
 ) -> Log:
     """A log with one of its measured states or inputs times a factor."""
-    if name in log.outputs:
-        return replace(log, outputs={**log.outputs, name: factor * log.outputs[name]})
+    if name in log.states:
+        return replace(log, states={**log.states, name: factor * log.states[name]})
     scale = np.where(np.array(inputs) == name, factor, 1.0)
     return replace(log, inputs=log.inputs * scale)
 

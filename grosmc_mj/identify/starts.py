@@ -43,10 +43,10 @@ def first_guess(log: Log, windows: Sequence[Window], model: LogModel) -> Array:
         degree = min(2, len(t) - 1)
         for j, name in enumerate(names):
             is_rate = positions and j >= positions
-            if name in log.outputs:
+            if name in log.states:
                 parabola = np.polyfit(t, _true_values(log, name, model)[samples], degree)
                 row[j] = np.polyval(parabola, 0.0)
-            elif is_rate and names[j - positions] in log.outputs:
+            elif is_rate and names[j - positions] in log.states:
                 values = _true_values(log, names[j - positions], model)
                 row[j] = np.polyfit(t, values[samples], degree)[-2]
     return starts
@@ -55,7 +55,7 @@ def first_guess(log: Log, windows: Sequence[Window], model: LogModel) -> Array:
 def _true_values(log: Log, state: str, model: LogModel) -> Array:
     """A measured state without the bias and the scale of its sensor."""
     sensor = model.sensor(state)
-    return (log.outputs[state] - sensor.bias) / (sensor.scale or 1.0)
+    return (log.states[state] - sensor.bias) / (sensor.scale or 1.0)
 
 
 def _samples_around(log: Log, sample: int) -> slice:
@@ -66,7 +66,7 @@ def _samples_around(log: Log, sample: int) -> slice:
 
 def state_sizes(log: Log, names: Sequence[str]) -> Array:
     """A size of each state, (n,): its span in the log, or the largest span of another one."""
-    spans = {name: max(log.span(name), 1e-9) for name in log.outputs}
+    spans = {name: max(log.span(name), 1e-9) for name in log.states}
     largest = max(spans.values())
     return np.array([spans.get(name, largest) for name in names])
 

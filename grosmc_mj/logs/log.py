@@ -25,7 +25,7 @@ class Log:
         name: Of its file.
         time: Instants of the samples [s], rising from 0, (N,).
         inputs: Held from their instants on, in the plant's units, (N, m).
-        outputs: The measured states by name, in the plant's units, (N,) each.
+        states: The measured states by name, in the plant's units, (N,) each.
         pieces: The samples that are used, from gap to gap.
         notes: What may be wrong with it, in lines.
     """
@@ -33,23 +33,23 @@ class Log:
     name: str
     time: Array
     inputs: Array
-    outputs: Mapping[str, Array]
+    states: Mapping[str, Array]
     pieces: Sequence[slice]
     notes: Sequence[str] = ()
 
     @property
-    def period(self) -> float:
+    def sampling(self) -> float:
         """Median time between two samples [s]."""
         return float(np.median(np.diff(self.time)))
 
     def noise(self, state: str) -> float:
         """Standard deviation of white noise on a smooth state, from its third differences."""
-        pieces = [np.diff(self.outputs[state][piece], 3) for piece in self.pieces]
+        pieces = [np.diff(self.states[state][piece], 3) for piece in self.pieces]
         return float(np.std(np.concatenate(pieces)) / math.sqrt(20.0))
 
     def resolution(self, state: str) -> float:
         """The step of its encoder; 0 for none."""
-        values = self.outputs[state]
+        values = self.states[state]
         steps = np.diff(np.unique(values))
         # An encoder repeats its values; of other sensors nearly every value is new.
         if 0 < len(steps) < len(values) // 3:
@@ -63,7 +63,7 @@ class Log:
 
     def span(self, state: str) -> float:
         """Largest less smallest value of a state."""
-        used = [self.outputs[state][piece] for piece in self.pieces]
+        used = [self.states[state][piece] for piece in self.pieces]
         return float(np.ptp(np.concatenate(used)))
 
     def between(self, start: float, stop: float) -> Log:
@@ -88,10 +88,10 @@ def join_logs(logs: Sequence[Log]) -> Log:
     """
     log = logs[0]
     for following in logs[1:]:
-        if log.outputs.keys() != following.outputs.keys():
+        if log.states.keys() != following.states.keys():
             raise ArgumentError(
-                f"{log.name} measures {', '.join(log.outputs)}, {following.name} "
-                f"{', '.join(following.outputs)}: several logs must measure the same states"
+                f"{log.name} measures {', '.join(log.states)}, {following.name} "
+                f"{', '.join(following.states)}: several logs must measure the same states"
             )
         log = _followed(log, following)
     return log
@@ -103,11 +103,11 @@ def _followed(log: Log, following: Log) -> Log:
     A sample in the gap, of no piece, holds the first input of the second log: before that log
     began its input was there.
     """
-    gap = log.time[-1] + GAP * log.period
-    shift = gap + GAP * following.period
+    gap = log.time[-1] + GAP * log.sampling
+    shift = gap + GAP * following.sampling
     outputs = {}
-    for name, values in following.outputs.items():
-        outputs[name] = np.concatenate([log.outputs[name], values[:1], values])
+    for name, values in following.states.items():
+        outputs[name] = np.concatenate([log.states[name], values[:1], values])
 
     begin = len(log.time) + 1
     pieces = [slice(begin + piece.start, begin + piece.stop) for piece in following.pieces]
@@ -115,7 +115,7 @@ def _followed(log: Log, following: Log) -> Log:
         name=f"{log.name} and {following.name}",
         time=np.concatenate([log.time, [gap], following.time + shift]),
         inputs=np.vstack([log.inputs, following.inputs[:1], following.inputs]),
-        outputs=outputs,
+        states=outputs,
         pieces=[*log.pieces, *pieces],
         notes=[*log.notes, *following.notes],
     )

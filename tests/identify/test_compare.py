@@ -44,7 +44,7 @@ def exact_log(model: LogModel, sampling: float = 5e-3, seconds: float = 4.0) -> 
     predictor = Predictor.of(blank, seconds, TIMESTEP)
     ((states,),) = predictor.states([model], [np.array([[0.5, -0.4]])])
     angles = np.interp(time, np.arange(len(states)) * TIMESTEP, states[:, 0])
-    return replace(blank, outputs={"rotor angle": angles})
+    return replace(blank, states={"rotor angle": angles})
 
 
 def errors_of(model: LogModel, log: Log) -> Array:
@@ -63,9 +63,9 @@ def test_an_exact_log_is_predicted_exactly_whatever_its_sampling(sampling: float
 def test_a_bias_of_the_sensor_is_that_of_the_log() -> None:
     log = exact_log(LogModel(SERVO))
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(log.time))
-    measured = log.outputs["rotor angle"] + noise
-    biased = replace(log, outputs={"rotor angle": measured + 0.2})
-    unbiased = replace(log, outputs={"rotor angle": measured})
+    measured = log.states["rotor angle"] + noise
+    biased = replace(log, states={"rotor angle": measured + 0.2})
+    unbiased = replace(log, states={"rotor angle": measured})
 
     behind = LogModel(SERVO, Loop(sensors=(Sensor("rotor angle", bias=0.2),)))
     expected = errors_of(LogModel(SERVO), unbiased)
@@ -169,7 +169,7 @@ PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.08)
 
 def noisy(log: Log) -> Log:
     noise = 1e-3 * np.random.default_rng(5).standard_normal(len(log.time))
-    return replace(log, outputs={"rotor angle": log.outputs["rotor angle"] + noise})
+    return replace(log, states={"rotor angle": log.states["rotor angle"] + noise})
 
 
 def test_a_push_that_no_model_explains_is_named() -> None:
@@ -205,10 +205,10 @@ def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
     experiment = Experiment.load(path)
     log = noisy(exact_log(LogModel(SERVO)))
     random = np.random.default_rng(2)
-    angle = log.outputs["rotor angle"].copy()
+    angle = log.states["rotor angle"].copy()
     stray = random.random(len(angle)) < 0.05
     angle[stray] += random.uniform(0, 0.1, stray.sum())
-    log = replace(log, outputs={"rotor angle": angle})
+    log = replace(log, states={"rotor angle": angle})
     plant = experiment.plant("physics")
     return fit(parameters_of(experiment, ()), log, plant, horizon=1.0, timestep=TIMESTEP)
 

@@ -57,12 +57,12 @@ def short(number: int, seconds: float = 4.0) -> tuple[Array, Log]:
     """The first seconds of a machine of the coverage benchmark."""
     true, log = coverage.machine(number)
     samples = round(seconds / coverage.SAMPLING)
-    outputs = {name: values[:samples] for name, values in log.outputs.items()}
+    outputs = {name: values[:samples] for name, values in log.states.items()}
     part = Log(
         name=log.name,
         time=log.time[:samples],
         inputs=log.inputs[:samples],
-        outputs=outputs,
+        states=outputs,
         pieces=[slice(0, samples)],
     )
     return true, part
@@ -84,14 +84,14 @@ def csv(path: Path, rows: Array, header: str = HEADER) -> Path:
 
 
 def columns(log: Log) -> Array:
-    return np.column_stack([log.time, log.inputs, log.outputs["rotor angle"]])
+    return np.column_stack([log.time, log.inputs, log.states["rotor angle"]])
 
 
 def test_a_log_is_read_as_it_was_written(tmp_path: Path, log: Log) -> None:
     read = read_log(csv(tmp_path / "log.csv", columns(log)), SERVO, None)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.allclose(read.inputs, log.inputs)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-7)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-7)
 
 
 def test_a_log_is_read_in_the_units_of_its_headers(tmp_path: Path, log: Log) -> None:
@@ -103,7 +103,7 @@ def test_a_log_is_read_in_the_units_of_its_headers(tmp_path: Path, log: Log) -> 
     read = read_log(path, SERVO, None)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.allclose(read.inputs, log.inputs)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-7)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-7)
 
 
 def test_a_gap_ends_a_piece(tmp_path: Path, log: Log) -> None:
@@ -139,7 +139,7 @@ def test_a_case_says_the_sampling_of_a_log(tmp_path: Path, log: Log) -> None:
 
 def test_a_case_converts_the_columns_of_a_log(tmp_path: Path, log: Log) -> None:
     read = read_counts(tmp_path, log)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-6)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-6)
 
 
 def write_bag(path: Path, log: Log) -> None:
@@ -170,7 +170,7 @@ def test_messages_of_several_topics_are_brought_to_the_instants_of_the_state(
     read = read_log(tmp_path / "bag.mcap", SERVO, table)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.array_equal(read.inputs, log.inputs)
-    assert np.array_equal(read.outputs["rotor angle"], log.outputs["rotor angle"])
+    assert np.array_equal(read.states["rotor angle"], log.states["rotor angle"])
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def test_joined_logs_keep_their_samples(two_logs: tuple[Log, Log]) -> None:
     assert (np.diff(both.time) > 0).all()
     for piece, log in zip(both.pieces, two_logs, strict=True):
         assert np.array_equal(both.inputs[piece], log.inputs)
-        assert np.array_equal(both.outputs["rotor angle"][piece], log.outputs["rotor angle"])
+        assert np.array_equal(both.states["rotor angle"][piece], log.states["rotor angle"])
 
 
 def test_joined_logs_have_the_noise_of_their_sensor(two_logs: tuple[Log, Log]) -> None:
@@ -200,7 +200,7 @@ def test_a_late_input_of_a_joined_log_is_its_own_first_one(two_logs: tuple[Log, 
 
 def test_logs_of_different_states_are_not_joined(two_logs: tuple[Log, Log]) -> None:
     first, second = two_logs
-    speed = replace(second, outputs={"rotor speed": second.outputs["rotor angle"]})
+    speed = replace(second, states={"rotor speed": second.states["rotor angle"]})
     with pytest.raises(ArgumentError, match="several logs must measure the same states"):
         join_logs([first, speed])
 
@@ -279,8 +279,8 @@ def test_a_log_of_the_case_s_plant_matches(log: Log, experiment: Experiment) -> 
 def test_another_sign_or_unit_of_a_column_is_noticed(
     log: Log, experiment: Experiment, current: float, angle: float, words: str
 ) -> None:
-    outputs = {"rotor angle": angle * log.outputs["rotor angle"]}
-    slipped = replace(log, inputs=current * log.inputs, outputs=outputs)
+    outputs = {"rotor angle": angle * log.states["rotor angle"]}
+    slipped = replace(log, inputs=current * log.inputs, states=outputs)
     predictor = Predictor.of(slipped, **HOW)
     model = LogModel(experiment.plant("physics"))
     # No parameter of the case's ranges mends a slip.
@@ -308,7 +308,7 @@ def test_a_late_sensor_shows_what_the_state_was_before(experiment: Experiment) -
         name="late",
         time=time,
         inputs=np.zeros((100, 1)),
-        outputs={"rotor angle": time - 0.02},
+        states={"rotor angle": time - 0.02},
         pieces=[slice(0, 100)],
     )
     predictor = Predictor.of(late, horizon=10.0, timestep=1e-3)
@@ -595,7 +595,7 @@ def dated(log: Log) -> str:
     """A log with dates and times in place of the seconds."""
     seconds = np.round(log.time * 1e9).astype(np.int64)
     instants = np.datetime64("2026-01-01", "ns") + seconds
-    rows = zip(instants, log.inputs[:, 0], log.outputs["rotor angle"], strict=True)
+    rows = zip(instants, log.inputs[:, 0], log.states["rotor angle"], strict=True)
     lines = [f"{instant},{u:.9f},{angle:.9f}" for instant, u, angle in rows]
     return "\n".join(["time,current [A],rotor angle [rad]", *lines])
 
@@ -650,7 +650,7 @@ def test_a_csv_file_of_another_program_is_read(
     read = read_log(path, SERVO, None)
     assert read.time == pytest.approx(log.time, abs=1e-8)
     assert read.inputs == pytest.approx(log.inputs, abs=1e-8)
-    assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"], abs=1e-8)
+    assert read.states["rotor angle"] == pytest.approx(log.states["rotor angle"], abs=1e-8)
 
 
 def with_line(number: int, line: str) -> Callable[[Log], str]:
@@ -690,19 +690,19 @@ def test_a_mistake_in_a_csv_file_is_named_with_its_place(
 def test_instants_and_decimals_of_a_parquet_file_are_read(tmp_path: Path, log: Log) -> None:
     path = tmp_path / "log.parquet"
     ticks = pa.array(np.round(1e6 * log.time), pa.int64())
-    angle = pa.array(log.outputs["rotor angle"])
+    angle = pa.array(log.states["rotor angle"])
     for time in (ticks.cast(pa.timestamp("us", "UTC")), ticks.cast(pa.duration("us"))):
         angles = angle.cast(pa.decimal128(30, 20))
         table = pa.table({"time": time, "current": log.inputs[:, 0], "rotor angle": angles})
         pq.write_table(table, path)
         read = read_log(path, SERVO, None)
         assert read.time == pytest.approx(log.time, abs=1e-6)
-        assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"])
+        assert read.states["rotor angle"] == pytest.approx(log.states["rotor angle"])
 
 
 def test_a_wrong_number_of_a_parquet_file_is_named_by_its_row(tmp_path: Path, log: Log) -> None:
     path = tmp_path / "log.parquet"
-    angles = log.outputs["rotor angle"].copy()
+    angles = log.states["rotor angle"].copy()
     angles[30] = np.nan
     table = {"time": log.time, "current": log.inputs[:, 0], "rotor angle": angles}
     pq.write_table(pa.table(table), path)

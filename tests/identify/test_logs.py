@@ -51,13 +51,13 @@ WRAPPED = (ANGLE + np.pi) % (2 * np.pi) - np.pi
 
 def test_a_periodic_angle_has_no_jumps(tmp_path: Path) -> None:
     log = read(tmp_path, of_column("rotor angle", periodic=True), WRAPPED)
-    assert log.outputs["rotor angle"] == pytest.approx(ANGLE)
+    assert log.states["rotor angle"] == pytest.approx(ANGLE)
     assert log.notes == []
 
 
 def test_a_periodic_angle_in_degrees_has_no_jumps(tmp_path: Path) -> None:
     table = of_column("rotor angle", periodic=True, unit="deg")
-    assert read(tmp_path, table, np.degrees(WRAPPED)).outputs["rotor angle"] == pytest.approx(ANGLE)
+    assert read(tmp_path, table, np.degrees(WRAPPED)).states["rotor angle"] == pytest.approx(ANGLE)
 
 
 def test_jumps_of_a_turn_are_noted_with_their_cure(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_late_state_is_read_between_its_samples(tmp_path: Path) -> None:
     ramp = 3 * (TIME - 0.004)
     log = read(tmp_path, of_column("rotor angle", delay="4 ms"), ramp)
     (piece,) = log.pieces
-    assert log.outputs["rotor angle"][piece] == pytest.approx(3 * TIME[piece])
+    assert log.states["rotor angle"][piece] == pytest.approx(3 * TIME[piece])
 
 
 def test_commands_of_an_actuator_are_times_its_gear(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_matlab_file_is_read(
     log = read_log(path, SERVO, LogTable.model_validate(table))
     assert log.time == pytest.approx(TIME)
     assert log.inputs[:, 0].tolist() == CURRENT.tolist()
-    assert log.outputs["rotor angle"].tolist() == ANGLE.tolist()
+    assert log.states["rotor angle"].tolist() == ANGLE.tolist()
 
 
 def test_columns_of_other_lengths_than_the_time_are_refused(tmp_path: Path) -> None:
