@@ -57,6 +57,6 @@ if __name__ == "__main__":
     folder = Path(sys.argv[1])
     _, log = coverage.machine(0)
     few = slice(0, round(SECONDS / coverage.SAMPLING))
-    servo = (log.time[few], log.inputs[few, 0], log.outputs["rotor angle"][few])
+    servo = (log.time[few], log.inputs[few, 0], log.states["rotor angle"][few])
     write(folder / "servo.csv", "time [s],current [A],rotor angle [rad]", *servo)
     write(folder / "arm.csv", "time [s],torque [N m],joint angle [rad]", *arm())

@@ -176,7 +176,7 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
     robot = nominal.robot
     if robot is not None:
         built = plant if robot.built is robot.plant else robot.built.believed(*edits)
-        robot = Robot(plant, robot.notes, built)
+        robot = Robot(plant, robot.notes, built, robot.gears)
     return replace(nominal, plant=plant, robot=robot)
 
 

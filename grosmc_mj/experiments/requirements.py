@@ -9,10 +9,10 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 from grosmc_mj.experiments.file.schema import RequirementTable
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.requirements import KINDS
 from grosmc_mj.requirements.measurement import signal_units
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.units import number_in
 
 
 def kinds_in(table: RequirementTable) -> list[type[Requirement]]:

@@ -86,7 +86,7 @@ def _can_have(fit: Fit, name: PlantName) -> bool:
     """Whether a plant can have the fitted numbers."""
     parameters = fit.parameters
     try:
-        parameters.plant(fit.values, parameters.experiment.plant(name))
+        parameters.model(fit.values, parameters.experiment.plant(name))
     except ModelError:
         return False
     return True
@@ -100,20 +100,35 @@ def _uncertain_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> list[dict
 
     deviations = iter(np.sqrt(np.diag(fit.covariance)).tolist())
     for quantity, value, half in fit.estimates:
-        if half is not None:
-            tables.append(_uncertain(quantity, value, next(deviations)))
+        if half is None:
+            continue
+        deviation = next(deviations)
+        # The wrench in the file has the fitted amplitude already.
+        size = _written_size(quantity, value)
+        if size:
+            tables.append(_uncertain(quantity, value / size, deviation / abs(size), size))
     return tables
+
+
+def _written_size(quantity: Quantity, value: float) -> float:
+    """The number that a fitted value is written in units of: of an amplitude the value itself."""
+    return value if quantity.owner == "disturbance" else 1.0
 
 
 def _correlation_tables(fit: Fit) -> list[dict[str, Any]]:
     """A table for each pair of fitted numbers."""
-    names = [quantity.name for quantity, _, half in fit.estimates if half is not None]
-    correlation = fit.correlation.tolist()
+    names = []
+    signs = []
+    for quantity, value, half in fit.estimates:
+        if half is not None:
+            names.append(quantity.name)
+            signs.append(np.sign(_written_size(quantity, value)))
+    correlation = (fit.correlation * np.outer(signs, signs)).tolist()
 
     tables = []
     for i, name in enumerate(names):
         for other, coefficient in zip(names[:i], correlation[i], strict=False):
-            if abs(coefficient) < 1 - _SAME:
+            if 0 < abs(coefficient) < 1 - _SAME:
                 tables.append({"between": [name, other], "coefficient": coefficient})
     return tables
 
@@ -129,6 +144,9 @@ def _set(content: dict[str, Any], quantity: Quantity, value: float) -> None:
     """Bring a value into the table that has it."""
     written = _written(value, quantity.unit)
     owner = quantity.owner
+    if owner == "disturbance":
+        _scale_wrench(content, quantity.of, value)
+        return
     if owner == "computing":
         content["computing"] = content.get("computing", {}) | {quantity.quantity: written}
         return
@@ -144,9 +162,37 @@ def _set(content: dict[str, Any], quantity: Quantity, value: float) -> None:
     tables.append({key: quantity.of, quantity.quantity: written})
 
 
-def _uncertain(quantity: Quantity, value: float, deviation: float) -> dict[str, Any]:
-    """A normal distribution around a fitted value, cut off where the fit's bounds are."""
-    low, high = quantity.distribution.support
+def _scale_wrench(content: dict[str, Any], label: str, factor: float) -> None:
+    """Multiply the wrench of the disturbance that has a label."""
+    tables = [dict(table) for table in content["disturbance"]]
+    for table in tables:
+        if table.get("label") == label:
+            for key in ("force", "torque"):
+                if key in table:
+                    table[key] = [_times(number, factor) for number in table[key]]
+            if "amplitude" in table:
+                table["amplitude"] = _times(table["amplitude"], factor)
+    content["disturbance"] = tables
+
+
+def _times(written: Any, factor: float) -> Any:
+    """A number with its unit times a factor, as a case file has it."""
+    if not isinstance(written, str):
+        return factor * written
+    number, _, unit = written.strip().partition(" ")
+    return f"{factor * float(number):.10g} {unit}"
+
+
+def _uncertain(quantity: Quantity, value: float, deviation: float, size: float) -> dict[str, Any]:
+    """A normal distribution around a fitted value, cut off where the fit's bounds are.
+
+    Args:
+        quantity: The number.
+        value: Fitted value, in units of ``size``.
+        deviation: Its standard deviation, in the same.
+        size: The unit, in that of the quantity.
+    """
+    low, high = sorted(end / size for end in quantity.distribution.support)
     spread = _WITHIN * deviation
     numbers = {
         "mean": value,

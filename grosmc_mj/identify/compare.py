@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.identify.log import Log
-from grosmc_mj.identify.replay import Predictor, ideal, starts_of
-from grosmc_mj.loop import Loop
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.identify.model import LogModel
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.starts import fitted_starts
+from grosmc_mj.logs.log import Log
+from grosmc_mj.plants import System
 from grosmc_mj.results.result import (
     MEASURED,
     Answer,
@@ -50,51 +50,18 @@ class PredictionError(NamedTuple):
     horizons: Sequence[float]
     rms: Sequence[float]
 
-
-class LogModel(NamedTuple):
-    """A machine that a log may be of.
-
-    Attributes:
-        plant: Its plant.
-        loop: What lies between log and plant, of which delays and biases count.
-    """
-
-    plant: Plant
-    loop: Loop = Loop()
-
     @property
-    def delay(self) -> float:
-        """Delay of the inputs [s]; of several actuators, the fastest one's."""
-        delays = [actuator.delay for actuator in self.loop.actuators]
-        return self.loop.computing.delay + min(delays, default=0.0)
-
-    def sensor(self, state: str, quantity: str) -> float:
-        """The ``scale``, ``delay`` or ``bias`` of the sensor of a state."""
-        for sensor in self.loop.sensors:
-            if sensor.of == state:
-                return float(getattr(sensor, quantity))
-        return ideal(state, quantity)
-
-
-def models_of(experiment: Experiment) -> Mapping[str, LogModel]:
-    """The plants of a case, the truest one behind its loop, and the machine of its system."""
-    rungs = {name: LogModel(experiment.plant(name)) for name in experiment.plant_names}
-    truest = experiment.plant(experiment.nominal.truest)
-    if experiment.loop is not None:
-        rungs["loop"] = LogModel(truest, experiment.loop)
-    if experiment.nominal.shipped and not experiment.on_machine:
-        try:
-            machine = find_experiment(experiment.system, "machine")
-        except GrosmcError:
-            return rungs
-        rungs["machine"] = LogModel(machine.plant(machine.nominal.truest))
-    return rungs
+    def diverges(self) -> bool:
+        """Whether a prediction diverged."""
+        return not np.all(np.isfinite(self.rms))
 
 
 def prediction_errors(
     rungs: Mapping[str, LogModel], log: Log, horizon: float, timestep: float
 ) -> tuple[list[PredictionError], list[str]]:
-    """The errors of every plant along the windows of a log, and which rungs cannot follow it.
+    """The errors of every plant along the windows of a log, and notes on rungs.
+
+    A start is fitted to the samples before its prediction by the rung's own motion.
 
     Args:
         rungs: By name.
@@ -109,19 +76,34 @@ def prediction_errors(
     notes = []
     for name, rung in rungs.items():
         system = rung.plant.system
-        predictor = Predictor.of(log, horizon, rung.plant.step_length or timestep)
-        starts = starts_of(log, predictor.windows, system)
+        predictor = Predictor.leading(log, horizon, rung.plant.step_length or timestep)
         try:
-            (states,) = predictor.states([rung.plant], [starts], [rung.delay])
+            rung.require_speeds(log)
+            starts = fitted_starts(predictor.leads, rung)
+            (states,) = predictor.states([rung], [starts])
         except GrosmcError as error:
             notes.append(f"{name} cannot follow the log: {error}")
             continue
-        errors = predictor.errors(states, system, rung.sensor)
-        rows += _rung_errors(name, predictor, errors, system, horizon)
+        if rung.disturbances and _move_nothing(predictor, rung, starts, states):
+            notes.append(f"{name}: no disturbance of the case moves anything along this log")
+        errors = predictor.errors(states, rung)
+        of_rung = _rung_errors(name, predictor, errors, system, horizon)
+        rows += of_rung
+        diverging = [row.state for row in of_rung if row.diverges]
+        if diverging:
+            notes.append(f"{name}: the prediction of {', '.join(diverging)} diverges")
 
     if not rows:
         raise ArgumentError("; ".join(notes))
     return rows, notes
+
+
+def _move_nothing(
+    predictor: Predictor, rung: LogModel, starts: Array, states: Sequence[Array]
+) -> bool:
+    """Whether a rung has the same states, (steps + 1, n) of each window, undisturbed."""
+    (undisturbed,) = predictor.states([replace(rung, disturbances=())], [starts])
+    return bool(np.allclose(undisturbed, states, rtol=1e-9, atol=1e-12, equal_nan=True))
 
 
 def _rung_errors(
@@ -133,7 +115,7 @@ def _rung_errors(
 ) -> list[PredictionError]:
     """The errors of one rung, by measured state."""
     log = predictor.log
-    ages = [log.time[window.samples] - window.start for window in predictor.windows]
+    ages = [log.time[window.samples] - window.begin for window in predictor.windows]
     longest = min(horizon, max(float(age[-1]) for age in ages))
     horizons = [share * longest for share in _SHARES]
 
@@ -141,7 +123,7 @@ def _rung_errors(
     for state in system.states:
         if state.name in errors:
             by_window = errors[state.name]
-            rms = [_rms_at(time, ages, by_window, log.period) for time in horizons]
+            rms = [_rms_at(time, ages, by_window, log.sampling) for time in horizons]
             rows.append(PredictionError(rung, state.name, state.unit, horizons, rms))
     return rows
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.films.film import Film, Take
-from grosmc_mj.identify.compare import LogModel
-from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.starts import fitted_starts
+from grosmc_mj.logs.log import Log
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.palette import BLUE
 
@@ -30,16 +31,16 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
     system = plant.system
     positions = [system.states[i].name for i in system.controlled]
     for name in positions:
-        if name not in log.outputs:
+        if name not in log.states:
             raise ArgumentError(f"--film: the log does not measure {name}: there is no ghost")
 
-    predictor = Predictor.of(log, horizon, plant.step_length)
+    predictor = Predictor.leading(log, horizon, plant.step_length)
     window = predictor.windows[0]
-    run = predictor.first_run(plant, rung.delay)
+    run = predictor.first_run(rung, fitted_starts(predictor.leads, rung))
 
     # The measured positions at the instants of the simulated run.
     times = log.time[window.samples] - window.start
-    ghost = [np.interp(run.time, times, log.outputs[name][window.samples]) for name in positions]
+    ghost = [np.interp(run.time, times, log.states[name][window.samples]) for name in positions]
 
     # Film draws one more state beside the bodies: the first that is not controlled.
     uncontrolled = [i for i in range(len(system.states)) if i not in system.controlled]

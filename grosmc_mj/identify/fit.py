@@ -6,72 +6,24 @@ not stable, or is hit by something once, does not spoil the rest. ``mujoco.sysid
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, SetupError
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.intervals import covariance, half_widths
-from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import Parameters
-from grosmc_mj.identify.replay import Predictor, likely_slip, starts_of, unexplained_share
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
+from grosmc_mj.identify.slips import likely_slip, unexplained_share
+from grosmc_mj.logs.log import Log
+from grosmc_mj.plants import Plant
 from grosmc_mj.sweep.family import Quantity
-
-# Step of the differences for derivatives, as a share of a parameter's range and a state's size.
-_STEP = 1e-4
-# Residual after a prediction diverged, in standard deviations.
-_DIVERGED = 1e6
-# Starts of the windows are searched within so many sizes of a state about the first guess.
-_START_RANGE = 10.0
-# A direction whose standard deviation is more than this share of the parameters is not visible.
-_WEAK = 0.5
-# A parameter belongs to that direction if its component is above this share of the largest one.
-_PART = 0.3
-# Lags of the residual's autocorrelation that are tested, and the level of the whole test.
-_LAGS = 20
-_LEVEL = 0.01
-
-
-class HiddenParameter(NamedTuple):
-    """Parameters that the log does not show.
-
-    Attributes:
-        held: The one that is held at its value in the case.
-        others: Those that it cannot be told apart from; empty if it has no effect of its own.
-        words: Which combination of them is visible, and which log would show them.
-    """
-
-    held: str
-    others: tuple[str, ...]
-    words: str
-
-
-class Quality(NamedTuple):
-    """Accuracy of the prediction of one measured state.
-
-    Attributes:
-        state: Its name.
-        unit: Its unit.
-        rms: Of the residual.
-        fit: 1 - |residual| / |deviation from the mean|.
-        steps: RMS in steps of the sensor or, without one, standard deviations of its noise.
-        white: Whether the residual is no more correlated in time than noise (Ljung and Box).
-    """
-
-    state: str
-    unit: str
-    rms: float
-    fit: float
-    steps: float
-    white: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +48,14 @@ class Fit:
     unseen: Sequence[HiddenParameter]
     scales: dict[str, float]
 
+    def model(self, plant: Plant) -> LogModel:
+        """Return the machine with the fitted values.
+
+        Args:
+            plant: Before any change.
+        """
+        return self.parameters.model(self.values, plant)
+
     @property
     def correlation(self) -> Array:
         """Correlation of the parameters that are fitted."""
@@ -113,154 +73,6 @@ class Fit:
         ):
             rows.append((quantity, value, next(halves) if fitted else None))
         return rows
-
-
-@dataclass(frozen=True, eq=False)
-class _Residual:
-    """The weighted residual of a log, and its derivatives by parameters and starts.
-
-    A point x of the search holds the parameters that are fitted, as shares of their ranges, and
-    the starts of all windows in the sizes of the states.
-
-    Attributes:
-        parameters: The parameters.
-        free: Which are fitted, (d,).
-        predictor: The log's windows.
-        plant: Before any change.
-        scales: Standard deviations of the measured states.
-        fixed: Values of the parameters that are not fitted, (d,).
-        starts: The first guess of the windows' starts, (windows, n).
-        sizes: A size of each state, (n,).
-    """
-
-    parameters: Parameters
-    free: NDArray[np.bool_]
-    predictor: Predictor
-    plant: Plant
-    scales: dict[str, float]
-    fixed: Array
-    starts: Array
-    sizes: Array
-
-    @property
-    def width(self) -> Array:
-        """Width of the range of each parameter that is fitted."""
-        low, high = self.parameters.bounds
-        return (high - low)[self.free]
-
-    def point(self, values: Array) -> Array:
-        """The point of the search with these values of all parameters, (d,), at the first guess."""
-        low, _ = self.parameters.bounds
-        shares = (values - low)[self.free] / self.width
-        return np.concatenate([shares, (self.starts / self.sizes).ravel()])
-
-    def parts(self, x: Array) -> tuple[Array, Array]:
-        """Values of all parameters, (d,), and the starts, (windows, n), of a point."""
-        count = int(self.free.sum())
-        low, _ = self.parameters.bounds
-        values = self.fixed.copy()
-        values[self.free] = low[self.free] + self.width * x[:count]
-        starts = x[count:].reshape(self.starts.shape) * self.sizes
-        return values, starts
-
-    def of(self, points: Sequence[Array]) -> list[Array]:
-        """The residuals at several points, (r,) each: state by state, window by window."""
-        values = []
-        starts = []
-        for x in points:
-            x_values, x_starts = self.parts(x)
-            values.append(x_values)
-            starts.append(x_starts)
-
-        # All points and windows are one batch of runs.
-        plants = [self.parameters.plant(row, self.plant) for row in values]
-        delays = [self.parameters.input_delay(row) for row in values]
-        runs = self.predictor.states(plants, starts, delays)
-
-        residuals = []
-        for row, states in zip(values, runs, strict=True):
-            sensor = partial(self.parameters.sensor, values=row)
-            errors = self.predictor.errors(states, self.plant.system, sensor)
-            scaled = [np.concatenate(errors[name]) / self.scales[name] for name in errors]
-            residuals.append(np.nan_to_num(np.concatenate(scaled), nan=_DIVERGED))
-        return residuals
-
-    @property
-    def _lengths(self) -> NDArray[np.intp]:
-        """Samples of each window."""
-        return np.array([window.length for window in self.predictor.windows])
-
-    @property
-    def pieces(self) -> list[slice]:
-        """Entries of the residual that follow each other in time, of a state and a window each."""
-        ends = np.cumsum(np.tile(self._lengths, len(self.scales))).tolist()
-        return [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
-
-    def errors(self, x: Array) -> dict[str, list[Array]]:
-        """The residual at a point in the units of the states, by state and window."""
-        (residual,) = self.of([x])
-        borders = np.cumsum(self._lengths)[:-1]
-        errors = {}
-        by_state = np.split(residual, len(self.scales))
-        for (name, scale), scaled in zip(self.scales.items(), by_state, strict=True):
-            errors[name] = np.split(scaled * scale, borders)
-        return errors
-
-    def jacobian(self, x: Array) -> Array:
-        """Its derivative by the point, (r, p): a start acts in its own window alone."""
-        count = int(self.free.sum())
-        windows, n = self.starts.shape
-        # A direction for each parameter, and for each state: the starts of all windows are moved
-        # at once.
-        directions = np.zeros((count + n, len(x)))
-        directions[:count, :count] = np.eye(count)
-        directions[count:, count:] = np.tile(np.eye(n), windows)
-
-        ends = []
-        for direction in directions:
-            for sign in (1, -1):
-                end = x + sign * _STEP * direction
-                # Parameters stay within their bounds.
-                end[:count] = end[:count].clip(0.0, 1.0)
-                ends.append(end)
-        values = np.reshape(self.of(ends), (count + n, 2, -1))
-        pairs = np.reshape(ends, (count + n, 2, len(x)))
-        steps = np.abs(pairs[:, 0] - pairs[:, 1]).max(axis=1)
-        slopes = (values[:, 0] - values[:, 1]) / steps[:, None]
-
-        # The window of each entry of the residual tells whose start moved it.
-        owners = np.tile(np.repeat(np.arange(windows), self._lengths), len(self.scales))
-        rows = np.arange(slopes.shape[1])
-        jacobian = np.zeros((len(rows), len(x)))
-        jacobian[:, :count] = slopes[:count].T
-        for j in range(n):
-            jacobian[rows, count + owners * n + j] = slopes[count + j]
-        return jacobian
-
-
-def _residual_of(
-    parameters: Parameters,
-    free: NDArray[np.bool_],
-    predictor: Predictor,
-    plant: Plant,
-    scales: dict[str, float],
-    fixed: Array,
-) -> _Residual:
-    """The residual with the first guess of its starts, and sizes of the states."""
-    log = predictor.log
-    spans = {name: max(float(np.ptp(y)), 1e-9) for name, y in log.outputs.items()}
-    largest = max(spans.values())
-    sizes = [spans.get(state.name, largest) for state in plant.system.states]
-    return _Residual(
-        parameters=parameters,
-        free=free,
-        predictor=predictor,
-        plant=plant,
-        scales=scales,
-        fixed=fixed,
-        starts=starts_of(log, predictor.windows, plant.system),
-        sizes=np.array(sizes),
-    )
 
 
 def fit(
@@ -288,24 +100,21 @@ def fit(
     """
     predictor = Predictor.of(log, horizon, timestep)
     # In the order of the states, as the residual has them.
-    measured = [state.name for state in plant.system.states if state.name in log.outputs]
-    scales = {name: _first_scale(log, name) for name in measured}
+    measured = [state.name for state in plant.system.states if state.name in log.states]
+    scales = {name: log.deviation(name) for name in measured}
     values = parameters.first
     free = np.ones(len(parameters.names), bool)
     unseen: list[HiddenParameter] = []
+    parameters.model(parameters.nominal, plant).require_speeds(log)
     while True:
         progress(f"fitting {int(free.sum())} parameters")
-        residual = _residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
-        x = _searched(residual, residual.point(values))
-
-        # Again, with each state weighted by what the first search left of it.
-        scales = _rescaled(residual, x)
-        residual = replace(residual, scales=scales)
-        x = _searched(residual, x)
+        residual = residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
+        residual, x = _searched_twice(residual, values)
+        scales = residual.scales
         values, _ = residual.parts(x)
 
         jacobian = residual.jacobian(x)
-        weak = _weak(parameters, free, jacobian)
+        weak = hidden_parameter(parameters, free, jacobian)
         if weak is None:
             return _fit_at(residual, x, jacobian, unseen)
 
@@ -315,8 +124,15 @@ def fit(
             raise ArgumentError(f"{log.name} shows none of the parameters: {weak.words}")
 
 
+def _searched_twice(residual: Residual, values: Array) -> tuple[Residual, Array]:
+    """The residual with each state weighted by what a first search left, and its least squares."""
+    x = searched(residual, residual.point(values))
+    residual = replace(residual, scales=rescaled(residual, x))
+    return residual, searched(residual, x)
+
+
 def _fit_at(
-    residual: _Residual, x: Array, jacobian: Array, unseen: Sequence[HiddenParameter]
+    residual: Residual, x: Array, jacobian: Array, unseen: Sequence[HiddenParameter]
 ) -> Fit:
     """The fit at a point of least squares, in the units of the parameters."""
     values, _ = residual.parts(x)
@@ -335,114 +151,6 @@ def _fit_at(
     )
 
 
-def _sysid() -> Any:
-    """mujoco.sysid, with what it needs.
-
-    Raises:
-        SetupError: If that is not installed.
-    """
-    import mujoco.sysid as sysid
-
-    if not hasattr(sysid, "optimize"):
-        raise SetupError("identify needs mujoco[sysid]: pip install 'grosmc_mj[identify]'")
-    return sysid
-
-
-def _searched(residual: _Residual, x: Array) -> Array:
-    """The point of least squares, from a first one."""
-    sysid = _sysid()
-    count = int(residual.free.sum())
-    low = np.zeros(len(x))
-    high = np.ones(len(x))
-    low[count:] = x[count:] - _START_RANGE
-    high[count:] = x[count:] + _START_RANGE
-
-    variables = sysid.ParameterDict()
-    variables.add(sysid.Parameter("point", np.clip(x, low, high), low, high))
-    _, result = sysid.optimize(
-        variables,
-        lambda at, _: ([residual.of([np.asarray(at).ravel()])[0][:, None]], None, None),
-        optimizer="mujoco",
-        verbose=False,
-        max_iters=50,
-        xtol=1e-7,
-        mu_factor=10.0,
-        # Nobody reads its progress.
-        output=io.StringIO(),
-        jacobian=lambda at, _: residual.jacobian(np.asarray(at).ravel()),
-    )
-    return np.asarray(result.x, float).ravel()
-
-
-def _first_scale(log: Log, state: str) -> float:
-    """Standard deviation of a sensor's noise, at least that of its rounding."""
-    rounding = float(log.resolution(state) / np.sqrt(12.0))
-    span = float(np.ptp(log.outputs[state]))
-    return max(log.noise(state), rounding, 1e-9 * span, 1e-12)
-
-
-def _rescaled(residual: _Residual, x: Array) -> dict[str, float]:
-    """The standard deviation of each state's residual."""
-    errors = residual.errors(x)
-    # The fitted starts take degrees of freedom, of each measured state as many.
-    fitted_starts = residual.starts.size // len(errors)
-    scales = {}
-    for name, parts in errors.items():
-        samples = sum(map(len, parts)) - fitted_starts
-        norm = np.linalg.norm(np.concatenate(parts))
-        scales[name] = float(norm / np.sqrt(max(1, samples)))
-    return scales
-
-
-def _weak(
-    parameters: Parameters, free: NDArray[np.bool_], jacobian: Array
-) -> HiddenParameter | None:
-    """The parameters that are the least visible, if that is not enough; None if all are."""
-    count = int(free.sum())
-    low, high = parameters.bounds
-    by_size = jacobian[:, :count] * (parameters.scales[free] / (high - low)[free])
-
-    # A residual that other starts of the windows could explain counts for no parameter.
-    by_start = jacobian[:, count:]
-    by_start = by_start[:, np.abs(by_start).max(axis=0) > 0]
-    by_size = by_size - by_start @ np.linalg.lstsq(by_start, by_size, rcond=None)[0]
-
-    # The least singular value is the inverse of the largest standard deviation of a direction.
-    _, s, v = np.linalg.svd(by_size, full_matrices=False)
-    if s[-1] * _WEAK >= 1.0:
-        return None
-
-    direction = v[-1]
-    members = np.flatnonzero(np.abs(direction) > _PART * np.abs(direction).max())
-    held = members[np.abs(direction[members]).argmax()]
-    names = np.array(parameters.names)[free]
-    name = str(names[held])
-    alike = tuple(str(names[i]) for i in members if i != held)
-    same_sign = bool(np.prod(np.sign(direction[members])) > 0)
-    return HiddenParameter(name, alike, _unseen_words(name, alike, same_sign))
-
-
-def _unseen_words(name: str, alike: Sequence[str], same_sign: bool) -> str:
-    """Words on a held parameter and those that it cannot be told apart from.
-
-    Args:
-        name: Name of the held parameter.
-        alike: Names of the other parameters.
-        same_sign: Whether their changes that cancel each other have the same sign.
-    """
-    if not alike:
-        return f"{name} is not visible in this log: give it a run that moves it more, or faster"
-
-    relation = "a combination of them"
-    if len(alike) == 1:
-        relation = "their ratio" if same_sign else "their sum or product"
-    listed = " and ".join([name, *alike])
-    return (
-        f"{listed}: only {relation} is visible in this log; {name} is held at its value in the "
-        "case. A run with a known load, or a measurement of one of them, tells them apart"
-    )
-
-
 def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> str:
     """Return the sign or unit of a column that would explain a log far better than its fit does.
 
@@ -457,80 +165,5 @@ def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> s
         A line on that column; empty where the fit explains the log.
     """
     predictor = Predictor.of(log, horizon, timestep)
-    parameters = fit.parameters
-    unexplained = unexplained_share(
-        predictor,
-        parameters.plant(fit.values, plant),
-        parameters.input_delay(fit.values),
-        partial(parameters.sensor, values=fit.values),
-    )
-    return likely_slip(predictor, plant, unexplained)
-
-
-def residuals(
-    fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float
-) -> dict[str, list[tuple[slice, Array]]]:
-    """The samples and the residual of each measured state in each window, in its unit.
-
-    The starts of the windows are fitted to the log, the parameters are not.
-    """
-    predictor = Predictor.of(log, horizon, timestep)
-    none_free = np.zeros(len(fit.values), bool)
-    residual = _residual_of(fit.parameters, none_free, predictor, plant, fit.scales, fit.values)
-    errors = residual.errors(_searched(residual, residual.point(fit.values)))
-    samples = [window.samples for window in predictor.windows]
-    return {name: list(zip(samples, parts, strict=True)) for name, parts in errors.items()}
-
-
-def quality(
-    parts: Mapping[str, Sequence[tuple[slice, Array]]],
-    log: Log,
-    system: System,
-) -> list[Quality]:
-    """Measure how well a fit predicts a log.
-
-    Args:
-        parts: Its ``residuals``.
-        log: The log.
-        system: Units of the states.
-    """
-    rows = []
-    for state in system.states:
-        name = state.name
-        if name not in parts:
-            continue
-        samples, errors = zip(*parts[name], strict=True)
-        values = log.outputs[name]
-        measured = np.concatenate([values[window] for window in samples])
-        rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-        spread = float(np.std(measured))
-        # A sensor without steps is compared with its noise.
-        step = log.resolution(name) or log.noise(name)
-        rows.append(
-            Quality(
-                state=name,
-                unit=state.unit,
-                rms=rms,
-                fit=1 - rms / max(spread, 1e-12),
-                steps=rms / max(step, 1e-12),
-                white=_white(errors),
-            )
-        )
-    return rows
-
-
-def _white(pieces: Sequence[Array]) -> bool:
-    """Whether residuals are uncorrelated in time, by Ljung and Box over all windows."""
-    errors = [piece - piece.mean() for piece in pieces if len(piece) > 3 * _LAGS]
-    if not errors:
-        return True
-    count = sum(map(len, errors))
-    power = max(sum(float(e @ e) for e in errors), 1e-300)
-
-    # Q = n (n + 2) sum of rho_k^2 / (n - k) over the lags k, of chi-squared distribution.
-    terms = []
-    for lag in range(1, _LAGS + 1):
-        rho = sum(float(e[lag:] @ e[:-lag]) for e in errors) / power
-        terms.append(rho**2 / (count - lag))
-    statistic = count * (count + 2) * sum(terms)
-    return bool(stats.chi2.sf(statistic, _LAGS) > _LEVEL)
+    unexplained = unexplained_share(predictor, fit.model(plant))
+    return likely_slip(predictor, LogModel(plant), unexplained)

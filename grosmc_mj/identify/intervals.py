@@ -11,6 +11,9 @@ W. K. Newey and K. D. West, Econometrica 55, 1987, with the lags L of D. W. K. A
 Econometrica 59, 1991, for a residual of first order,
 
     L = 1.1447 (4 rho^2/(1 - rho^2)^2 N)^(1/3).
+
+Whether a residual is alike from sample to sample is tested by G. M. Ljung and G. E. P. Box,
+Biometrika 65, 1978.
 """
 
 from __future__ import annotations
@@ -24,6 +27,14 @@ from grosmc_mj.arrays import Array
 
 # Share of a piece that its lags may be, at most: of longer ones there are too few pairs.
 _MOST_LAGS = 0.25
+# Lags of the autocorrelation that are tested, at most, and as a share of a window.
+_TESTED_LAGS = 20
+_TESTED_SHARE = 1 / 4
+# Fewer samples in all, or fewer lags, are too short to tell.
+_FEWEST = 50
+_FEWEST_LAGS = 3
+# Level of the whole test.
+_LEVEL = 0.01
 # The residual of a log without noise is alike from sample to sample but for rounding.
 _MOST_ALIKE = 0.999
 
@@ -78,3 +89,42 @@ def _lags(residual: Array, pieces: Sequence[slice]) -> int:
     lags = 1.1447 * (4 * rho**2 / (1 - rho**2) ** 2 * len(residual)) ** (1 / 3)
     longest = max(piece.stop - piece.start for piece in pieces)
     return min(int(np.ceil(lags)), int(_MOST_LAGS * longest))
+
+
+def is_white(windows: Sequence[Array]) -> bool | None:
+    """Whether residuals are uncorrelated in time, by Ljung and Box over all windows.
+
+    A window's start is fitted: that takes a straight line out of white noise, and leaves the rest
+    correlated. What white noise would have without its line is subtracted, so that windows of a
+    few samples are tested too.
+
+    Args:
+        windows: Residuals at samples one after the other, (K,) each.
+
+    Returns:
+        None if they are too short to tell.
+    """
+    longest = max(map(len, windows), default=0)
+    lags = int(min(_TESTED_LAGS, _TESTED_SHARE * longest))
+    windows = [window for window in windows if len(window) > 3 * lags]
+    count = sum(map(len, windows))
+    if lags < _FEWEST_LAGS or count < _FEWEST:
+        return None
+
+    products = np.zeros(lags + 1)
+    of_noise = np.zeros(lags + 1)
+    for window in windows:
+        line, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(window)), 2))
+        error = window - line @ (line.T @ window)
+        for lag in range(lags + 1):
+            last = len(error) - lag
+            products[lag] += error[lag:] @ error[:last]
+            of_noise[lag] -= np.sum(line[lag:] * line[:last])
+    of_noise[0] += count
+
+    # Q = n (n + 2) sum of rho_k^2 / (n - k) over the lags k, of chi-squared distribution.
+    variance = products[0] / of_noise[0]
+    rho = (products - variance * of_noise) / max(products[0], 1e-300)
+    pairs = np.array([count - lag * len(windows) for lag in range(lags + 1)])
+    statistic = count**2 * np.sum(rho[1:] ** 2 / pairs[1:])
+    return bool(stats.chi2.sf(statistic, lags) > _LEVEL)

@@ -1,4 +1,4 @@
-"""The parameters that a log is fitted by: numbers of the plant, and of its sensors and delay."""
+"""The parameters that a log is fitted by: numbers of the plant, of loads, sensors and delay."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
-from grosmc_mj.identify.replay import ideal
+from grosmc_mj.identify.model import LogModel
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.sweep.family import Quantity, family_of
 from grosmc_mj.sweep.parameters import with_values
 
-# Numbers of a loop that a log shows: how late inputs arrive, and how a sensor errs.
-_INPUT_DELAYS = (("computing", "delay"), ("actuator", "delay"))
-_SENSOR_ERRORS = (("sensor", "delay"), ("sensor", "bias"), ("sensor", "scale"))
+# Numbers beside the plant's that a log shows: of a load, how late inputs arrive, how a sensor errs.
+_VISIBLE = (
+    ("disturbance", "amplitude"),
+    ("computing", "delay"),
+    ("actuator", "delay"),
+    ("sensor", "delay"),
+    ("sensor", "bias"),
+    ("sensor", "scale"),
+)
 # Owners that a path can begin with.
 _PATHS = ("body", "joint", "parameter")
 # A number without a range is searched from and to so many times its value.
@@ -50,6 +56,12 @@ class Parameters:
         return np.array([quantity.nominal for quantity in self.quantities])
 
     @property
+    def huber(self) -> bool:
+        """Whether the case's ``[log]`` asks for Huber's loss."""
+        table = self.experiment.file.log
+        return table is not None and table.loss == "huber"
+
+    @property
     def first(self) -> Array:
         """Start of the search: the case's values, moved inside the bounds, (d,)."""
         low, high = self.bounds
@@ -69,46 +81,28 @@ class Parameters:
         low, high = self.bounds
         return np.maximum(np.abs(self.nominal), (high - low) / 4)
 
-    def plant(self, values: Array, base: Plant) -> Plant:
-        """Return the plant with these values.
+    def model(self, values: Array, base: Plant) -> LogModel:
+        """Return the machine with these values.
 
         Args:
             values: Of all parameters, (d,).
             base: The plant before any change.
         """
-        changes = []
+        of_plant = []
+        case = self.experiment
         for quantity, value in zip(self.quantities, values, strict=True):
             if quantity.of_plant:
-                changes.append((quantity, float(value)))
-        case = with_values(self.experiment, changes)
+                of_plant.append((quantity, float(value)))
+            else:
+                # A delay in a fit is no whole number of timesteps.
+                case = quantity.changed_case(case, float(value))
+
+        of_machine = with_values(self.experiment, of_plant)
         if isinstance(base, MujocoPlant):
-            return base.edited(*case.edits)
-        return case.plant(case.nominal.truest)
-
-    def input_delay(self, values: Array) -> float:
-        """Delay of the inputs [s].
-
-        Args:
-            values: Of all parameters, (d,).
-        """
-        delay = 0.0
-        for quantity, value in zip(self.quantities, values, strict=True):
-            if (quantity.owner, quantity.quantity) in _INPUT_DELAYS:
-                delay += float(value)
-        return delay
-
-    def sensor(self, state: str, quantity: str, values: Array) -> float:
-        """The ``scale``, ``bias`` or ``delay`` of the sensor of a state; ideal by default.
-
-        Args:
-            state: Name of the state.
-            quantity: Name of the number.
-            values: Of all parameters, (d,).
-        """
-        for parameter, value in zip(self.quantities, values, strict=True):
-            if (parameter.owner, parameter.of, parameter.quantity) == ("sensor", state, quantity):
-                return float(value)
-        return ideal(state, quantity)
+            plant: Plant = base.edited(*of_machine.edits)
+        else:
+            plant = of_machine.plant(base.kind)
+        return LogModel(plant, case.loop, case.disturbances)
 
 
 def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
@@ -160,9 +154,8 @@ def _quantities(
 
 
 def _is_visible(quantity: Quantity) -> bool:
-    """Whether a log can show a number: of the plant, an input's delay or a sensor's error."""
-    path = (quantity.owner, quantity.quantity)
-    return quantity.of_plant or path in _INPUT_DELAYS or path in _SENSOR_ERRORS
+    """Whether a log can show a number."""
+    return quantity.of_plant or (quantity.owner, quantity.quantity) in _VISIBLE
 
 
 def _table_of(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,27 +12,16 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
 from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.identify.log import SHORTEST_PIECE, Log, held
-from grosmc_mj.loop import Sensor
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.identify.model import LogModel
+from grosmc_mj.logs.log import SHORTEST_PIECE, Log, held
+from grosmc_mj.plants import System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 
-# Slips of a column: the factor that would mend it, and the words for it.
-_SLIPS = (
-    (-1.0, "have the other sign"),
-    (math.pi / 180, "be in degrees"),
-    (1e-3, "be in thousandths of its unit"),
-    (1e3, "be in thousands of its unit"),
-)
-# Inputs that leave this share of the error explain little.
-_POOR = 0.9
-# Without a slip they leave an error that is so many times less.
-_BETTER = 1.2
-# Fewest samples of a window.
+# Fewest samples of a window, and of its lead.
 _FEWEST = 10
-# Samples before and after the start of a window from which that is estimated.
-_AROUND = 15
+# Share of the horizon that the lead of a window is, at least.
+_LEAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,21 +38,19 @@ def _replayed(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         u[j] = p.samples[k, j]
 
 
-def ideal(state: str, quantity: str) -> float:
-    """A number of an ideal sensor of a state."""
-    return float(getattr(Sensor(state), quantity))
-
-
 class Window(NamedTuple):
     """A part of a log that is predicted from one start.
 
     Attributes:
         samples: Of the log, (K,).
         start: Instant of the first one [s].
+        begin: Instant from which it is predicted [s]; before it lies its lead, to which the start
+            is fitted.
     """
 
     samples: slice
     start: float
+    begin: float
 
     @property
     def length(self) -> int:
@@ -87,32 +73,56 @@ class Predictor:
     timestep: float
 
     @classmethod
-    def of(cls, log: Log, horizon: float, timestep: float) -> Predictor:
+    def of(cls, log: Log, horizon: float, timestep: float, lead: float = 0.0) -> Predictor:
         """Predictor with windows one after the other, over all pieces of a log.
 
         Args:
             log: The log.
-            horizon: Length of a window [s].
+            horizon: Length of a window [s], without its lead.
             timestep: Of the prediction [s].
+            lead: Time before it that its start is fitted to [s], within the window before.
 
         Raises:
             ArgumentError: If a window or a piece of the log would have too few samples.
         """
-        shortest = _FEWEST * log.period
+        shortest = _FEWEST * log.sampling
         if horizon < shortest:
             raise ArgumentError(
-                f"--horizon {horizon:g} s is {horizon / log.period:.3g} samples of {log.name}: it "
-                f"must be {_FEWEST} at least, {shortest:g} s"
+                f"--horizon {horizon:g} s is {horizon / log.sampling:.3g} samples of {log.name}: "
+                f"it must be {_FEWEST} at least, {shortest:g} s"
             )
-        if not log.pieces:
+        windows = []
+        for piece in log.pieces:
+            windows += _windows(log, piece, horizon, lead)
+        if not windows:
             raise ArgumentError(
                 f"{log.name}: too few samples are left to predict: take a longer log, or hold out "
                 "another share of it"
             )
-        windows = []
-        for piece in log.pieces:
-            windows += _windows(log, piece, horizon)
         return cls(log, windows, timestep)
+
+    @classmethod
+    def leading(cls, log: Log, horizon: float, timestep: float) -> Predictor:
+        """Predictor whose starts are fitted to a tenth of the horizon, or some samples, before it.
+
+        Args and raises as for ``of``.
+        """
+        return cls.of(log, horizon, timestep, _lead(log, horizon))
+
+    @classmethod
+    def moments(cls, log: Log, horizon: float, timestep: float) -> Predictor:
+        """Predictor with windows as short as the lead of those with a horizon [s]."""
+        return cls.of(log, _lead(log, horizon), timestep)
+
+    @property
+    def leads(self) -> Predictor:
+        """Predictor along the leads of its windows."""
+        windows = []
+        for window in self.windows:
+            first = window.samples.start
+            stop = first + int(np.sum(self.log.time[window.samples] <= window.begin))
+            windows.append(Window(slice(first, stop), window.start, window.begin))
+        return replace(self, windows=windows)
 
     @property
     def steps(self) -> int:
@@ -130,77 +140,71 @@ class Predictor:
             laws.append(_law(system, inputs, self.timestep))
         return laws
 
-    def states(
-        self,
-        plants: Sequence[Plant],
-        starts: Sequence[Array],
-        delays: Sequence[float],
-    ) -> list[list[Array]]:
-        """The states of several plants along every window.
+    def states(self, models: Sequence[LogModel], starts: Sequence[Array]) -> list[list[Array]]:
+        """The states of several machines of one system along every window.
 
         Args:
-            plants: One for each trial.
+            models: One for each trial.
             starts: Of each trial, (windows, n).
-            delays: Of the inputs in each trial [s].
 
         Returns:
             For each trial and window (steps + 1, n); NaN after a run that diverged.
         """
-        system = plants[0].system
         count = len(self.windows)
+        plants = []
+        laws: list[Controller] = []
+        disturbances = []
         # Most trials have the same delay, and share their laws.
-        laws_by_delay = {delay: self._laws(system, delay) for delay in set(delays)}
+        laws_by_delay: dict[float, list[Controller]] = {}
+        for model in models:
+            if model.delay not in laws_by_delay:
+                laws_by_delay[model.delay] = self._laws(model.plant.system, model.delay)
+            plants += [model.plant] * count
+            laws += laws_by_delay[model.delay]
+            disturbances += [model.disturbances_from(window.start) for window in self.windows]
 
-        plants_of_runs: list[Plant] = []
-        laws_of_runs: list[Controller] = []
-        for plant, delay in zip(plants, delays, strict=True):
-            plants_of_runs += [plant] * count
-            laws_of_runs += laws_by_delay[delay]
         run = simulate(
-            plants_of_runs,
-            laws_of_runs,
+            plants,
+            laws,
             np.concatenate(list(starts)),
             duration=self.steps * self.timestep,
             timestep=None if plants[0].step_length else self.timestep,
+            disturbances=disturbances,
         )
-
         states = np.array(run.state)
         for row, until in zip(states, np.atleast_1d(run.valid_until), strict=True):
             row[round(float(until) / self.timestep) + 1 :] = np.nan
-        return [list(states[k * count : (k + 1) * count]) for k in range(len(plants))]
+        return [list(states[k * count : (k + 1) * count]) for k in range(len(models))]
 
-    def first_run(self, plant: Plant, delay: float) -> Trajectory:
-        """The recorded run of a plant along the first window, its inputs late by a delay [s]."""
-        law = self._laws(plant.system, delay)[0]
-        start = starts_of(self.log, self.windows[:1], plant.system)[0]
-        return simulate(plant, law, start, duration=(self.steps - 1) * self.timestep)
+    def first_run(self, model: LogModel, starts: Array) -> Trajectory:
+        """The recorded run of a machine along the first window from its start, (windows, n)."""
+        return simulate(
+            model.plant,
+            self._laws(model.plant.system, model.delay)[0],
+            starts[0],
+            duration=(self.steps - 1) * self.timestep,
+            disturbances=model.disturbances_from(self.windows[0].start),
+        )
 
-    def errors(
-        self,
-        states: Sequence[Array],
-        system: System,
-        sensor: Callable[[str, str], float] = ideal,
-    ) -> dict[str, list[Array]]:
+    def errors(self, states: Sequence[Array], model: LogModel) -> dict[str, list[Array]]:
         """Measured less predicted values of each measured state in each window.
 
         Args:
             states: Of each window, (steps + 1, n).
-            system: Names of the states.
-            sensor: From a state and ``scale``, ``delay`` or ``bias`` to that of its sensor.
+            model: The machine, with the sensors of the states.
         """
         errors = {}
-        for j, state in enumerate(system.states):
-            if state.name not in self.log.outputs:
+        for j, state in enumerate(model.plant.system.states):
+            if state.name not in self.log.states:
                 continue
-            measured = self.log.outputs[state.name]
-            scale = sensor(state.name, "scale")
-            delay = sensor(state.name, "delay")
-            bias = sensor(state.name, "bias")
+            measured = self.log.states[state.name]
+            sensor = model.sensor(state.name)
 
             by_window = []
             for window, x in zip(self.windows, states, strict=True):
-                predicted = self._at_samples(window, x[:, j], delay)
-                by_window.append(measured[window.samples] - scale * predicted - bias)
+                predicted = self._at_samples(window, x[:, j], sensor.delay)
+                shown = sensor.scale * predicted
+                by_window.append(measured[window.samples] - shown - sensor.bias)
             errors[state.name] = by_window
         return errors
 
@@ -208,6 +212,11 @@ class Predictor:
         """Values on the timesteps of a window at the instants of its samples, later by a delay."""
         times = self.log.time[window.samples] - window.start - delay
         return np.interp(times, np.arange(len(values)) * self.timestep, values)
+
+
+def _lead(log: Log, horizon: float) -> float:
+    """Time that the start of a prediction is fitted to [s]."""
+    return max(_LEAD * horizon, _FEWEST * log.sampling)
 
 
 def _law(system: System, inputs: Array, timestep: float) -> Controller:
@@ -219,119 +228,21 @@ def _law(system: System, inputs: Array, timestep: float) -> Controller:
     return Controller("log", _replayed, numbers, memory_of(Memory, v=np.zeros(len(system.inputs))))
 
 
-def _windows(log: Log, piece: slice, horizon: float) -> list[Window]:
-    """Windows of a horizon [s] one after the other over a piece, whose end may be too short."""
+def _windows(log: Log, piece: slice, horizon: float, lead: float) -> list[Window]:
+    """Windows of a lead and a horizon [s] over a piece, whose end may be too short.
+
+    Each begins to predict where the one before ended.
+    """
     windows = []
     first = piece.start
-    while piece.stop - first >= SHORTEST_PIECE:
-        start = log.time[first]
-        last = int(np.searchsorted(log.time, start + horizon, side="right"))
+    last = first
+    while piece.stop - first >= SHORTEST_PIECE and last < piece.stop:
+        start = float(log.time[first])
+        begin = start + lead
+        last = int(np.searchsorted(log.time, begin + horizon, side="right"))
         last = min(max(last, first + SHORTEST_PIECE), piece.stop)
-        windows.append(Window(slice(first, last), float(start)))
-        first = last
+        end = log.time[last - 1]
+        if not lead or end > begin:
+            windows.append(Window(slice(first, last), start, begin))
+        first = max(int(np.searchsorted(log.time, end - lead, side="right")), first + 1)
     return windows
-
-
-def starts_of(log: Log, windows: Sequence[Window], system: System) -> Array:
-    """States at the start of each window, (windows, n), from a parabola through samples around it.
-
-    A rate that is not measured is the slope of its position; any other state is 0.
-
-    Args:
-        log: The log.
-        windows: Its parts.
-        system: Names of the states: all positions, then their rates.
-    """
-    names = [state.name for state in system.states]
-    positions = system.degrees_of_freedom
-    starts = np.zeros((len(windows), len(names)))
-    for row, window in zip(starts, windows, strict=True):
-        samples = _samples_around(log, window.samples.start)
-        t = log.time[samples] - window.start
-        degree = min(2, len(t) - 1)
-        for j, name in enumerate(names):
-            if name in log.outputs:
-                parabola = np.polyfit(t, log.outputs[name][samples], degree)
-                row[j] = np.polyval(parabola, 0.0)
-            elif positions and j >= positions and names[j - positions] in log.outputs:
-                parabola = np.polyfit(t, log.outputs[names[j - positions]][samples], degree)
-                row[j] = parabola[-2]
-    return starts
-
-
-def _samples_around(log: Log, sample: int) -> slice:
-    """The samples near one, within its piece."""
-    piece = next(piece for piece in log.pieces if piece.start <= sample < piece.stop)
-    return slice(max(sample - _AROUND, piece.start), min(sample + _AROUND, piece.stop))
-
-
-def likely_slip(predictor: Predictor, plant: Plant, unexplained: float) -> str:
-    """Return the sign or unit of a column that would explain a log far better than its fit does.
-
-    Args:
-        predictor: The log in windows.
-        plant: The case's plant.
-        unexplained: Share of the motion that the fitted plant leaves, see ``unexplained_share``.
-
-    Returns:
-        A line on the first such column; empty where the fit explains the log.
-    """
-    if unexplained <= _POOR:
-        return ""
-
-    inputs = [signal.name for signal in plant.system.inputs]
-    for name in (*predictor.log.outputs, *inputs):
-        for factor, words in _SLIPS:
-            mended = replace(predictor, log=_scaled(predictor.log, name, factor, inputs))
-            if unexplained_share(mended, plant) < unexplained / _BETTER:
-                return (
-                    f"{name} seems to {words}: the fit leaves {unexplained:.0%} of the motion "
-                    "unexplained, and the case's plant far less then; if so, say it in the unit "
-                    "of its header, or in the case file's [log]"
-                )
-    return ""
-
-
-def _scaled(
-    log: Log,
-    name: str,
-    factor: float,
-    inputs: Sequence[str],
-) -> Log:
-    """A log with one of its measured states or inputs times a factor."""
-    if name in log.outputs:
-        return replace(log, outputs={**log.outputs, name: factor * log.outputs[name]})
-    scale = np.where(np.array(inputs) == name, factor, 1.0)
-    return replace(log, inputs=log.inputs * scale)
-
-
-def unexplained_share(
-    predictor: Predictor,
-    plant: Plant,
-    delay: float = 0.0,
-    sensor: Callable[[str, str], float] = ideal,
-) -> float:
-    """Return the share of a log's motion that its inputs leave, of the state with the largest one.
-
-    Args:
-        predictor: The log in windows.
-        plant: The plant.
-        delay: Of the inputs [s].
-        sensor: From a state and ``scale``, ``delay`` or ``bias`` to that of its sensor.
-    """
-    log = predictor.log
-    without_inputs = replace(predictor, log=replace(log, inputs=0.0 * log.inputs))
-    driven = _error_norms(predictor, plant, delay, sensor)
-    still = _error_norms(without_inputs, plant, delay, sensor)
-    shares = driven / np.maximum(still, 1e-12)
-    return float(np.nan_to_num(np.max(shares), nan=np.inf))
-
-
-def _error_norms(
-    predictor: Predictor, plant: Plant, delay: float, sensor: Callable[[str, str], float]
-) -> Array:
-    """Norm of the prediction error of each measured state."""
-    starts = starts_of(predictor.log, predictor.windows, plant.system)
-    (states,) = predictor.states([plant], [starts], [delay])
-    errors = predictor.errors(states, plant.system, sensor)
-    return np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors.values()])

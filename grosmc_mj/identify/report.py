@@ -7,15 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.identify.fit import Fit, Quality
-from grosmc_mj.identify.log import Log
+from grosmc_mj.identify.compare import PredictionError
+from grosmc_mj.identify.fit import Fit
+from grosmc_mj.identify.quality import Quality
+from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION
-from grosmc_mj.results.result import MEASURED, OPEN, Answer, ReportTable, Value, result
+from grosmc_mj.results.result import MEASURED, OPEN, Answer, ReportTable, Value, finite, result
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.family import Quantity
 
+# Words for the residual.
+_WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}
 # A value this near to an end of its range, as a share of that, is at the end.
 _NEAR = 1e-3
 
@@ -59,8 +63,10 @@ def quality_table(rows: Sequence[Quality]) -> Table:
     cells = []
     for row in rows:
         rms = f"{number(row.rms)} {row.unit}"
-        residual = "white" if row.white else "correlated in time"
-        cells.append((row.state, rms, number(100 * row.fit), number(row.steps), residual))
+        residual = _WHITENESS[row.white]
+        share = number(100 * row.fit) if row.moves else "stands still"
+        steps = number(row.rms / row.step)
+        cells.append((row.state, rms, share, steps, residual))
     return table(
         "Prediction of the held-out part",
         columns,
@@ -74,20 +80,30 @@ def quality_table(rows: Sequence[Quality]) -> Table:
 def identification(
     fit: Fit,
     rows: Sequence[Quality],
+    predicted: Sequence[PredictionError],
     log: str,
     horizon: float,
     hold_out: float,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The content of the result's JSON file."""
+    """The content of the result's JSON file.
+
+    Args:
+        fit: The fit.
+        rows: Its accuracy along the held-out part.
+        predicted: Errors of its predictions of that part.
+        log: Name of the log.
+        horizon: Length of a prediction [s].
+        hold_out: Share of the log that was held out.
+        notes: What may be wrong.
+    """
     path = fit.parameters.experiment.path
     white = all(row.white for row in rows)
-    worst = min(rows, key=lambda row: row.fit)
     answer = Answer(
         question=f"Parameters of {path.stem} from {log}",
         verdict=MEASURED if white else OPEN,
         words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
-        f"{worst.state} of the held-out part predicted to {100 * worst.fit:.3g} %",
+        + _prediction_words(rows, predicted),
         more="; ".join(row.words for row in fit.unseen),
         notes=notes,
     )
@@ -117,6 +133,26 @@ def identification(
         covariance=fit.covariance.tolist(),
         unseen=[row._asdict() for row in fit.unseen],
         held_out=[row._asdict() for row in rows],
+        predicted=[{**row._asdict(), "rms": list(map(finite, row.rms))} for row in predicted],
+    )
+
+
+def _prediction_words(rows: Sequence[Quality], predicted: Sequence[PredictionError]) -> str:
+    """Words on the state that is predicted worst, in steps of its sensor."""
+    steps = {row.state: row.step for row in rows}
+    diverging = [row.state for row in rows if row.diverges]
+    diverging += [row.state for row in predicted if row.diverges]
+    if diverging:
+        return f"the prediction of {diverging[0]} diverges in the held-out part"
+
+    worst = max(predicted, key=lambda row: row.rms[-1] / steps[row.state])
+    step = steps[worst.state]
+    soon = f"{number(worst.rms[0])} {worst.unit} after {worst.horizons[0]:.2g} s"
+    late = f"{number(worst.rms[-1])} {worst.unit} after {worst.horizons[-1]:.2g} s"
+    in_steps = f"{number(worst.rms[0] / step)} and {number(worst.rms[-1] / step)}"
+    return (
+        f"{worst.state} of the held-out part predicted to {soon} and {late} ({in_steps} steps of "
+        "its sensor)"
     )
 
 
@@ -129,7 +165,7 @@ def draw_residuals(
     """Draw measured and fitted states of a log, and their difference.
 
     Args:
-        parts: The result of ``fit.residuals``.
+        parts: The result of ``quality.residuals``.
         log: The log.
         system: Units of the states.
         path: The picture.
@@ -160,7 +196,7 @@ def _draw_state(
     labels = ("measured", "fitted", "residual")
     for samples, error in pieces:
         time = log.time[samples]
-        measured = log.outputs[state][samples]
+        measured = log.states[state][samples]
         above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=labels[0])
         above.plot(time, measured - error, color=BLUE, lw=1.0, label=labels[1])
         below.plot(time, error, color=VERMILION, lw=0.8, label=labels[2])

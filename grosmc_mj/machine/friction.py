@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import mujoco
 
-from grosmc_mj.errors import ModelError
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, ModelError
 from grosmc_mj.fields import Name, checked
 from grosmc_mj.machine.part import (
     DAMPING,
@@ -18,10 +20,13 @@ from grosmc_mj.machine.part import (
     not_negative,
     positive,
 )
+from grosmc_mj.plants import System
 
 _IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_IMPLICIT)
 # Largest share by which an implicit integrator may slow what slides on bristles.
 _SLOWED = 0.02
+# h times the rate of a first-order lag, up to which the classical Runge-Kutta method is stable.
+_STABLE_LAG = 2.785
 # The back-EMF of a motor that is there for its friction only is nothing.
 _NO_MOTOR = (1e-12, 0.0)
 
@@ -96,3 +101,33 @@ class LuGre(MachinePart):
                 f"of what slides on bristles by 1 + h damping/inertia = {1 + slowed:.3g}: take "
                 "integrator RK4 or Euler, or a shorter timestep"
             )
+
+    def require_speeds(self, system: System, x: Array, timestep: float, integrator: str) -> None:
+        """Refuse a speed at which the bristles are unstable, as ``Edit`` says.
+
+        They follow the speed at the rate s0 |v|/g(v), which RK4 takes explicitly; MuJoCo's other
+        integrators solve it exactly.
+        """
+        if integrator != "RK4" or self.joint not in system.joints:
+            return
+
+        rate = system.degrees_of_freedom + system.joints.index(self.joint)
+        speed = abs(float(x[rate]))
+        force = self._sliding_force(speed)
+        if timestep * self.stiffness * speed <= _STABLE_LAG * force:
+            return
+
+        longest = _STABLE_LAG * force / (self.stiffness * speed)
+        softest = self.stiffness * longest / timestep
+        unit = system.states[rate].unit
+        raise ArgumentError(
+            f"{system.name}: lugre of {self.joint!r}: at {speed:.3g} {unit}, where its friction is "
+            f"{force:.3g}, RK4 with a timestep of {timestep:g} s makes the bristles unstable: take "
+            f"a timestep of at most {longest:.2g} s, a stiffness of at most {softest:.2g}, or "
+            "integrator Euler"
+        )
+
+    def _sliding_force(self, speed: float) -> float:
+        """Friction g(v) of a joint that slides at a speed."""
+        static = self.static or self.coulomb
+        return self.coulomb + (static - self.coulomb) * math.exp(-((speed / self.stribeck) ** 2))

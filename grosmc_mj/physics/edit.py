@@ -106,6 +106,15 @@ class Edit(ABC):
             ArgumentError: With the bounds.
         """
 
+    def require_speeds(  # noqa: B027  most are stable at any speed
+        self, system: System, x: Array, timestep: float, integrator: str
+    ) -> None:
+        """Refuse a state, (n,), whose speeds make it unstable with a timestep [s].
+
+        Raises:
+            ArgumentError: With the timestep that it needs.
+        """
+
     def require_timestep(self, model: mujoco.MjModel, system: str) -> None:  # noqa: B027
         """Refuse a compiled model whose timestep or integrator makes it unstable.
 

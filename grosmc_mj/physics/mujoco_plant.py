@@ -166,9 +166,19 @@ class MujocoPlant(Plant):
         return hidden_states(self._model_like, self.system, self.parts)
 
     def require_start(self, x0: Array) -> None:
-        """Refuse a start beyond a stop, as ``Plant`` says."""
+        """Refuse a start beyond a stop or too fast for the timestep, as ``Plant`` says."""
         for edit in self.edits:
             edit.require_start(self.system, x0)
+        self.require_speeds(x0)
+
+    def require_speeds(self, x: Array) -> None:
+        """Refuse a state, (n,), whose speeds make a part of the machine unstable.
+
+        Raises:
+            ArgumentError: With the timestep that it needs.
+        """
+        for edit in self.edits:
+            edit.require_speeds(self.system, x, self.step_length, self.stepped_by)
 
     @cached_property
     def parameters(self) -> Any:

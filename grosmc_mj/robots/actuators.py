@@ -42,6 +42,7 @@ class TorqueInput(NamedTuple):
         built: Fields of the plant's actuator, where it has a lag or a delay that no law knows; its
             input is the same torque. Empty for an ideal one.
         note: Difference from the model's actuator, in words; empty if there is none.
+        gear: Torque for a command of 1 of a motor, its gear times its gain; None of a servo.
     """
 
     actuator: str
@@ -49,6 +50,7 @@ class TorqueInput(NamedTuple):
     limits: Limits
     built: dict[str, Any]
     note: str
+    gear: float | None
 
     def add_to(self, spec: mujoco.MjSpec, *, as_built: bool = False) -> None:
         """Add the actuator to a model, ideal or as built."""
@@ -124,7 +126,8 @@ def torque_input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Torqu
         )
     if note:
         note = f"actuator {name!r}: {note}"
-    return TorqueInput(name, joint.name, strictest, built, note)
+    torque_of_command = None if servo else gear * gain
+    return TorqueInput(name, joint.name, strictest, built, note, torque_of_command)
 
 
 class _TorqueLimits(NamedTuple):

@@ -124,8 +124,8 @@ def _require_regular_assets(spec: mujoco.MjSpec) -> None:
 
 def robot_specs(
     model: Any, joints: Names = None, actuators: Names = None
-) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, list[str]]:
-    """Make a robot's model with ideal torque inputs, the model as it is built, and notes.
+) -> tuple[mujoco.MjSpec, mujoco.MjSpec | None, list[str], dict[str, float]]:
+    """Make a robot's model with ideal torque inputs, the model as it is built, notes and gears.
 
     As built, actuators have the lags and delays of the model, with torque at the joint as their
     input, and joints are coupled as in the model; None without lags, delays and couplings.
@@ -137,7 +137,8 @@ def robot_specs(
         actuators: The actuators to use; all others are left out. All by default.
 
     Returns:
-        Both models and the changes of the model that was read, in sentences.
+        Both models, the changes of the model that was read, in sentences, and of each motor the
+        torque for a command of 1.
 
     Raises:
         ModelError: If it is no such robot, with the reason and what to do.
@@ -169,7 +170,8 @@ def robot_specs(
     # In the order of the joints, each of which has one torque at most.
     torques = list(itertools.chain.from_iterable(drives.values()))
     built = _replace_actuators(spec, torques)
-    return spec, built, notes
+    gears = {torque.actuator: torque.gear for torque in torques if torque.gear is not None}
+    return spec, built, notes, gears
 
 
 def _replace_actuators(spec: mujoco.MjSpec, torques: Sequence[TorqueInput]) -> mujoco.MjSpec | None:

@@ -38,11 +38,13 @@ class Robot:
         notes: Changes of the model that was read and their reasons, in sentences.
         built: The robot as it is built, with effects that laws do not know of: lags, delays and
             couplings of joints; ``plant`` itself without such effects.
+        gears: Of each motor of the model that was read, the torque for a command of 1.
     """
 
     plant: MujocoPlant
     notes: tuple[str, ...]
     built: MujocoPlant
+    gears: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def from_mjcf(
@@ -71,10 +73,10 @@ class Robot:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
         with warnings_ignored():
-            spec, built, notes = robot_specs(model, joints, actuators)
+            spec, built, notes, gears = robot_specs(model, joints, actuators)
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
         built_plant = plant if built is None else replace(plant, spec=built)
-        return cls(plant, tuple(notes), built_plant)
+        return cls(plant, tuple(notes), built_plant, tuple(gears.items()))
 
     @property
     def joints(self) -> int:

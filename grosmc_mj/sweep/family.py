@@ -23,13 +23,13 @@ from grosmc_mj.experiments.file.schema import (
     DistributionTable,
     UncertainTable,
 )
-from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
 from grosmc_mj.machine.part import MOST
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.metrics import may_be_stored
 from grosmc_mj.results.tables import shown_unit
 from grosmc_mj.sweep.parameters import Parameter
 from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.units import number_in, numbers_of, si_number
 
 _ENDS = ("least", "most")
 

@@ -295,6 +295,6 @@ def plant_of(case: Case, like: Plant) -> Plant:
     if isinstance(like, MujocoPlant):
         plant = like.edited(*case.edits)
     else:
-        plant = case.plant(case.nominal.truest)
+        plant = case.plant(like.kind)
     plant.require_start(np.array(case.x0))
     return plant

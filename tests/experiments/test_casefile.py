@@ -22,10 +22,10 @@ from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, TABLES
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.text import complete_text
-from grosmc_mj.experiments.file.units import _KNOWN, _registry, number_in
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.units import _KNOWN, _registry, number_in
 
 CASE = """
 extends = "common.toml"

@@ -28,29 +28,20 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment, experiment_of
 from grosmc_mj.experiments.file.reading import parse_case_file
-from grosmc_mj.experiments.file.schema import LogTable
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import (
-    LogModel,
-    PredictionError,
-    best_model,
-    models_of,
-    prediction_errors,
-)
-from grosmc_mj.identify.fit import (
-    Fit,
-    _rescaled,
-    _residual_of,
-    _weak,
-    fit,
-    quality,
-    residuals,
-    slip,
-)
-from grosmc_mj.identify.log import Log, held, join_logs, read_log
+from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
+from grosmc_mj.identify.fit import Fit, fit, slip
+from grosmc_mj.identify.hidden import hidden_parameter
+from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
-from grosmc_mj.identify.replay import Predictor, likely_slip, unexplained_share
-from grosmc_mj.loop import Computing, Loop
+from grosmc_mj.identify.quality import quality, residuals
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.residual import rescaled, residual_of
+from grosmc_mj.identify.slips import likely_slip, unexplained_share
+from grosmc_mj.logs.log import Log, held, join_logs
+from grosmc_mj.logs.read import read_log
+from grosmc_mj.logs.table import LogTable
+from grosmc_mj.loop import Computing, Loop, Sensor
 from grosmc_mj.plants import find_system
 from grosmc_mj.sweep.campaign import Campaign, specification_of
 
@@ -66,12 +57,12 @@ def short(number: int, seconds: float = 4.0) -> tuple[Array, Log]:
     """The first seconds of a machine of the coverage benchmark."""
     true, log = coverage.machine(number)
     samples = round(seconds / coverage.SAMPLING)
-    outputs = {name: values[:samples] for name, values in log.outputs.items()}
+    outputs = {name: values[:samples] for name, values in log.states.items()}
     part = Log(
         name=log.name,
         time=log.time[:samples],
         inputs=log.inputs[:samples],
-        outputs=outputs,
+        states=outputs,
         pieces=[slice(0, samples)],
     )
     return true, part
@@ -93,14 +84,14 @@ def csv(path: Path, rows: Array, header: str = HEADER) -> Path:
 
 
 def columns(log: Log) -> Array:
-    return np.column_stack([log.time, log.inputs, log.outputs["rotor angle"]])
+    return np.column_stack([log.time, log.inputs, log.states["rotor angle"]])
 
 
 def test_a_log_is_read_as_it_was_written(tmp_path: Path, log: Log) -> None:
     read = read_log(csv(tmp_path / "log.csv", columns(log)), SERVO, None)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.allclose(read.inputs, log.inputs)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-7)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-7)
 
 
 def test_a_log_is_read_in_the_units_of_its_headers(tmp_path: Path, log: Log) -> None:
@@ -112,7 +103,7 @@ def test_a_log_is_read_in_the_units_of_its_headers(tmp_path: Path, log: Log) -> 
     read = read_log(path, SERVO, None)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.allclose(read.inputs, log.inputs)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-7)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-7)
 
 
 def test_a_gap_ends_a_piece(tmp_path: Path, log: Log) -> None:
@@ -148,7 +139,7 @@ def test_a_case_says_the_sampling_of_a_log(tmp_path: Path, log: Log) -> None:
 
 def test_a_case_converts_the_columns_of_a_log(tmp_path: Path, log: Log) -> None:
     read = read_counts(tmp_path, log)
-    assert np.allclose(read.outputs["rotor angle"], log.outputs["rotor angle"], atol=1e-6)
+    assert np.allclose(read.states["rotor angle"], log.states["rotor angle"], atol=1e-6)
 
 
 def write_bag(path: Path, log: Log) -> None:
@@ -179,7 +170,7 @@ def test_messages_of_several_topics_are_brought_to_the_instants_of_the_state(
     read = read_log(tmp_path / "bag.mcap", SERVO, table)
     assert np.allclose(read.time, log.time, atol=1e-9)
     assert np.array_equal(read.inputs, log.inputs)
-    assert np.array_equal(read.outputs["rotor angle"], log.outputs["rotor angle"])
+    assert np.array_equal(read.states["rotor angle"], log.states["rotor angle"])
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +184,7 @@ def test_joined_logs_keep_their_samples(two_logs: tuple[Log, Log]) -> None:
     assert (np.diff(both.time) > 0).all()
     for piece, log in zip(both.pieces, two_logs, strict=True):
         assert np.array_equal(both.inputs[piece], log.inputs)
-        assert np.array_equal(both.outputs["rotor angle"][piece], log.outputs["rotor angle"])
+        assert np.array_equal(both.states["rotor angle"][piece], log.states["rotor angle"])
 
 
 def test_joined_logs_have_the_noise_of_their_sensor(two_logs: tuple[Log, Log]) -> None:
@@ -209,7 +200,7 @@ def test_a_late_input_of_a_joined_log_is_its_own_first_one(two_logs: tuple[Log, 
 
 def test_logs_of_different_states_are_not_joined(two_logs: tuple[Log, Log]) -> None:
     first, second = two_logs
-    speed = replace(second, outputs={"rotor speed": second.outputs["rotor angle"]})
+    speed = replace(second, states={"rotor speed": second.states["rotor angle"]})
     with pytest.raises(ArgumentError, match="several logs must measure the same states"):
         join_logs([first, speed])
 
@@ -273,8 +264,8 @@ def test_a_wrong_header_of_a_log_is_named(
 
 def test_a_log_of_the_case_s_plant_matches(log: Log, experiment: Experiment) -> None:
     predictor = Predictor.of(log, **HOW)
-    plant = experiment.plant("physics")
-    assert likely_slip(predictor, plant, unexplained_share(predictor, plant)) == ""
+    model = LogModel(experiment.plant("physics"))
+    assert likely_slip(predictor, model, unexplained_share(predictor, model)) == ""
 
 
 @pytest.mark.parametrize(
@@ -288,12 +279,12 @@ def test_a_log_of_the_case_s_plant_matches(log: Log, experiment: Experiment) -> 
 def test_another_sign_or_unit_of_a_column_is_noticed(
     log: Log, experiment: Experiment, current: float, angle: float, words: str
 ) -> None:
-    outputs = {"rotor angle": angle * log.outputs["rotor angle"]}
-    slipped = replace(log, inputs=current * log.inputs, outputs=outputs)
+    outputs = {"rotor angle": angle * log.states["rotor angle"]}
+    slipped = replace(log, inputs=current * log.inputs, states=outputs)
     predictor = Predictor.of(slipped, **HOW)
-    plant = experiment.plant("physics")
+    model = LogModel(experiment.plant("physics"))
     # No parameter of the case's ranges mends a slip.
-    line = likely_slip(predictor, plant, unexplained_share(predictor, plant))
+    line = likely_slip(predictor, model, unexplained_share(predictor, model))
     assert line.startswith(words)
 
 
@@ -310,24 +301,23 @@ def test_a_held_input_is_late_by_any_delay_without_jumps() -> None:
     assert np.abs(later - late).max() < 1e-5
 
 
-def test_a_late_sensor_shows_what_the_state_was_before() -> None:
+def test_a_late_sensor_shows_what_the_state_was_before(experiment: Experiment) -> None:
     """A ramp of 1 rad/s that a sensor shows 20 ms late is 20 mrad lower at each sample."""
     time = np.arange(100) * 0.01
     late = Log(
         name="late",
         time=time,
         inputs=np.zeros((100, 1)),
-        outputs={"rotor angle": time - 0.02},
+        states={"rotor angle": time - 0.02},
         pieces=[slice(0, 100)],
     )
     predictor = Predictor.of(late, horizon=10.0, timestep=1e-3)
     instants = np.arange(1001) * 1e-3
     ramp = np.column_stack([instants, np.ones_like(instants)])
+    loop = Loop(sensors=(Sensor("rotor angle", delay=0.02),))
+    model = LogModel(experiment.plant("physics"), loop)
 
-    def sensor(state: str, quantity: str) -> float:
-        return {"delay": 0.02, "scale": 1.0, "bias": 0.0}[quantity]
-
-    (errors,) = predictor.errors([ramp], SERVO, sensor)["rotor angle"]
+    (errors,) = predictor.errors([ramp], model)["rotor angle"]
     # Before the window began nothing is predicted.
     assert errors[2:] == pytest.approx(np.zeros(98), abs=1e-12)
 
@@ -335,8 +325,8 @@ def test_a_late_sensor_shows_what_the_state_was_before() -> None:
 def test_fitted_starts_take_their_degrees_of_freedom() -> None:
     """Of three windows two starts each are fitted: three numbers for each measured state."""
     parts = {"angle": [np.full(4, 2.0)] * 3, "rate": [np.full(4, 6.0)] * 3}
-    residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts)
-    scales = _rescaled(residual, np.zeros(6))
+    residual: Any = SimpleNamespace(starts=np.zeros((3, 2)), errors=lambda _: parts, huber=False)
+    scales = rescaled(residual, np.zeros(6))
     assert scales == pytest.approx({"angle": 2 * math.sqrt(12 / 9), "rate": 6 * math.sqrt(12 / 9)})
 
 
@@ -419,10 +409,10 @@ def test_parameters_that_a_log_does_not_show_are_named(
     free = np.ones(len(parameters.names), bool)
     predictor = Predictor.of(log, **HOW)
     scales = {"rotor angle": coverage.NOISE}
-    residual = _residual_of(
+    residual = residual_of(
         parameters, free, predictor, case.plant("physics"), scales, parameters.nominal
     )
-    weak = _weak(parameters, free, residual.jacobian(residual.point(parameters.first)))
+    weak = hidden_parameter(parameters, free, residual.jacobian(residual.point(parameters.first)))
     named = {weak.held, *weak.others} if weak else set()
     assert named == hidden
 
@@ -430,7 +420,7 @@ def test_parameters_that_a_log_does_not_show_are_named(
 def test_the_rung_that_made_a_log_explains_it_best(experiment: Experiment) -> None:
     true, log = short(1)
     parameters = parameters_of(experiment, coverage.NAMES)
-    plant = parameters.plant(true, experiment.plant("physics"))
+    plant = parameters.model(true, experiment.plant("physics")).plant
     late = Loop(computing=Computing(delay=round(float(true[2]), 3)))
     rungs = {**models_of(experiment), "ideal": LogModel(plant), "as it is": LogModel(plant, late)}
     assert {"corrected", "physics", "loop", "machine"} < set(rungs)
@@ -469,12 +459,12 @@ def test_the_log_of_the_arm_gives_a_case_that_runs_on_its_physics(
     """The equations of the arm have no damping: the identified case leaves them out."""
     assert run("identify", ARM_LOG, "logs/arm", "--out", tmp_path) == cli.DONE
     assert "2 of 2 parameters fitted" in capsys.readouterr().out
-    document = json.loads((tmp_path / "identification_arm_arm.json").read_text())
+    document = json.loads((tmp_path / "identification_logs_arm_arm.json").read_text())
     payload, damping = document["parameters"]
     assert payload["value"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=2e-3)
     assert damping["value"] == pytest.approx(logs_made.DAMPING, rel=0.02)
-    assert (tmp_path / "identification_arm_arm.png").is_file()
-    assert Experiment.load(tmp_path / "identify_arm_arm.toml").plant_names == ["physics"]
+    assert (tmp_path / "identification_logs_arm_arm.png").is_file()
+    assert Experiment.load(tmp_path / "identify_logs_arm_arm.toml").plant_names == ["physics"]
 
 
 def test_the_log_of_the_arm_is_compared_with_every_rung(
@@ -605,7 +595,7 @@ def dated(log: Log) -> str:
     """A log with dates and times in place of the seconds."""
     seconds = np.round(log.time * 1e9).astype(np.int64)
     instants = np.datetime64("2026-01-01", "ns") + seconds
-    rows = zip(instants, log.inputs[:, 0], log.outputs["rotor angle"], strict=True)
+    rows = zip(instants, log.inputs[:, 0], log.states["rotor angle"], strict=True)
     lines = [f"{instant},{u:.9f},{angle:.9f}" for instant, u, angle in rows]
     return "\n".join(["time,current [A],rotor angle [rad]", *lines])
 
@@ -660,7 +650,7 @@ def test_a_csv_file_of_another_program_is_read(
     read = read_log(path, SERVO, None)
     assert read.time == pytest.approx(log.time, abs=1e-8)
     assert read.inputs == pytest.approx(log.inputs, abs=1e-8)
-    assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"], abs=1e-8)
+    assert read.states["rotor angle"] == pytest.approx(log.states["rotor angle"], abs=1e-8)
 
 
 def with_line(number: int, line: str) -> Callable[[Log], str]:
@@ -700,19 +690,19 @@ def test_a_mistake_in_a_csv_file_is_named_with_its_place(
 def test_instants_and_decimals_of_a_parquet_file_are_read(tmp_path: Path, log: Log) -> None:
     path = tmp_path / "log.parquet"
     ticks = pa.array(np.round(1e6 * log.time), pa.int64())
-    angle = pa.array(log.outputs["rotor angle"])
+    angle = pa.array(log.states["rotor angle"])
     for time in (ticks.cast(pa.timestamp("us", "UTC")), ticks.cast(pa.duration("us"))):
         angles = angle.cast(pa.decimal128(30, 20))
         table = pa.table({"time": time, "current": log.inputs[:, 0], "rotor angle": angles})
         pq.write_table(table, path)
         read = read_log(path, SERVO, None)
         assert read.time == pytest.approx(log.time, abs=1e-6)
-        assert read.outputs["rotor angle"] == pytest.approx(log.outputs["rotor angle"])
+        assert read.states["rotor angle"] == pytest.approx(log.states["rotor angle"])
 
 
 def test_a_wrong_number_of_a_parquet_file_is_named_by_its_row(tmp_path: Path, log: Log) -> None:
     path = tmp_path / "log.parquet"
-    angles = log.outputs["rotor angle"].copy()
+    angles = log.states["rotor angle"].copy()
     angles[30] = np.nan
     table = {"time": log.time, "current": log.inputs[:, 0], "rotor angle": angles}
     pq.write_table(pa.table(table), path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.identify.intervals import covariance, half_widths
+from grosmc_mj.identify.intervals import covariance, half_widths, is_white
 
 SAMPLES = 2000
 REPETITIONS = 400
@@ -60,3 +60,44 @@ def test_white_residuals_have_the_textbooks_interval() -> None:
     variance = residual @ residual / (SAMPLES - 2)
     textbook = variance * np.linalg.inv(J.T @ J)[0, 0]
     assert covariance(J, residual, 1, HALVES)[0, 0] == pytest.approx(textbook, rel=0.15)
+
+
+def share_white(samples: int, windows: int, phi: float) -> float:
+    """Share of residuals that are called white, of noise from which lines are fitted.
+
+    Args:
+        samples: Of a window.
+        windows: Number of them.
+        phi: Share of a sample that is left in the next one.
+    """
+    random = np.random.default_rng(3)
+    t = np.linspace(-1, 1, samples)
+    found = []
+    for _ in range(REPETITIONS):
+        residuals = []
+        for _ in range(windows):
+            noise = random.standard_normal(samples)
+            for i in range(1, samples):
+                noise[i] += phi * noise[i - 1]
+            residuals.append(noise - np.polyval(np.polyfit(t, noise, 1), t))
+        found.append(is_white(residuals))
+    return float(np.mean([answer is True for answer in found]))
+
+
+# Windows of 1 s at 500 Hz, 50 Hz and 12 Hz.
+WINDOWS = [(500, 3), (50, 10), (12, 40)]
+
+
+@pytest.mark.parametrize(("samples", "windows"), WINDOWS)
+def test_white_residuals_of_any_rate_are_white(samples: int, windows: int) -> None:
+    assert share_white(samples, windows, 0.0) > 0.96
+
+
+@pytest.mark.parametrize(("samples", "windows"), WINDOWS)
+def test_correlated_residuals_of_any_rate_are_not_white(samples: int, windows: int) -> None:
+    assert share_white(samples, windows, 0.5) < 0.05
+
+
+@pytest.mark.parametrize("windows", [[np.arange(8.0)] * 30, [np.arange(30.0)], []])
+def test_residuals_may_be_too_short_to_tell(windows: list[Array]) -> None:
+    assert is_white(windows) is None

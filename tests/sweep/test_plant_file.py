@@ -25,7 +25,6 @@ from campaign_cases import (
 from case_texts import LEG_MODEL
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.requirements.metrics import DEFINITIONS
 from grosmc_mj.sweep.campaign import Campaign
@@ -39,6 +38,7 @@ from grosmc_mj.sweep.plant_file import (
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
 from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.units import number_in
 
 STORED = [name for name, definition in DEFINITIONS.items() if definition.stored]
 DAMPING = of("joint", "shaft", "damping = [0, 1]")

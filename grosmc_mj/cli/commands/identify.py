@@ -12,12 +12,13 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.films.film import Film
-    from grosmc_mj.identify.log import Log
+    from grosmc_mj.logs.log import Log
     from grosmc_mj.plants import Plant
 
 
@@ -26,7 +27,7 @@ class _OfLog(Command):
     """Arguments and options of both commands.
 
     Attributes:
-        log: CSV, Parquet or MCAP: time, inputs and measured states.
+        log: CSV, Parquet, MCAP or MATLAB: time, inputs and measured states.
         case: SYSTEM, SYSTEM/CASE or FILE.toml that the log is of.
         also: More logs of the same machine.
         horizon: Length of a prediction, which then begins anew [s].
@@ -43,19 +44,22 @@ class _OfLog(Command):
     def _read(self) -> tuple[Experiment, Log]:
         """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.log import join_logs, read_log
+        from grosmc_mj.identify.model import gears_of
+        from grosmc_mj.logs.log import join_logs
+        from grosmc_mj.logs.read import read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
         experiment = find_experiments(self.case)[0]
         system = experiment.nominal.system
         table = experiment.file.log
-        logs = [read_log(path, system, table) for path in (self.log, *self.also)]
+        gears = gears_of(experiment)
+        logs = [read_log(path, system, table, gears) for path in (self.log, *self.also)]
         return experiment, join_logs(logs)
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
-        return self.out / f"{kind}_{experiment.system}_{self.log.stem}.json"
+        return self.out / f"{kind}_{result_name(experiment.path)}_{self.log.stem}.json"
 
 
 @command
@@ -80,8 +84,11 @@ class IdentifyCommand(_OfLog):
     def execute(self) -> int:
         """Read the logs, fit the parameters, write and print the result."""
         from grosmc_mj.identify.case_file import write_case
-        from grosmc_mj.identify.fit import fit, quality, residuals, slip
+        from grosmc_mj.identify.compare import prediction_errors
+        from grosmc_mj.identify.fit import fit, slip
         from grosmc_mj.identify.parameters import parameters_of
+        from grosmc_mj.identify.pushes import unexplained_moments
+        from grosmc_mj.identify.quality import quality, residuals
         from grosmc_mj.identify.report import draw_residuals, identification
 
         if not 0 < self.hold_out < 0.9:
@@ -104,8 +111,13 @@ class IdentifyCommand(_OfLog):
             advance("fitted")
 
         rows = quality(errors, held_out, plant.system)
-        doubts = list(filter(None, [slip(best, fitted, plant, **steps)]))
-        document = identification(best, rows, log.name, self.horizon, self.hold_out, doubts)
+        found = best.model(plant)
+        predicted, _ = prediction_errors({"fitted": found}, held_out, **steps)
+        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant, **steps)])]
+        doubts += unexplained_moments([found], log, **steps)
+        document = identification(
+            best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
+        )
         path = self._path("identification", experiment)
         unseen = [f"{parameter.words}." for parameter in best.unseen]
         screen.say_result(document, path, [*doubts, *unseen], full=self.verbose, brief=2)
@@ -135,7 +147,7 @@ class IdentifyCommand(_OfLog):
         held_out = log.between(1 - self.hold_out, 1)
         # Making a predictor refuses a part that is too short, before the work.
         for part in (fitted, held_out):
-            Predictor.of(part, **steps)
+            Predictor.leading(part, **steps)
         return fitted, held_out
 
 
@@ -156,8 +168,10 @@ class CompareCommand(_OfLog):
 
     def execute(self) -> int:
         """Read the logs, predict them on every rung, write and print the errors."""
-        from grosmc_mj.identify.compare import comparison_result, models_of, prediction_errors
+        from grosmc_mj.identify.compare import comparison_result, prediction_errors
         from grosmc_mj.identify.film import film_of_log
+        from grosmc_mj.identify.model import models_of
+        from grosmc_mj.identify.pushes import unexplained_moments
 
         experiment, log = self._read()
         rungs = models_of(experiment)
@@ -167,6 +181,9 @@ class CompareCommand(_OfLog):
             film = film_of_log(truest, log, self.horizon)
 
         rows, notes = prediction_errors(rungs, log, self.horizon, experiment.settings.timestep)
+        followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
+        steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
+        notes = [*log.notes, *notes, *unexplained_moments(followed, log, **steps)]
         path = self._path("compare", experiment)
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.experiments.file.units import number_in
+from grosmc_mj.units import number_in
 
 # Characters of a formula, its parts, and the depth of their nesting.
 _LONGEST = 1000

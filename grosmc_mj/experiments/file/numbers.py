@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.rivals.pid_tuning import Tuning
 from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, name_list, value_text
-from grosmc_mj.experiments.file.units import is_number, number_in
+from grosmc_mj.units import is_number, number_in
 
 # Numbers of laws that may be written as a text with a unit.
 _UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}

@@ -15,7 +15,6 @@ import pydantic
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.experiments.file.units import Metres, Table, Three, numbers_of
 from grosmc_mj.fields import range_of
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.loop.loop import LARGEST_SEED
@@ -23,6 +22,7 @@ from grosmc_mj.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.machine import PARTS, MachinePart
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import System
+from grosmc_mj.units import Metres, Table, Three, numbers_of
 
 
 def table_of(part: Edit | type[Edit]) -> str:

@@ -24,7 +24,10 @@ from grosmc_mj.experiments.file.parts import (
     MACHINE_UNITS,
     TABLES,
 )
-from grosmc_mj.experiments.file.units import (
+from grosmc_mj.logs.table import LogTable
+from grosmc_mj.requirements import KINDS
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.units import (
     KilogramMetresSquared,
     Kilograms,
     Metres,
@@ -38,8 +41,6 @@ from grosmc_mj.experiments.file.units import (
     Three,
     is_number,
 )
-from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.requirement import Requirement
 
 
 def file_name(name: str) -> str:
@@ -398,7 +399,6 @@ def _formulas(value: Any) -> Any:
 Formulas = Annotated[Any, BeforeValidator(_formulas)]
 Weight = Annotated[Any, BeforeValidator(_weight)]
 Bounds = Annotated[Any, BeforeValidator(_bounds)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -688,47 +688,6 @@ _LoopParts = create_model("_LoopParts", __base__=Table, **_fields_of_parts(LOOP_
 
 class KnownLoopTable(_LoopParts):
     """``[known_loop]``: the loop that predicting laws take for theirs, if it is another one."""
-
-
-def _nonzero(scale: float) -> float:
-    """Refuse a factor that makes every number 0."""
-    if scale == 0:
-        raise ValueError("0 must be another number: it would make every sample 0")
-    return scale
-
-
-class ColumnTable(Table):
-    """``[log.columns]``: value = sign scale (column - offset), in its unit.
-
-    Attributes:
-        column: Header of the column.
-        unit: Unit of its numbers; by default the signal's, or the one in the header.
-        sign: -1 for an axis that points the other way.
-        scale: Factor, such as radians in a count.
-        offset: Offset in the column's own numbers.
-    """
-
-    column: str
-    unit: str = ""
-    sign: Literal[1, -1] = 1
-    scale: Annotated[Finite, AfterValidator(_nonzero)] = 1.0
-    offset: Finite = 0.0
-
-
-class LogTable(Table):
-    """``[log]``: time and columns of a log of the machine.
-
-    Attributes:
-        time: Header of the time's column; ``time`` or ``t`` by default.
-        time_unit: Unit of its numbers; by default the one in the header, or seconds.
-        sampling: Time between two samples, of a log without such a column.
-        columns: Columns by the name of an input or a state.
-    """
-
-    time: str = ""
-    time_unit: str = ""
-    sampling: PositiveSeconds | None = None
-    columns: dict[str, ColumnTable] = {}
 
 
 class CaseFile(_WithParts):

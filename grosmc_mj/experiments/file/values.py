@@ -12,7 +12,6 @@ from grosmc_mj.experiments.file.parts import (
     in_model,
 )
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
-from grosmc_mj.experiments.file.units import number_in, numbers_of, si_number
 from grosmc_mj.experiments.file.user_code import is_named, load_named
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
@@ -28,6 +27,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     Table,
 )
+from grosmc_mj.units import number_in, numbers_of, si_number
 
 
 def state_of(

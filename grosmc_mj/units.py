@@ -171,6 +171,7 @@ def _finite(number: float, value: Any) -> float:
     return number
 
 
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
 # No default stands for a time of 0 s that somebody has written.
 PositiveSeconds = Annotated[Seconds, AfterValidator(_positive)]

@@ -1,4 +1,4 @@
-"""Tables of CSV and Parquet files, and the numbers in their columns."""
+"""CSV files as spreadsheets and programs write them, as tables of texts."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.compute
 import pyarrow.csv
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.logs.numbers import NUMBER
 
 # Its functions are made at import: a type checker does not see them.
 pc: Any = pyarrow.compute
@@ -25,10 +25,8 @@ _EMPTY = " \t,;"
 _COMMENT = "#"
 # A line of spreadsheets that names the letter between the columns.
 _SEPARATOR_LINE = re.compile(r"sep=(.)")
-_NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
 _WITH_POINT = r"^[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?$"
 _WITH_COMMA = r"^[+-]?\d*,\d+([eE][+-]?\d+)?$"
-_TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 class _Layout(NamedTuple):
@@ -106,41 +104,6 @@ def line_of(path: Path, row: int) -> int:
     raise IndexError(row)
 
 
-def numbers_of(column: pa.ChunkedArray) -> Array | None:
-    """Return the numbers of a column, or the seconds of its instants; NaN where there is none.
-
-    Returns:
-        (N,); None if nothing in it is a number.
-    """
-    if pa.types.is_string(column.type):
-        is_number = pc.match_substring_regex(column, _NUMBER)
-        if not pc.any(is_number).as_py():
-            column = _instants(column)
-        else:
-            column = pc.if_else(is_number, column, None).cast(pa.float64())
-    kind = column.type
-
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        # Nanoseconds since 1970 do not fit into a float: the difference is one of integers.
-        ticks = column.cast(pa.int64()).to_numpy()
-        return (ticks - ticks[:1]) / _TICKS_PER_SECOND[kind.unit]
-    if pa.types.is_decimal(kind):
-        column = column.cast(pa.float64())
-    elif not pa.types.is_integer(kind) and not pa.types.is_floating(kind):
-        return None
-    return np.asarray(column.to_numpy(), float)
-
-
-def _instants(texts: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Dates with times, in no zone or in one; the texts themselves if they are none."""
-    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
-        try:
-            return texts.cast(kind)
-        except pa.ArrowInvalid:
-            continue
-    return texts
-
-
 def _layout(path: Path) -> _Layout:
     """The layout of a CSV file.
 
@@ -161,7 +124,7 @@ def _layout(path: Path) -> _Layout:
         raise ArgumentError("has no rows: log some seconds")
 
     header = lines[rows[0]]
-    if re.match(_NUMBER, re.split(r"[,;\s]", header)[0]):
+    if re.match(NUMBER, re.split(r"[,;\s]", header)[0]):
         # NumPy writes the header as a comment.
         comments = [lines[k] for k in filled if k < rows[0]]
         header = comments[-1].lstrip(_COMMENT) if comments else ""

@@ -1,0 +1,135 @@
+"""Columns of numbers of a file, and which of them a signal is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.logs.csv_file import line_of
+
+# A header such as "rotor angle [deg]" or "u (V)".
+_HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+# Headers that a message lists.
+_LISTED = 12
+# Larger numbers come from damage; a time of nanoseconds since 1970 is smaller.
+_LARGEST = 1e20
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Numbers of a log.
+
+    Attributes:
+        header: Its header, or the path of a number in messages.
+        values: NaN where the file has no number, (N,).
+        name: Name of its signal.
+        unit: Unit of its numbers; empty if the file has none.
+        stamps: Instants of messages [s], (N,); None for a column of a table.
+        texts: The values as they stand in a CSV file; None for other files.
+        file: The CSV file; None for other files.
+    """
+
+    header: str
+    values: Array
+    name: str
+    unit: str = ""
+    stamps: Array | None = None
+    texts: pa.ChunkedArray | None = None
+    file: Path | None = None
+
+    @classmethod
+    def headed(
+        cls, header: str, values: Array, texts: pa.ChunkedArray, file: Path | None
+    ) -> Column:
+        """Column of a table, with name and unit in its header."""
+        match = _HEADER.fullmatch(header)
+        name = header
+        unit = ""
+        if match is not None:
+            name = match["name"]
+            unit = match["unit"] or ""
+        return cls(header, values, name, unit, texts=texts if file else None, file=file)
+
+    @property
+    def plain_name(self) -> str:
+        """Its name in small letters, with blanks between the words."""
+        return self.name.replace("_", " ").lower()
+
+    def held(self, time: Array) -> Array:
+        """The last value before each instant."""
+        if self.stamps is None:
+            return self.values
+        last = np.searchsorted(self.stamps, time, side="right") - 1
+        return self.values[last.clip(0)]
+
+    def between(self, time: Array) -> Array:
+        """The values at some instants, by straight lines."""
+        if self.stamps is None:
+            return self.values
+        return np.interp(time, self.stamps, self.values)
+
+    def place(self, index: int) -> str:
+        """Words for where a value stands, such as ``line 102``."""
+        if self.file is not None:
+            return f"line {line_of(self.file, index)}"
+        if self.stamps is not None:
+            return f"message {index + 1}"
+        return f"row {index + 1}"
+
+    def require_numbers(self) -> None:
+        """Refuse a value that is no number, or one that no machine has."""
+        # False for NaN too.
+        is_number = np.abs(self.values) <= _LARGEST
+        if np.all(is_number):
+            return
+
+        index = int(np.argmin(is_number))
+        value = value_text(self.values[index])
+        if self.texts is not None:
+            value = value_text(self.texts[index].as_py())
+        raise ArgumentError(
+            f"{self.header} is no number in {self.place(index)}, {value}: fill or cut it"
+        )
+
+
+def some(columns: Mapping[str, Column]) -> str:
+    """The headers, the first ones of many."""
+    listed = ", ".join(list(columns)[:_LISTED])
+    if len(columns) > _LISTED:
+        return f"{listed}, ..."
+    return listed
+
+
+def column_of(columns: Mapping[str, Column], header: str) -> Column:
+    """The column that the case file names.
+
+    Raises:
+        ArgumentError: If there is none.
+    """
+    require_known("column", header, columns, "[log]: ")
+    return columns[header]
+
+
+def called(columns: Mapping[str, Column], names: Sequence[str]) -> Column | None:
+    """The column that is called by the first of some names, or else by the next one.
+
+    Raises:
+        ArgumentError: If two are.
+    """
+    for name in names:
+        wanted = name.lower()
+        found = [column for column in columns.values() if column.plain_name == wanted]
+        if len(found) > 1:
+            headers = " and ".join(column.header for column in found)
+            raise ArgumentError(f"{headers} are both {name}: rename or remove one")
+        if found:
+            return found[0]
+    return None

@@ -1,0 +1,52 @@
+"""Numbers in a column of a table, or instants as seconds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+
+from grosmc_mj.arrays import Array
+
+# Its functions are made at import: a type checker does not see them.
+pc: Any = pyarrow.compute
+# A number as text.
+NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+_TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+def numbers_of(column: pa.ChunkedArray) -> Array | None:
+    """Return the numbers of a column, or the seconds of its instants; NaN where there is none.
+
+    Returns:
+        (N,); None if nothing in it is a number.
+    """
+    if pa.types.is_string(column.type):
+        is_number = pc.match_substring_regex(column, NUMBER)
+        if not pc.any(is_number).as_py():
+            column = _instants(column)
+        else:
+            column = pc.if_else(is_number, column, None).cast(pa.float64())
+    kind = column.type
+
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        # Nanoseconds since 1970 do not fit into a float: the difference is one of integers.
+        ticks = column.cast(pa.int64()).to_numpy()
+        return (ticks - ticks[:1]) / _TICKS_PER_SECOND[kind.unit]
+    if pa.types.is_decimal(kind):
+        column = column.cast(pa.float64())
+    elif not pa.types.is_integer(kind) and not pa.types.is_floating(kind):
+        return None
+    return np.asarray(column.to_numpy(), float)
+
+
+def _instants(texts: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Dates with times, in no zone or in one; the texts themselves if they are none."""
+    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
+        try:
+            return texts.cast(kind)
+        except pa.ArrowInvalid:
+            continue
+    return texts
