@@ -20,6 +20,7 @@ from .control.uncertainty import Uncertainty
 from .errors import GrosmcError
 from .experiments.catalogue import chapter_controller
 from .experiments.experiment import Experiment, judge
+from .experiments.many import run_many
 from .physics.edits import AddedMass, BodyEdit, JointEdit
 from .physics.mujoco_plant import MujocoPlant
 from .plants import AnalyticPlant, affine_plant
@@ -75,6 +76,7 @@ __all__ = [
     "physics",
     "plants",
     "regulating_grosmc",
+    "run_many",
     "simulate",
     "simulation",
     "sweep",

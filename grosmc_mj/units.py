@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
@@ -66,11 +67,37 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
+class InUnit(float):
+    """A number that is in the unit of its key already, of a caller in Python and of no file."""
+
+
+class WholeInUnit(int):
+    """A whole number that is in the unit of its key already."""
+
+
+def in_units(value: Any) -> Any:
+    """Return a value whose numbers, in lists and tables too, are in the units of their keys."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, (int, np.integer)):
+        return WholeInUnit(value)
+    if isinstance(value, (float, np.floating)):
+        return InUnit(value)
+    if isinstance(value, np.ndarray):
+        return in_units(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [in_units(item) for item in value]
+    if isinstance(value, dict):
+        return {key: in_units(item) for key, item in value.items()}
+    return value
+
+
 def number_in(value: Any, unit: str) -> float:
     """Return a value such as ``"10 deg"`` as a number in a unit.
 
     Args:
-        value: A string of a number and its unit or, where the unit is 1, a number.
+        value: A string of a number and its unit or, where the unit is 1, a number; or a number of
+            ``in_units``.
         unit: The unit wanted, such as ``rad/s``; ``1`` or nothing for a pure number.
 
     Raises:
@@ -84,6 +111,8 @@ def number_in(value: Any, unit: str) -> float:
         return _finite(float(value), value)
 
     example = _EXAMPLES.get(unit, f"1 {unit}")
+    if isinstance(value, (InUnit, WholeInUnit)):
+        return _finite(float(value), value)
     if is_number(value):
         _finite(float(value), value)
         raise ArgumentError(f'{value} has no unit: write "{value} {unit}"')

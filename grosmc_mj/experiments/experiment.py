@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +29,8 @@ from grosmc_mj.experiments.file.parts import (
     machine_of_file,
     run_of_file,
 )
-from grosmc_mj.experiments.file.reading import read_case_file
+from grosmc_mj.experiments.file.paths import set_number
+from grosmc_mj.experiments.file.reading import case_file_of, read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, named_in
@@ -51,9 +54,21 @@ from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.units import in_units
 
 # The package's own laws are designed once for all experiments on one task and nominal plant.
 _shared_designs: dict[str, dict[Any, Controller]] = {}
+# Attributes of a case that stand in its file.
+_OF_FILE = (
+    "title",
+    "x0",
+    "duration",
+    "edits",
+    "disturbances",
+    "loop",
+    "known_loop",
+    "run_number",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,24 +93,52 @@ class Experiment(Case):
             warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
         return experiment
 
-    def changed(
-        self,
-        key: str,
-        value: Any,
-        designs: dict[Any, Controller],
-    ) -> Experiment:
-        """Return a copy with another number in its file.
+    def changed(self, changes: Mapping[str, Any]) -> Experiment:
+        """Return a copy with other numbers, as if its file had them.
 
         Args:
-            key: Place of the number: ``task.Q``, ``laws.grosmc.epsilon``, or a setting of ``run``.
-            value: The new value.
-            designs: Cache for the laws of experiments with this number.
+            changes: New values by their paths OWNER.NAME.FIELD in the file: ``edit.pole.mass``,
+                ``sensor.pole angle.delay``, ``laws.grosmc.k``, ``run.duration``; two tables of one
+                name need an index, ``edit.pole[2].mass``. A value is a number in the unit of the
+                file's key, or a text with a unit. An edit that the file does not have is added.
+
+        Raises:
+            ArgumentError: If there is no such path, or the file could not have the value.
         """
-        if key == "run.duration":
-            return self.varied(duration=value)
-        if key.startswith("run."):
-            return self.with_settings(**{key.removeprefix("run."): value})
-        return replace(self, file=_with(self.file, key.split("."), value), _designs=designs)
+        content = deepcopy(self.file.content)
+        for path, value in changes.items():
+            set_number(content, path, in_units(value))
+        try:
+            before = case_file_of(self.file.content, self.path)
+            after = case_file_of(content, self.path)
+            old = experiment_without_designs(before, self.path)
+            new = experiment_without_designs(after, self.path)
+        except GrosmcError as error:
+            raise ArgumentError(str(error)) from error
+
+        # Whatever else was varied stays.
+        values: dict[str, Any] = {}
+        for name in _OF_FILE:
+            if getattr(new, name) != getattr(old, name):
+                values[name] = getattr(new, name)
+        if any(path.startswith(("edit", "plant")) for path in changes):
+            values["nominal"] = new.nominal
+        settings = {
+            name: value
+            for name, value in vars(new.settings).items()
+            if value != getattr(old.settings, name)
+        }
+        # A file with further laws, or of a campaign, keeps its other tables.
+        owners = {re.split(r"[.\[]", path)[0] for path in changes}
+        file = self.file.model_copy(update={owner: getattr(after, owner) for owner in owners})
+        file._content = content
+        return replace(
+            self,
+            file=file,
+            settings=replace(self.settings, **settings),
+            _designs=new._designs,
+            **values,
+        )
 
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
         """Run one controller on one plant.
@@ -131,19 +174,6 @@ class Experiment(Case):
     def document(self) -> dict[str, Any]:
         """Return the resolved file as plain values."""
         return self.file.model_dump(exclude_none=True)
-
-
-def _with(table: Any, path: Sequence[str], value: Any) -> Any:
-    """Return a table of a file with another value at a path of keys."""
-    key = path[0]
-    inner_path = path[1:]
-    if isinstance(table, Mapping):
-        if inner_path:
-            value = _with(table[key], inner_path, value)
-        return {**table, key: value}
-    if inner_path:
-        value = _with(getattr(table, key), inner_path, value)
-    return table.model_copy(update={key: value})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

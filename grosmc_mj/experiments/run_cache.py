@@ -169,8 +169,8 @@ class RunCache:
         used = experiment.with_settings(**changes)
         if self._number is None:
             return used
-        designs = self.once(("designs", experiment.path.parent), dict)
-        return used.changed(*self._number, designs)
+        key, value = self._number
+        return used.changed({key: value})
 
 
 def trial(

@@ -15,25 +15,13 @@ from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
 from grosmc_mj.identify.fit import Fit
+from grosmc_mj.plants import System
 from grosmc_mj.sweep.family import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0
 # Correlations nearer to 1 than this are left out: rounding of numbers that determine each other.
 _SAME = 1e-9
-# The key by which a table names what it changes, where that is not the owner's own name.
-_OF = {
-    "sensor": "of",
-    "actuator": "of",
-    "estimator": "of",
-    "motor": "input",
-    "transmission": "joint",
-    "lugre": "joint",
-    "drive_friction": "joint",
-    "stop": "joint",
-}
-# Owners whose numbers stand in an [[edit]].
-_EDITED = ("body", "joint", "parameter")
 
 
 def write_case(fit: Fit, log: str, path: Path) -> None:
@@ -56,7 +44,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     settings = experiment.settings
     for quantity, value, _ in fit.estimates:
         run_value = quantity.as_run(value, settings.timestep, settings.control_period)
-        _set(content, quantity, run_value)
+        _set(content, quantity, run_value, experiment.nominal.system)
     content["uncertain"] = _uncertain_tables(fit, content.get("uncertain", []))
     content["correlation"] = _correlation_tables(fit)
 
@@ -140,26 +128,14 @@ def _written(value: float, unit: str) -> float | str:
     return f"{value:.10g} {unit}"
 
 
-def _set(content: dict[str, Any], quantity: Quantity, value: float) -> None:
+def _set(content: dict[str, Any], quantity: Quantity, value: float, system: System) -> None:
     """Bring a value into the table that has it."""
     written = _written(value, quantity.unit)
     owner = quantity.owner
     if owner == "disturbance":
         _scale_wrench(content, quantity.of, value)
         return
-    if owner == "computing":
-        content["computing"] = content.get("computing", {}) | {quantity.quantity: written}
-        return
-
-    name = "edit" if owner in _EDITED else owner
-    key = _OF.get(owner, owner)
-    tables = [dict(table) for table in content.get(name, [])]
-    content[name] = tables
-    for table in tables:
-        if table.get(key) == quantity.of:
-            table[quantity.quantity] = written
-            return
-    tables.append({key: quantity.of, quantity.quantity: written})
+    quantity.set_in(content, written, system)
 
 
 def _scale_wrench(content: dict[str, Any], label: str, factor: float) -> None:

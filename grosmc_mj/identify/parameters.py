@@ -27,8 +27,8 @@ _VISIBLE = (
     ("sensor", "bias"),
     ("sensor", "scale"),
 )
-# Owners that a path can begin with.
-_PATHS = ("body", "joint", "parameter")
+# Owners of numbers that stand in an [[edit]].
+_EDITED = ("body", "joint", "parameter")
 # A number without a range is searched from and to so many times its value.
 _RANGE = (0.1, 10.0)
 
@@ -110,7 +110,7 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
 
     Args:
         experiment: Its ``[[uncertain]]`` are fitted within their ranges.
-        names: Of some of them, or paths OWNER.OF.QUANTITY such as ``joint.shaft.damping``; all of
+        names: Of some of them, or paths OWNER.NAME.FIELD such as ``edit.shaft.damping``; all of
             them by default.
 
     Raises:
@@ -124,7 +124,7 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     if not tables:
         raise ArgumentError(
             f"{experiment.path} has no [[uncertain]]: name what to fit, such as --fit "
-            "joint.shaft.damping"
+            "edit.shaft.damping"
         )
 
     try:
@@ -169,12 +169,14 @@ def _table_of(
 
 def _table_of_path(path: str, experiment: Experiment, names: Sequence[str]) -> UncertainTable:
     """The table of a path, with a wide range around the value of the case."""
-    owner, _, of_and_quantity = path.partition(".")
+    numbers = {number: owner for owner in _EDITED for number in QUANTITIES[owner]}
+    table, _, of_and_quantity = path.partition(".")
     of, _, quantity = of_and_quantity.rpartition(".")
-    if owner not in _PATHS or quantity not in QUANTITIES[owner]:
-        paths = [f"{owner}.NAME.{number}" for owner in _PATHS for number in QUANTITIES[owner]]
+    if table != "edit" or quantity not in numbers:
+        paths = [f"edit.NAME.{number}" for number in numbers]
         raise ArgumentError(f"--fit {unknown_name('parameter', path, [*names, *paths])}")
 
+    owner = numbers[quantity]
     name = f"{of} {quantity.replace('_', ' ')}"
     table = UncertainTable.model_validate({owner: of, quantity: list(_RANGE), "name": name})
     # Numbers of bodies and parameters are factors already.

@@ -12,7 +12,10 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
+from grosmc_mj.experiments.file.paths import Place, edited_by, place_of, set_in_tables
+from grosmc_mj.experiments.file.schema import EDITED
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop.timing import TIMES, time_as_run
 from grosmc_mj.physics.edit import Edit
@@ -42,7 +45,10 @@ _JOINT_FIELDS = {
     "friction": "dof_frictionloss",
     "armature": "dof_armature",
 }
-_OWNERS = {*_EDITS, *LOOP_PARTS, "disturbance", "start", "parameter"}
+_OWNERS = {*_EDITS, *LOOP_PARTS, "disturbance", "parameter"}
+# Beginnings of paths to numbers that have no table of a name.
+_START = "run.start."
+_COMPUTING = "computing."
 
 
 @dataclass(frozen=True)
@@ -64,18 +70,44 @@ class Parameter:
 
     @classmethod
     def at_path(cls, path: str) -> Parameter:
-        """Return the parameter of a path OWNER.OF.QUANTITY, such as ``sensor.rotor angle.delay``.
+        """Return the parameter of a path in a case file, such as ``sensor.rotor angle.delay``.
 
         Raises:
-            ArgumentError: If the path has another form, or an unknown owner.
+            ArgumentError: If the path has another form, or leads to no such number.
         """
-        owner, _, name_and_quantity = path.partition(".")
-        of, _, quantity = name_and_quantity.rpartition(".")
-        if owner == "computing":
-            of = owner
-        if not of or owner not in _OWNERS:
-            raise ArgumentError(f"{path!r} must be a path OWNER.OF.QUANTITY: body.rotor.mass_scale")
-        return cls(owner, of, quantity)
+        start = path.removeprefix(_START)
+        if start != path:
+            return cls("start", start, "value")
+        computing = path.removeprefix(_COMPUTING)
+        if computing != path:
+            return cls("computing", "computing", computing)
+
+        place = place_of(path)
+        owner = edited_by(place) if place.owner == "edit" else place.owner
+        require_known("owner", owner, _OWNERS, f"{path!r}: ")
+        return cls(owner, place.name, place.field)
+
+    def set_in(self, content: Content, number: float | str, system: System) -> None:
+        """Give a case file this number, which may have a table of its own.
+
+        Args:
+            content: Values of the file, which are changed.
+            number: The number as written, of no disturbance.
+            system: System of the plant.
+        """
+        if self.owner == "start":
+            content["run"].setdefault("start", {})[self.of] = number
+            return
+        if self.owner == "computing":
+            content.setdefault("computing", {})[self.quantity] = number
+            return
+
+        owner = "edit" if self.owner in EDITED else self.owner
+        name = self.of
+        if self.owner in MACHINE_PARTS and MACHINE_PARTS[self.owner].owner == "input":
+            # A model has the name of the actuator, a file that of the input.
+            name = system.inputs[system.actuators.index(name)].name
+        set_in_tables(content, Place(owner, name, None, self.quantity), number, add=True)
 
     @property
     def of_loop(self) -> bool:
@@ -292,9 +324,8 @@ def plant_of(case: Case, like: Plant) -> Plant:
     Raises:
         ArgumentError: If the case starts beyond one of its stops.
     """
-    if isinstance(like, MujocoPlant):
-        plant = like.edited(*case.edits)
-    else:
-        plant = case.plant(like.kind)
+    if not isinstance(like, MujocoPlant):
+        return case.plant(like.kind)
+    plant = like.edited(*case.edits)
     plant.require_start(np.array(case.x0))
     return plant

@@ -19,7 +19,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model
+from grosmc_mj.experiments.file.parts import LOOP_PARTS
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.plants import System
 from grosmc_mj.simulation.disturbances import (
@@ -293,54 +293,17 @@ class PlantTables:
             quantity: Which number, of no disturbance.
             value: Its value, as run.
         """
-        number = written(value, quantity.unit)
-        match quantity.owner:
-            case "start":
-                self.content["run"].setdefault("start", {})[quantity.of] = number
-            case "parameter":
-                # On top of an edit that the file has.
-                self._rows("edit").append({"parameter": quantity.of, "scale": value})
-            case "body" | "joint":
-                self._set_edit(quantity, value)
-            case "computing":
-                self.content["computing"][quantity.quantity] = number
-            case _:
-                table = self._part(quantity.owner, quantity.of)
-                table[quantity.quantity] = number
-                if quantity.quantity == "resolution":
-                    # The same number of an encoder.
-                    table.pop("counts", None)
-
-    def _set_edit(self, quantity: Quantity, value: float) -> None:
-        """Give a body or a joint one number, in the edit that it has or in a new one."""
-        owner = {quantity.owner: quantity.of}
-        change = {quantity.quantity: written(value, quantity.unit)}
-        if quantity.quantity == "added_mass":
+        if quantity.owner == "parameter":
+            # On top of an edit that the file has.
+            self._rows("edit").append({"parameter": quantity.of, "scale": value})
+        elif quantity.quantity == "added_mass":
             # No mass is no edit.
             if value > 0:
+                mass = written(value, quantity.unit)
                 at = [written(place, "m") for place in quantity.at]
-                self._rows("edit").append({**owner, **change, "at": at})
-            return
-
-        for table in self._rows("edit"):
-            other = table.get("known") or "added_mass" in table
-            if table.get(quantity.owner) == quantity.of and not other:
-                table.update(change)
-                return
-        self._rows("edit").append({**owner, **change})
-
-    def _part(self, kind: str, of: str) -> dict[str, Any]:
-        """The table of a part of the loop or of the machine."""
-        tables = self._rows(kind)
-        return next(table for table in tables if of in self._owners(kind, table))
-
-    def _owners(self, kind: str, table: Mapping[str, Any]) -> list[str]:
-        """The states, the input, the joint or the body that a part is of, as the model has it."""
-        if kind in MACHINE_PARTS:
-            owner = MACHINE_PARTS[kind].owner
-            return [in_model(table[owner], owner, self._system)]
-        of = table["of"]
-        return of if isinstance(of, list) else [of]
+                self._rows("edit").append({"body": quantity.of, "added_mass": mass, "at": at})
+        else:
+            quantity.set_in(self.content, written(value, quantity.unit), self._system)
 
     def set_disturbance(self, index: int, disturbance: AnyDisturbance) -> None:
         """Give a disturbance its wrench or amplitude and the numbers of its profile.

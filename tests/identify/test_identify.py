@@ -481,7 +481,7 @@ def test_the_shipped_logs_are_those_of_the_benchmark() -> None:
     assert np.abs(shipped - computed).max() < 1e-4
 
 
-FITTED = "body.rotor.mass_scale"
+FITTED = "edit.rotor.mass_scale"
 
 
 @pytest.mark.parametrize(
@@ -492,8 +492,8 @@ FITTED = "body.rotor.mass_scale"
         (FITTED, ("--horizon", 0.001), "0.001 s is 0.5 samples of bench.csv: it must be 10"),
         (FITTED, ("--horizon", "nan"), "--horizon nan must be above 0 s"),
         ("rotor mass", (), "unknown parameter 'rotor mass'"),
-        ("joint.shaft.armature", (), "the case has none: give it a range"),
-        ("body.rotr.mass_scale", (), "unknown body 'rotr'"),
+        ("edit.shaft.armature", (), "the case has none: give it a range"),
+        ("edit.rotr.mass_scale", (), "unknown body 'rotr'"),
     ],
 )
 def test_a_wrong_option_is_one_line(

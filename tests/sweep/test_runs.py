@@ -358,7 +358,7 @@ def row_of(table: Outcomes, index: int) -> dict[str, str]:
 
 
 DESIGN = [
-    Row(law, {"body.rotor.mass_scale": scale, "start.rotor angle.value": 0.1 * scale})
+    Row(law, {"edit.rotor.mass_scale": scale, "run.start.rotor angle": 0.1 * scale})
     for scale in (1.0, 1.5)
     for law in ("lqr", "grosmc")
 ]

@@ -73,7 +73,7 @@ class IdentifyCommand(_OfLog):
     fitted values and their joint distribution, for run, campaign, study and film.
 
     Attributes:
-        fit: Names of [[uncertain]] numbers, or paths such as joint.shaft.damping.
+        fit: Names of [[uncertain]] numbers, or paths such as edit.shaft.damping.
         hold_out: Share of the log, its end, that is not fitted but predicted.
     """
 

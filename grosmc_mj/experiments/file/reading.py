@@ -48,6 +48,7 @@ def case_file_of(content: Content, path: Path) -> CaseFile:
     """
     try:
         file = CaseFile.model_validate(content)
+        file._content = content
     except ValidationError as error:
         raise ArgumentError(f"{path}: {together(_lines(error))}") from None
     if file.name:

@@ -11,12 +11,14 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    PrivateAttr,
     create_model,
     model_validator,
 )
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import unknown_name, value_text
+from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
     LOOP_UNITS,
@@ -128,7 +130,7 @@ class RunTable(Table):
 
 
 # Keys of an edit, by the kind of thing that it changes.
-_CHANGES = {
+EDITED = {
     "body": ("mass_scale", "length_scale", "mass", "inertia", "added_mass", "at"),
     "joint": ("damping", "friction", "armature", "tilt"),
     "input": ("gear",),
@@ -206,7 +208,7 @@ class EditTable(Table):
 
     @model_validator(mode="after")
     def _changes_one_owner(self) -> EditTable:
-        owner = _owner_of(self, _CHANGES)
+        owner = _owner_of(self, EDITED)
         changes = self.model_fields_set - {owner, "known"}
         if not changes - {"at"}:
             raise ValueError("the edit changes nothing")
@@ -735,6 +737,17 @@ class CaseFile(_WithParts):
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
     log: LogTable | None = None
+    # Values as they are written, from which the file with another number is read.
+    _content: Content = PrivateAttr(default_factory=dict)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two files have the same tables, however they are written."""
+        return isinstance(other, CaseFile) and dict(self) == dict(other)
+
+    @property
+    def content(self) -> Content:
+        """Values as they are written in the file and in those that it extends."""
+        return self._content
 
     def law(self, name: str) -> ControllerTable:
         """Return a controller of the file by its name, or else a law by its name.
