@@ -50,5 +50,5 @@ def _loaded_arms(experiment: Experiment) -> list[MujocoPlant]:
     (payload,) = experiment.edits
     nominal = jaco().plant
     masses = np.linspace(0.0, _HEAVIEST, _PAYLOADS + 1)[1:].tolist()
-    loaded = [nominal.edited(replace(payload, mass=mass)) for mass in masses]
+    loaded = [nominal.changed(replace(payload, mass=mass)) for mass in masses]
     return [loaded[i % _PAYLOADS] for i in range(_SIMULATIONS)]

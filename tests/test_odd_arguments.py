@@ -148,7 +148,7 @@ def then(make: Callable[..., Any], use: Callable[[Any], Any]) -> Callable[..., A
 
 def part(kind: Callable[..., Any], **needed: Any) -> tuple[Callable[..., Any], dict[str, Any]]:
     """Return the call of a part of a machine, which adds it to the servo."""
-    return then(kind, lambda made: servo().edited(made).model), needed
+    return then(kind, lambda made: servo().changed(made).model), needed
 
 
 # Functions whose values are arguments; they are called when a test needs them.
@@ -247,11 +247,12 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     ),
     "tracking_grosmc": (gm.tracking_grosmc, {"task": task, "k": 1.0, "epsilon": 1.0}),
     "judge": (gm.judge, {"target": "servo/nominal"}),
+    "run_many": (gm.run_many, {"experiments": [gm.Experiment.load("servo/nominal")]}),
     "Experiment.load": (gm.Experiment.load, {"target": "servo/nominal"}),
     "MujocoPlant.load": (gm.MujocoPlant.load, {"name": "servo"}),
     "MujocoPlant": (gm.MujocoPlant, {"system": SERVO, "spec": load_spec("servo")}),
     "MujocoPlant.edited": (
-        lambda edit: servo().edited(edit).model,
+        lambda edit: servo().changed(edit).model,
         {"edit": gm.BodyEdit("rotor", 2.0)},
     ),
     "Robot.from_mjcf": (gm.Robot.from_mjcf, {"model": ROBOT}),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Annotated, Any
 
-from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.fields import Items, checked_call
 
 
+@checked_call
 def run_many(
-    experiments: Iterable[Experiment],
+    experiments: Annotated[Sequence[Experiment], Items(Experiment, "a list of Experiments")],
     *,
     law: str | Sequence[str] | None = None,
     plant: PlantName | None = None,
@@ -38,8 +40,6 @@ def run_many(
     rows: list[dict[str, Any]] = []
     units: dict[str, str] = {}
     for number, experiment in enumerate(experiments):
-        if not isinstance(experiment, Experiment):
-            raise ArgumentError(f"experiments: {value_text(experiment)} must be an Experiment")
         laws = [law] if isinstance(law, str) else law
         for name in laws or experiment.controllers:
             run = experiment.run(plant, name)

@@ -172,10 +172,10 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
     if not edits:
         return nominal
     assert isinstance(nominal.plant, MujocoPlant)
-    plant = nominal.plant.believed(*edits)
+    plant = nominal.plant.changed(*edits, known=True)
     robot = nominal.robot
     if robot is not None:
-        built = plant if robot.built is robot.plant else robot.built.believed(*edits)
+        built = plant if robot.built is robot.plant else robot.built.changed(*edits, known=True)
         robot = Robot(plant, robot.notes, built, robot.gears)
     return replace(nominal, plant=plant, robot=robot)
 

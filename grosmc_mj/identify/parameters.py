@@ -99,7 +99,7 @@ class Parameters:
 
         of_machine = with_values(self.experiment, of_plant)
         if isinstance(base, MujocoPlant):
-            plant: Plant = base.edited(*of_machine.edits)
+            plant: Plant = base.changed(*of_machine.edits)
         else:
             plant = of_machine.plant(base.kind)
         return LogModel(plant, case.loop, case.disturbances)

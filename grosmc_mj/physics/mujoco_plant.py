@@ -109,34 +109,31 @@ class MujocoPlant(Plant):
         if self.spec not in _nominals:
             _nominals[self.spec] = _Nominal(self.spec)
 
-    def edited(self, *edits: Edit) -> MujocoPlant:
-        """Copy with these edits of the nominal model; earlier edits are replaced."""
-        return replace(self, edits=edits)
-
-    def believed(self, *edits: Edit) -> MujocoPlant:
-        """Copy whose nominal model has these edits, so that laws designed for it know them.
-
-        Raises:
-            ModelError: If an edit is not valid.
-        """
-        return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
-
     def changed(
         self,
-        edits: Sequence[Edit] = (),
+        *edits: Edit,
         scales: Mapping[str, float] | None = None,
+        known: bool = False,
     ) -> MujocoPlant:
-        """Copy with these edits of the nominal model, as ``edited``.
+        """Copy of the nominal model with these edits; earlier edits are replaced.
+
+        Args:
+            edits: Changes of bodies, joints and inputs, and parts of a machine.
+            scales: None: a model has no parameters to scale.
+            known: Whether the nominal model itself gets them, so that laws designed for it know
+                them; the copy then has the edits of this plant.
 
         Raises:
-            ModelError: If a parameter is to be scaled, or an edit is not valid.
+            ModelError: If a parameter is to be scaled, or a known edit is not valid.
         """
         if scales:
             raise ModelError(
                 f"{self.system.name} has a model in MuJoCo: edit a body or a joint instead of "
                 f"{', '.join(scales)}"
             )
-        return self.edited(*edits)
+        if known:
+            return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
+        return replace(self, edits=edits)
 
     @property
     def kind(self) -> Kind:
@@ -158,7 +155,7 @@ class MujocoPlant(Plant):
         """Copy without the parts of a machine: the plant that equations describe."""
         if not self.parts:
             return self
-        return self.edited(*(edit for edit in self.edits if edit.rigid))
+        return self.changed(*(edit for edit in self.edits if edit.rigid))
 
     @cached_property
     def hidden_states(self) -> tuple[HiddenState, ...]:
@@ -255,7 +252,7 @@ class MujocoPlant(Plant):
         Raises:
             ModelError: If there is no such body.
         """
-        return self.edited(BodyEdit(body or self.system.uncertain_body, mass, length))
+        return self.changed(BodyEdit(body or self.system.uncertain_body, mass, length))
 
     def jacobian(self, x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         """A and B by MuJoCo's own finite differences, see ``linearize``.
@@ -315,7 +312,7 @@ class MujocoPlant(Plant):
         templates = self._nominal.templates
         key = (self.timestep, self.integrator)
         if key not in templates:
-            unedited = self.edited()
+            unedited = self.changed()
             templates[key] = Template(*unedited._compiled_undrawn())
         return templates[key]
 
@@ -407,5 +404,5 @@ def _changed_in_place(plant: MujocoPlant, name: str) -> str:
     """Message of a model or spec that was changed in place."""
     return (
         f"{plant.system.name}: plant.{name} was changed in place, which no run would notice: use "
-        "plant.edited(...), or make a plant of a changed copy"
+        "plant.changed(...), or make a plant of a changed copy"
     )

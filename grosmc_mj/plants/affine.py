@@ -49,7 +49,7 @@ def affine_plant(
             looked for from there.
 
     Returns:
-        The plant with these numbers; ``with_parameters`` gives others of its family.
+        The plant with these numbers; ``changed`` gives others of its family.
 
     Raises:
         ArgumentError: If an argument is of another kind.

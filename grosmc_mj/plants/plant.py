@@ -145,8 +145,8 @@ class Plant(ABC):
         """
 
     @abstractmethod
-    def changed(self, edits: Sequence[Any] = (), scales: Mapping[str, float] | None = None) -> Self:
-        """The nominal plant with these edits of its model, or factors on its parameters.
+    def changed(self, *edits: Any, scales: Mapping[str, float] | None = None) -> Self:
+        """Copy with these edits of the nominal model, or with factors on the parameters.
 
         Raises:
             ModelError: If it has no such bodies, joints or parameters.
@@ -324,38 +324,37 @@ class AnalyticPlant(Plant):
 
     def changed(
         self,
-        edits: Sequence[Any] = (),
+        *edits: Any,
         scales: Mapping[str, float] | None = None,
+        **numbers: float,
     ) -> AnalyticPlant:
-        """Copy with some parameters times a factor.
+        """Copy with other parameters.
+
+        Args:
+            edits: Nothing: equations have no model to edit.
+            scales: Factors on parameters, by their names.
+            numbers: Parameters by their names.
 
         Raises:
-            ModelError: If there is an edit of a model, or no such parameter.
+            ModelError: If there is an edit of a model, a name is unknown or a number does not fit.
         """
         if edits:
             raise ModelError(
                 f"{self.system.name} as equations has no model in MuJoCo: scale a parameter instead"
             )
-        if not scales:
+        parameters = self.parameters
+        for name, factor in (scales or {}).items():
+            # The number of an unknown name is never read: the name is refused below.
+            numbers[name] = factor * getattr(parameters, name, math.nan)
+        if not numbers:
             return self
 
-        # The number of an unknown name is never read: with_parameters refuses the name.
-        p = self.parameters
-        numbers = {name: k * getattr(p, name, math.nan) for name, k in scales.items()}
-        return self.with_parameters(**numbers)
-
-    def with_parameters(self, **changes: float) -> AnalyticPlant:
-        """Copy with other numbers.
-
-        Raises:
-            ModelError: If a name is unknown or a number does not fit.
-        """
-        names = [field.name for field in fields(self.parameters)]
-        for name, value in changes.items():
+        names = [field.name for field in fields(parameters)]
+        for name, value in numbers.items():
             require_known(f"parameter of {self.system.name}", name, names, error=ModelError)
             if not math.isfinite(real(value)):
                 raise ModelError(f"{self.system.name}: {name} = {value_text(value)} must be finite")
-        return replace(self, parameters=replace(self.parameters, **changes))
+        return replace(self, parameters=replace(parameters, **numbers))
 
     def scaled(self, body: str, mass: float, length: float) -> AnalyticPlant:
         """Copy with the mass and all lengths of its uncertain body scaled.

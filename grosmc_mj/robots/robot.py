@@ -33,7 +33,7 @@ class Robot:
     joints is underactuated: its laws are designed for its linearization, with a ``state_task``.
 
     Attributes:
-        plant: The nominal robot in MuJoCo; ``plant.edited(...)`` makes the true one. The state
+        plant: The nominal robot in MuJoCo; ``plant.changed(...)`` makes the true one. The state
             is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
         notes: Changes of the model that was read and their reasons, in sentences.
         built: The robot as it is built, with effects that laws do not know of: lags, delays and

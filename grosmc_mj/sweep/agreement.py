@@ -70,7 +70,7 @@ def agreements(
 
     rows: list[Agreement] = []
     for change, sample in zip(changes, seeds, strict=True):
-        physics = nominal.edited(*change)
+        physics = nominal.changed(*change)
         name = "; ".join(map(str, physics.edits)) or "nominal"
         for variant in nominal.system.variants:
             # Every variant meets the same states.

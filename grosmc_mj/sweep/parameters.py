@@ -326,6 +326,6 @@ def plant_of(case: Case, like: Plant) -> Plant:
     """
     if not isinstance(like, MujocoPlant):
         return case.plant(like.kind)
-    plant = like.edited(*case.edits)
+    plant = like.changed(*case.edits)
     plant.require_start(np.array(case.x0))
     return plant

@@ -78,7 +78,7 @@ def law(name: str = "grosmc", epsilon: float = 2.0, amplitude: float = 0.2) -> C
 @cache
 def run(controller: Controller, *edits: Edit, q0: tuple[float, float] = (0.35, -0.35)) -> RunResult:
     case = trial("arm", "sines", (*q0, 0.0, 0.0), 0.1, edits)
-    plant = arm().plant.edited(*edits)
+    plant = arm().plant.changed(*edits)
     return run_on(case, "physics", controller, plant, PYTHON)
 
 
@@ -115,10 +115,10 @@ def test_a_robot_from_mjcf_needs_what_the_symbolic_two_link_arm_needs() -> None:
     push = Disturbance("payload", (5.0, 0.0, -3.0, 0.0, 0.2, 0.0))
     start = (0.9, -1.4, 0.3, 0.0)
     case = trial("two_link_arm", "x", start, 0.3, (heavier,), (push,))
-    result = run_on(case, "physics", law_of_robot, robot.plant.edited(heavier), PYTHON)
+    result = run_on(case, "physics", law_of_robot, robot.plant.changed(heavier), PYTHON)
 
     shipped = MujocoPlant.load("two_link_arm")
-    true = shipped.edited(heavier).analytic()
+    true = shipped.changed(heavier).analytic()
     symbolic_law = chapter_controller("grosmc", shipped.analytic(), AS_PRINTED, "regulation")
     trajectory = result.trajectory
     assert trajectory.wrench is not None

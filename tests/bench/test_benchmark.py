@@ -142,7 +142,7 @@ def test_growth_measures_the_time_of_a_step() -> None:
 @pytest.mark.slow
 def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
     """With motors at their joints, and the swinging load straight below its hinge."""
-    plant = gm.MujocoPlant.load("cart_pendulum").edited(
+    plant = gm.MujocoPlant.load("cart_pendulum").changed(
         gm.machine.Transmission("slider", 0.1, stiffness=1e4),
         gm.machine.SwingingLoad("cart", 0.1, 0.2),
     )

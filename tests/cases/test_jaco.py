@@ -37,7 +37,7 @@ def sines() -> Experiment:
 
 def plant(mass: float) -> MujocoPlant:
     (payload,) = sines().edits
-    return arm().plant.edited(replace(payload, mass=mass))
+    return arm().plant.changed(replace(payload, mass=mass))
 
 
 def test_the_nominal_dynamics_are_the_whole_models() -> None:

@@ -160,7 +160,7 @@ def test_many_runs_are_a_table(experiment: Experiment) -> None:
 
 
 @pytest.mark.parametrize(
-    ("experiments", "words"), [([], "there is none"), (["arm"], "must be an Experiment")]
+    ("experiments", "words"), [([], "there is none"), (["arm"], "must be a list of Experiments")]
 )
 def test_a_list_without_experiments_is_refused(experiments: list[Any], words: str) -> None:
     with pytest.raises(gm.GrosmcError, match=words):

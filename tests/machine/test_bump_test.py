@@ -55,7 +55,7 @@ def test_the_bump_test_of_the_servo_is_that_of_its_documentation(row: str, built
     (motor,) = (part for part in parts if isinstance(part, gm.machine.Motor))
     nominal: Any = machine.nominal.plant
     plant = gm.MujocoPlant(nominal.system, nominal.spec, (), machine.settings.timestep)
-    model = plant.edited(*parts).model if built else plant.model
+    model = plant.changed(*parts).model if built else plant.model
 
     low, high = bump_test(model, motor.resistance)
     rise = high[-1] - low[-1]

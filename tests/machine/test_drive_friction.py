@@ -357,7 +357,7 @@ def test_self_locking_gears_hold_any_load(robot: str) -> None:
     parts = tuple(
         DriveFriction(joint, coulomb=1e-3, load_external=1.2) for joint in nominal.system.joints
     )
-    stepper = Steppers(0.0).of(nominal.edited(*parts))
+    stepper = Steppers(0.0).of(nominal.changed(*parts))
     start = np.zeros(2 * len(parts))
     stepper.restart(start)
     for _ in range(5000):

@@ -23,7 +23,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 # A part of the model's own inertia
 
 NOMINAL = MujocoPlant.load("servo", timestep=1e-5)
-STIFF = NOMINAL.edited(Transmission("shaft", 0.05, stiffness=1e5, damping=40.0, added=False))
+STIFF = NOMINAL.changed(Transmission("shaft", 0.05, stiffness=1e5, damping=40.0, added=False))
 
 
 def shaft_angles(plant: MujocoPlant) -> Array:

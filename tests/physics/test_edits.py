@@ -144,11 +144,11 @@ def test_an_edited_plant_leaves_the_nominal_one(name: str, body: str) -> None:
     plant = MujocoPlant.load(name)
     text = plant.spec.to_xml()
     bits = saved(plant.model)
-    _ = plant.edited(BodyEdit(body, 4.0, 4.0)).model
+    _ = plant.changed(BodyEdit(body, 4.0, 4.0)).model
     plant.analytic()
     assert plant.spec.to_xml() == text
     assert saved(plant.model) == bits
-    assert saved(plant.edited().model) == bits
+    assert saved(plant.changed().model) == bits
 
 
 def test_the_inertia_scales_with_a_given_mass() -> None:
@@ -355,12 +355,12 @@ def test_a_written_model_is_the_compiled_one_bit_for_bit(name: str) -> None:
         edits: list[Edit] = [BodyEdit(body, *random.uniform(0.1, 10, 2)) for body in chosen]
         if gear:
             edits.append(InputEdit(actuator, gear))
-        plant = nominal.edited(*edits)
+        plant = nominal.changed(*edits)
         run_model = steppers.of(plant).model
         written = plant.template.written(plant.edits)
         assert written is not None
 
-        compiled_plant = nominal.edited(*edits)
+        compiled_plant = nominal.changed(*edits)
         parameters = parameters_or_refusal(compiled_plant)
         compiled = compiled_plant.undrawn_model
         require_same_arrays(run_model, compiled)

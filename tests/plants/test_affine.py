@@ -60,7 +60,7 @@ def task(plant: AnalyticPlant, *degrees: int) -> gm.Task:
 
 def test_with_parameters_changes_a_number() -> None:
     plant = chain(f2=a * x1, a=1.0)
-    assert plant.with_parameters(a=2.0).parameters.a == 2.0
+    assert plant.changed(a=2.0).parameters.a == 2.0
 
 
 def test_jacobian_is_exact_whatever_the_parameters_are_called() -> None:
@@ -95,7 +95,7 @@ def test_gains_cover_an_uncertainty_in_the_row_without_an_input(side: float) -> 
     random = np.random.default_rng(0)
     for _ in range(50):
         z = random.uniform(-1, 1, 2)
-        true_plant = plant.with_parameters(a=random.uniform(1, 3))
+        true_plant = plant.changed(a=random.uniform(1, 3))
         x = law.coordinates.place(0.0, z, p)
         alpha, E = law.coordinates.dynamics(0.0, x, p)
         rho = p.eta + (p.gamma0 + p.gamma1 * np.linalg.norm(z)) * np.linalg.norm(p.GB @ E)
@@ -192,8 +192,8 @@ def test_a_wrong_plant_is_refused(changes: dict[str, Any], words: str) -> None:
         ({"a": np.nan}, "a = nan must be finite"),
     ],
 )
-def test_wrong_parameters_are_refused(changes: dict[str, float], words: str) -> None:
-    require_refused_in_one_line(lambda: plant().with_parameters(**changes), words)
+def test_wrong_parameters_are_refused(changes: dict[str, Any], words: str) -> None:
+    require_refused_in_one_line(lambda: plant().changed(**changes), words)
 
 
 def test_a_state_of_a_wrong_shape_is_refused() -> None:

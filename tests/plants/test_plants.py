@@ -152,7 +152,7 @@ def test_the_corrected_equations_have_the_accelerations_of_mujoco(plant: MujocoP
 def test_equations_of_scaled_bodies_have_the_accelerations_of_mujoco(
     plant: MujocoPlant, mass: float, length: float
 ) -> None:
-    edited = plant.edited(*scaled_bodies(plant, mass, length))
+    edited = plant.changed(*scaled_bodies(plant, mass, length))
     assert equations_error(edited, 25) < 1e-10
 
 
@@ -160,7 +160,7 @@ def test_equations_of_scaled_bodies_have_the_accelerations_of_mujoco(
 def test_equations_with_a_free_inertia_have_the_accelerations_of_mujoco(
     plant: MujocoPlant, body: str
 ) -> None:
-    edited = plant.edited(BodyEdit(body, inertia=(0.02, 0.03, 0.04)))
+    edited = plant.changed(BodyEdit(body, inertia=(0.02, 0.03, 0.04)))
     assert equations_error(edited, 25) < 1e-10
 
 
@@ -330,7 +330,7 @@ def test_a_changed_model_has_another_digest(limited_servo: MujocoPlant) -> None:
 
 
 def test_an_edit_of_a_model_is_a_factor_on_a_parameter() -> None:
-    heavier = physics("cart_pendulum").changed([BodyEdit("pole", mass_scale=2.0)])
+    heavier = physics("cart_pendulum").changed(BodyEdit("pole", mass_scale=2.0))
     scaled = physics("cart_pendulum").analytic().changed(scales={"m": 2.0})
     assert heavier.parameters.m == pytest.approx(scaled.parameters.m)
 
@@ -406,7 +406,7 @@ def robot_drift() -> Any:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: analytic("servo").changed([BodyEdit("rotor", 2.0)]), "scale a parameter instead"),
+        (lambda: analytic("servo").changed(BodyEdit("rotor", 2.0)), "scale a parameter instead"),
         (lambda: physics("servo").changed(scales={"J": 2.0}), "edit a body or a joint instead"),
         (lambda: analytic("servo").changed(scales={"q": 2.0}), "unknown parameter of servo 'q'"),
         (lambda: analytic("servo").model, "no model in MuJoCo"),

@@ -288,8 +288,8 @@ def test_the_motion_of_another_plant_is_that_of_the_symbolic_coordinates(
 ) -> None:
     heavier = BodyEdit("payload", mass_scale=3.0)
     w = np.random.default_rng(1).uniform(-5, 5, (1, 18))
-    true_plant = two_link().plant.edited(heavier)
-    twin = MujocoPlant.load("two_link_arm").edited(heavier).analytic()
+    true_plant = two_link().plant.changed(heavier)
+    twin = MujocoPlant.load("two_link_arm").changed(heavier).analytic()
     motion = pair.robot.error_dynamics([1.0], x[None], pair.p, true_plant, w, u)
     expected = pair.symbolic.error_dynamics([1.0], x[None], pair.symbolic_p, twin, w)
     require_close(motion, expected)

@@ -78,7 +78,7 @@ def robot(system: str, integrator: Any = None) -> Robot:
 def plant_of(system: str, integrator: Any) -> Plant:
     if system == "tree":
         tool = AddedMass("tool", 0.5, (0.1, 0.0, 0.0))
-        return robot(system, integrator).built.edited(tool)
+        return robot(system, integrator).built.changed(tool)
     if system in ROBOTS:
         return robot(system, integrator).built
     if system == "machine":
@@ -258,7 +258,7 @@ def scaled_plant(system: str, kind: str, scale: float) -> Plant:
     body, parameter = EDITED[system]
     if kind == "corrected":
         return plant.changed(scales={parameter: scale})
-    return plant.changed([BodyEdit(body, scale, scale)])
+    return plant.changed(BodyEdit(body, scale, scale))
 
 
 def scaled_law(system: str, scale: float) -> Controller:
@@ -466,7 +466,7 @@ def edited_run(system: str, integrator: str) -> EditedRun:
     arguments = arguments_of_run(arguments_of_batch(system, integrator), 0)
     body, _ = EDITED[system]
     edits = [BodyEdit(body, 1.5, 1.2), AddedMass(body, 0.1)]
-    plant = plant_of(system, integrator).changed(edits)
+    plant = plant_of(system, integrator).changed(*edits)
     arguments["plant"] = plant
     run = simulate(**arguments, duration=0.1, control_period=3e-3)
     assert run.physics is not None

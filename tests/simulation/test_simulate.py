@@ -132,7 +132,7 @@ def test_a_model_that_was_changed_in_place_is_refused() -> None:
     plant = MujocoPlant(SERVO.system, load_spec("servo"))
     mass = plant.model.body("rotor").mass
     mass *= 2
-    with pytest.raises(ModelError, match=r"plant.model was changed .* use plant.edited"):
+    with pytest.raises(ModelError, match=r"plant.model was changed .* use plant.changed"):
         start_servo(plant=plant)
 
     mass /= 2

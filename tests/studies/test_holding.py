@@ -222,7 +222,7 @@ def test_a_cart_that_is_held_too_stiffly_is_refused(monkeypatch: pytest.MonkeyPa
 
 def sizes_under(uncertainty: str) -> tuple[float, float]:
     """Spectral norms of the matched and the unmatched part under a change of the pole."""
-    model = linearize(PHYSICS.edited(cart.UNCERTAINTIES[uncertainty]))
+    model = linearize(PHYSICS.changed(cart.UNCERTAINTIES[uncertainty]))
     matched, unmatched = cart.uncertainty(OPTIMUM, model)
     return float(np.linalg.norm(matched, 2)), float(np.linalg.norm(unmatched, 2))
 
@@ -336,7 +336,7 @@ def test_physics_follows_the_sliding_dynamics(G: str) -> None:
     """From 1 degree under 4m and 4L x is exp(sliding dynamics t) x0, not the optimum."""
     optimum = nominal_controller(SYSTEM, "cart-lqr", "corrected").designed.lqr
     matrix: Any = cart.projections_of(optimum)[G]
-    plant = PHYSICS.edited(LARGER)
+    plant = PHYSICS.changed(LARGER)
     start = math.radians(1.0)
     x0 = np.array([0.0, -start, 0.0, 0.0])
     law = cart.projected_law(matrix, Realization(find_switching("implicit"), 1e-3))
@@ -351,7 +351,7 @@ def test_physics_follows_the_sliding_dynamics(G: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plant", [PHYSICS, PHYSICS.edited(LARGER)], ids=["nominal", "larger"])
+@pytest.mark.parametrize("plant", [PHYSICS, PHYSICS.changed(LARGER)], ids=["nominal", "larger"])
 def test_the_angle_stays_within_its_start_or_the_lean(plant: MujocoPlant) -> None:
     nominal = find_experiment(SYSTEM, "nominal")
     realization = nominal.with_settings(**IMPLICIT.changes()).realization

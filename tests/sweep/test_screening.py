@@ -76,7 +76,7 @@ def heavier(monkeypatch: Patch, factor: float) -> None:
 
     def equations(batch: Batch) -> list[Any]:
         exact = [plant.analytic() for plant in batch.physics]
-        return [plant.with_parameters(J=factor * plant.parameters.J) for plant in exact]
+        return [plant.changed(J=factor * plant.parameters.J) for plant in exact]
 
     monkeypatch.setattr(Batch, "equations", property(equations))
 
