@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import subprocess
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import Patch, Screen
+from commands import Patch, Screen, run
 
 import grosmc_mj
 from grosmc_mj.chapter.validation import cases_table, results_markdown
@@ -22,10 +23,10 @@ from grosmc_mj.films.film import Format
 README = Path(__file__).parents[1] / "README.md"
 
 
-def example(language: str) -> str:
-    """Return the README's first block of a language."""
+def example(language: str, index: int = 0) -> str:
+    """Return one of the README's blocks of a language, the first one by default."""
     text = README.read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[0]
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[index]
 
 
 @pytest.mark.slow
@@ -43,6 +44,24 @@ def test_the_readme_s_example_runs(tmp_path: Path, monkeypatch: Patch, capsys: S
     assert all(line.endswith(" kept") for line in requirements)
     assert last == "arm/case1 keeps all: True"
     assert (tmp_path / "fall.mp4").is_file()
+
+
+def test_the_readme_s_lines_for_a_notebook_run(capsys: Screen) -> None:
+    exec(example("python", 1), {"gm": grosmc_mj})
+    rows = ast.literal_eval(capsys.readouterr().out)
+    assert [set(row) for row in rows] == [{"deviation", "max_input", "kept"}] * 2
+    assert rows[0]["deviation"] != rows[1]["deviation"]
+
+
+def test_the_readme_s_first_answer_is_real(
+    monkeypatch: Patch, tmp_path: Path, capsys: Screen
+) -> None:
+    """Numbers of the README's first block, without the frame of the table."""
+    monkeypatch.chdir(tmp_path)
+    assert run("run", "cart_pendulum/case1") == 0
+    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    shown = [line for line in example("console").splitlines() if not line.startswith("$")]
+    assert all(line in printed for line in shown)
 
 
 def test_the_readme_s_example_file_is_kept(tmp_path: Path) -> None:
