@@ -61,10 +61,9 @@ def _differences(result: RunResult, recorded: dict[str, Any] | None) -> Iterator
         yield f"{status}, recorded {recorded['status']}"
         return
 
-    switched = result.trajectory.sliding is not None
     for name, metric in result.metrics.items():
         before = recorded["metrics"].get(name)
-        tolerance = tolerance_of(name, switched=switched)
+        tolerance = tolerance_of(name, switched=result.switched)
         if not _repeats(metric.value, before, tolerance):
             now = _written(metric.value)
             yield f"{name} is {now}, recorded {_written(before)} {metric.unit}"

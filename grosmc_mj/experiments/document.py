@@ -176,7 +176,7 @@ def _judged_values(
     target: str, results: Sequence[RunResult], judgements: Sequence[Judgement]
 ) -> Iterator[Value]:
     """Return verdict and margin of each requirement."""
-    switched = {run.controller.name for run in results if run.controller.designed.switching}
+    switched = {run.controller.name for run in results if run.switched}
     for item in judgements:
         requirement = item.requirement
         relative, absolute = tolerance_of(
@@ -199,10 +199,9 @@ def run_values(results: Sequence[RunResult]) -> Iterator[Value]:
     """Return status and metrics of each run."""
     for run in results:
         name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
-        switched = bool(run.controller.designed.switching)
         yield Value(name=f"{name}: status", value=run.status.name.lower())
         for key, metric in run.metrics.items():
-            relative, absolute = tolerance_of(key, switched=switched)
+            relative, absolute = tolerance_of(key, switched=run.switched)
             yield Value(
                 name=f"{name}: {key}",
                 value=finite(metric.value),

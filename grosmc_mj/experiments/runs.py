@@ -45,6 +45,11 @@ class Run:
     true: Plant | None = None
 
     @property
+    def switched(self) -> bool:
+        """Whether a switching law made it, whose chatter amplifies rounding."""
+        return self.controller.design is not None and bool(self.controller.design.switching)
+
+    @property
     def onset(self) -> float:
         """Onset of the first disturbance of the case [s]; infinite without any."""
         return self.case.onset

@@ -155,11 +155,12 @@ def screening_sentences(judges: Mapping[str, ScreeningSummary]) -> str:
         Sentences; nothing where MuJoCo judged all.
     """
     by_equations = sum(judge.by_equations for judge in judges.values())
-    if not by_equations:
+    band = max((judge.band for judge in judges.values()), default=0.0)
+    # Without a model in MuJoCo nothing is screened: equations are the plant.
+    if not by_equations or not band:
         return ""
 
     runs = sum(judge.runs for judge in judges.values())
-    band = max(judge.band for judge in judges.values())
     difference = max(judge.difference for judge in judges.values())
     sentences = [
         f"{by_equations:,} of {runs:,} runs judged by the equations, {runs - by_equations:,} in "
@@ -168,11 +169,12 @@ def screening_sentences(judges: Mapping[str, ScreeningSummary]) -> str:
     if difference > band:
         sentences.append("That is more than the band: --screen none judges all in MuJoCo.")
     for law, judge in judges.items():
-        sentences.append(
-            f"{law}: of {judge.drawn} confirmed at random, {judge.drawn_overturned} overturned: at "
-            f"most {100 * judge.wrong_at_most:.2g} % of those by the equations at "
-            f"{100 * CONFIDENCE:g} %."
-        )
+        if judge.drawn:
+            sentences.append(
+                f"{law}: of {judge.drawn} confirmed at random, {judge.drawn_overturned} "
+                f"overturned: at most {100 * judge.wrong_at_most:.2g} % of those by the equations "
+                f"at {100 * CONFIDENCE:g} %."
+            )
         if judge.overturned:
             runs_named = ", ".join(map(str, judge.overturned_runs))
             if judge.overturned > len(judge.overturned_runs):
