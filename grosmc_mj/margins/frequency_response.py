@@ -43,6 +43,10 @@ class Margins(NamedTuple):
     bandwidth: float
 
 
+# Margins of a loop of which nothing is known.
+UNKNOWN = Margins(*[np.nan] * len(Margins._fields))
+
+
 class LoopGain(NamedTuple):
     """L between the frequencies at which S is known, all (points,).
 

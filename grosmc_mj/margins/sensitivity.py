@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop import AppliedLoop
-from grosmc_mj.margins.frequency_response import Margins, margins_of
+from grosmc_mj.margins.frequency_response import UNKNOWN, Margins, margins_of
 from grosmc_mj.margins.multisine import Multisine
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import InputDisturbance, OutputDisturbance, Table
@@ -30,6 +30,8 @@ _BATCH = 3
 # line near crossover.
 _LARGEST = 0.5
 LARGEST_NEAR = 0.25
+# Words of a doubt about a loop of which a run ended early.
+LEAVES = "leave the region of the loop"
 # |S - 1| without feedback.
 _NOTHING = 1e-9
 # Lines are near crossover up to this factor from it.
@@ -163,8 +165,13 @@ class Sensitivity:
         return self.deviation <= _LARGEST
 
     @property
+    def usable(self) -> bool:
+        """Whether all runs reached their end, and enough lines count."""
+        return not self.ended and int(np.count_nonzero(self.counting)) >= _FEWEST
+
+    @property
     def margins(self) -> Margins:
-        """Margins by the mean of the realizations."""
+        """Margins by the mean of the realizations; NaN if it is not usable."""
         return self._margins(self.own)
 
     @property
@@ -172,13 +179,15 @@ class Sensitivity:
         """Standard errors of the margins, by the jackknife over the realizations."""
         count = len(self.own)
         if count < 2:
-            return Margins(*[np.nan] * len(Margins._fields))
+            return UNKNOWN
         without_one = [self._margins(np.delete(self.own, i, axis=0)) for i in range(count)]
         with np.errstate(invalid="ignore"):
             spread = np.var(without_one, axis=0)
         return Margins(*np.sqrt((count - 1) * spread).tolist())
 
     def _margins(self, realizations: NDArray[np.complex128]) -> Margins:
+        if not self.usable:
+            return UNKNOWN
         counting = self.counting
         frequency = self.multisine.frequencies[counting]
         return margins_of(frequency, realizations.mean(axis=0)[counting])
@@ -192,10 +201,10 @@ class Sensitivity:
     def doubt(self) -> str:
         """Reason why the margins cannot be trusted; empty if they can."""
         if self.ended:
-            return f"{self.ended} of {self.ended + len(self.own)} runs leave the loop's region"
+            return f"{self.ended} of {self.ended + len(self.own)} runs {LEAVES}"
         if np.all(np.abs(self.own - 1) < _NOTHING):
             return "the law does not use it"
-        if np.count_nonzero(self.counting) < _FEWEST:
+        if not self.usable:
             return "the response differs from run to run at nearly all frequencies"
         if self.too_short:
             return f"the injection has less than {_PERIODS} periods of the crossover frequency"
