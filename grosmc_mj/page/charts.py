@@ -104,13 +104,16 @@ def _lines(chart: LineChart) -> Figure:
     # A logarithmic axis has no place for zero.
     marks = [x for x in chart.marks if x_axis != "log" or x > 0]
     shapes += [_dashed({"yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x}) for x in marks]
+    y_options: Item = {"type": y_axis, "exponentformat": "power"}
+    if chart.equal:
+        y_options["scaleanchor"] = "x"
     return _figure(
         traces,
         380,
         legend=len(chart.lines) > 1,
         shapes=shapes,
         xaxis=_axis(chart.titles[0], type=x_axis),
-        yaxis=_axis(chart.titles[1], type=y_axis, exponentformat="power"),
+        yaxis=_axis(chart.titles[1], **y_options),
     )
 
 

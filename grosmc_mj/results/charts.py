@@ -45,6 +45,8 @@ _MARKERS = "osDv^P"
 _CELL_COLOURS = LinearSegmentedColormap.from_list("kept", [KEPT, "#ffffff", FAILED])
 # Beyond this share of the scale the colour is too dark for black letters.
 _DARK = 0.6
+# Values along an axis that each get a tick, at most.
+_MOST_TICKS = 12
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
 
@@ -221,10 +223,15 @@ def _draw_series(
 
 
 def _scale_axes(panel: Axes, chart: LineChart) -> None:
-    """Make an axis logarithmic if its numbers are far apart."""
+    """Make an axis logarithmic if its numbers are far apart, or both axes of one scale."""
+    if chart.equal:
+        panel.set_aspect("equal", adjustable="datalim")
+        return
+
     x = {x for series in chart.lines for x in series.x if isinstance(x, float)}
     if _spans_decades(x):
         panel.set_xscale("log")
+    if _spans_decades(x) and len(x) <= _MOST_TICKS:
         panel.set_xticks(sorted(x), [f"{value:g}" for value in sorted(x)])
         panel.xaxis.set_minor_locator(NullLocator())
 

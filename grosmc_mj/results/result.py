@@ -143,6 +143,7 @@ class LineChart(Part):
         lines: The curves.
         limit: Value of a line along the first axis; None for none.
         marks: Values of lines along the second axis.
+        equal: Whether both axes have one scale.
     """
 
     form: Literal["lines"] = "lines"
@@ -151,6 +152,7 @@ class LineChart(Part):
     lines: Sequence[Series]
     limit: Number = None
     marks: Sequence[float] = ()
+    equal: bool = False
 
 
 class CellChart(Part):

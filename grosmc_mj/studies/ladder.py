@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -18,13 +16,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
-from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.files import atomic_write
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import (
@@ -41,7 +37,6 @@ from grosmc_mj.machine import (
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.results.charts import cell_charts
-from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -55,6 +50,7 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import (
     UNDER_LOAD,
     Condition,
@@ -65,7 +61,6 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
 )
-from grosmc_mj.versions import source_digest, versions
 
 # The case of a system whose loop and machine are those that one can buy.
 MACHINE = "machine"
@@ -441,52 +436,9 @@ def ladder(
     )
 
 
-@dataclass(frozen=True)
-class Cells:
-    """Finished rows of a ladder, a file each, so that a killed ladder goes on where it was.
-
-    The name of a file is a hash of all that its row depends on: case, law, versions and the code of
-    the package.
-
-    Attributes:
-        folder: Folder of the files.
-        ladder: Configuration of the ladder and versions, as JSON.
-    """
-
-    folder: Path
-    ladder: str
-
-    @classmethod
-    def of(cls, studied: Ladder, folder: Path) -> Cells:
-        """Return the cells of a ladder in a folder."""
-        conditions = []
-        for condition in studied.conditions:
-            experiment = condition.experiment
-            conditions.append([case_document(experiment), experiment.document()])
-        content = [studied.configuration(), conditions, versions(), source_digest()]
-        return cls(folder, json_text(content))
-
-    def read(self, *key: str | bool) -> RungResult | None:
-        """Return the row with a key; None if it is missing or cannot be read."""
-        try:
-            content = json.loads(self._path(key).read_text(encoding="utf-8"))
-            return RungResult.model_validate(content)
-        except (OSError, ValueError):
-            return None
-
-    def write(self, row: RungResult) -> None:
-        """Write a row aside and rename it.
-
-        Raises:
-            SetupError: If it cannot be written.
-        """
-        with atomic_write(self._path(row.key)) as part:
-            # Not by `json_text`, which writes infinite numbers as null.
-            part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
-
-    def _path(self, key: tuple[str | bool, ...]) -> Path:
-        name = hashlib.sha256(json.dumps([self.ladder, key]).encode()).hexdigest()
-        return self.folder / f"{name[:32]}.json"
+def cells_of(studied: Ladder, folder: Path) -> Cells[RungResult]:
+    """Return the finished rows of a ladder in a folder."""
+    return Cells(folder, RungResult, study_key(studied.configuration(), studied.conditions))
 
 
 # Runs: each gives a row

@@ -27,7 +27,9 @@ from grosmc_mj.loop import Computing, Loop
 from grosmc_mj.machine import Transmission
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.results.document import json_text
+from grosmc_mj.studies import cells as finished
 from grosmc_mj.studies import ladder as study
+from grosmc_mj.studies.cells import Cells
 from grosmc_mj.studies.ladder import ENDED, Rung, RungResult, ladder, run_rung, rungs_of
 
 TIME: Array = 1e-3 * np.arange(10_000)
@@ -679,7 +681,7 @@ def test_a_ladder_of_another_version_is_climbed_anew(
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
     assert run(*command) == cli.DONE
     everything = climber.ran[:]
-    monkeypatch.setattr(study, name, lambda: other)
+    monkeypatch.setattr(finished, name, lambda: other)
     climber.ran.clear()
     assert run(*command, "--resume") == cli.DONE
     assert climber.ran == everything
@@ -692,7 +694,7 @@ def test_a_ladder_of_another_version_is_climbed_anew(
 )
 def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_path: Path) -> None:
     """As are those of two laws, of two rungs, and of a rung alone and with those below."""
-    cells = study.Cells(tmp_path, "a ladder")
+    cells = Cells(tmp_path, RungResult, "a ladder")
     first = row(**{"rung": "sensors", "used": 0.5, "condition": "case1"})
     second = row(**{"rung": "sensors", "used": 2.0, "condition": "case1"} | other)
     cells.write(first)
@@ -711,13 +713,13 @@ def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
 def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes(tmp_path: Path) -> None:
     """The load of case1 stands in no file of the ladder's own."""
     studied = ladder("servo", ["lqr"])
-    cells = study.Cells.of(studied, tmp_path)
-    assert study.Cells.of(studied, tmp_path) == cells
+    cells = study.cells_of(studied, tmp_path)
+    assert study.cells_of(studied, tmp_path) == cells
 
     *others, last = studied.conditions
     heavier = last.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
     changed = replace(studied, conditions=(*others, replace(last, experiment=heavier)))
-    assert study.Cells.of(changed, tmp_path) != cells
+    assert study.cells_of(changed, tmp_path) != cells
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:

@@ -35,6 +35,10 @@ STUDIES: Subcommands = {
         "study.ladder:LadderCommand",
         "Where does each law break between equations and machine?",
     ),
+    "margins": Entry(
+        "study.margins:MarginsCommand",
+        "How much gain and delay does each law tolerate?",
+    ),
 }
 COMMANDS: Mapping[str, Entry | Subcommands] = {
     "new": Entry("new:NewCommand", "Write a case file to begin with, every key explained."),

@@ -14,7 +14,8 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.ladder import Cells, Ladder, RungResult
+    from grosmc_mj.studies.cells import Cells
+    from grosmc_mj.studies.ladder import Ladder, RungResult
     from grosmc_mj.studies.studied import StudiedLaw
 
 
@@ -62,13 +63,13 @@ class LadderCommand(Command):
     def execute(self) -> int:
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
-        from grosmc_mj.studies.ladder import Cells
+        from grosmc_mj.studies.ladder import cells_of
 
         studied = self._studied()
         laws = {law.name: law for law in studied.laws}
         if self.film:
             require_known("law", self.film, laws)
-        cells = Cells.of(studied, self._path(studied).with_suffix(""))
+        cells = cells_of(studied, self._path(studied).with_suffix(""))
 
         rows: list[RungResult] = []
         with screen.partial_results_kept(
@@ -100,7 +101,7 @@ class LadderCommand(Command):
     def _climb(
         self,
         studied: Ladder,
-        cells: Cells,
+        cells: Cells[RungResult],
         rows: list[RungResult],
     ) -> None:
         """Run every rung, or read it if it is finished and --resume is given.

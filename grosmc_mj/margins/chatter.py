@@ -1,0 +1,82 @@
+"""Chatter of a loop at rest, and the change of gain or delay at which it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.loop import Loop
+from grosmc_mj.margins.changes import DELAY, GAIN_UP, ChangeSearch, search_changes
+from grosmc_mj.margins.sensitivity import Place, RunningLoop
+from grosmc_mj.simulation.disturbances import Table
+from grosmc_mj.simulation.trajectory import Status
+
+# A pulse of one control period starts what may chatter [share of the input's size].
+_PULSE = 0.01
+# Change of the input from sample to sample that is chatter, rms [share of the input's size].
+_CHATTER = 1e-3
+
+
+class Chatter(NamedTuple):
+    """Changes at which chatter begins; infinite if nothing that was tried makes the loop chatter.
+
+    Attributes:
+        at_rest: Whether the loop chatters as it is.
+        gain: Least factor of the gain; 1 at rest.
+        delay: Least further delay [s]; 0 at rest.
+    """
+
+    at_rest: bool
+    gain: float
+    delay: float
+
+
+def is_quiet(loop: RunningLoop, place: Place, size: float, duration: float) -> bool:
+    """Return whether the input rests after a small pulse.
+
+    Args:
+        loop: The loop.
+        place: An input.
+        size: Size of the input, such as its limit.
+        duration: Length of the run, whose second half counts [s].
+    """
+    pulse = Table((_PULSE * size,), loop.control_period)
+    run = loop.run(place, [pulse], 0, duration)
+    if run.status[0] is not Status.COMPLETED:
+        return False
+    inputs = loop.sampled(run.input)[0]
+    changes = np.diff(inputs[len(inputs) // 2 :], axis=0)
+    return bool(np.sqrt(np.mean(changes**2)) <= _CHATTER * size)
+
+
+def chatter(
+    running: Callable[[Loop], RunningLoop],
+    loop: Loop,
+    place: Place,
+    size: float,
+    duration: float,
+) -> Chatter:
+    """Search where chatter begins.
+
+    Args:
+        running: Makes the running loop of these parts.
+        loop: The parts as they are.
+        place: An input.
+        size: Size of the input, such as its limit.
+        duration: Length of a run [s].
+    """
+
+    def quiet(loops: Sequence[Loop]) -> list[bool]:
+        return [is_quiet(running(parts), place, size, duration) for parts in loops]
+
+    if not quiet([loop])[0]:
+        return Chatter(True, 1.0, 0.0)
+
+    as_is = running(loop)
+    searches = [ChangeSearch(kind, as_is.timestep) for kind in (GAIN_UP, DELAY)]
+    inputs = [signal.name for signal in as_is.plant.system.inputs]
+    search_changes(searches, loop, inputs, quiet)
+    gain, delay = [search.bounds[1] for search in searches]
+    return Chatter(False, gain, delay)

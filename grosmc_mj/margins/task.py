@@ -1,0 +1,113 @@
+"""Margins of a task: how far gain and delay may change until a requirement is no longer kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.loop import Loop
+from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, search_changes
+from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.sweep.runs import Row, run_rows
+
+
+class TaskMargin(NamedTuple):
+    """Largest change of a loop with which a task is kept under one condition.
+
+    Attributes:
+        kind: ``gain down``, ``gain up`` or ``delay``.
+        condition: Name of the condition.
+        kept: Largest change that is kept: a factor, 1/factor of ``gain down``, or seconds.
+        failed: Smallest change that is not kept; infinite if none that was tried fails.
+        breaks: Requirement that breaks first, or how the run ended; empty if none fails.
+    """
+
+    kind: str
+    condition: str
+    kept: float
+    failed: float
+    breaks: str
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A law in a loop under one condition, with its requirements.
+
+    Attributes:
+        condition: Name of the condition.
+        experiment: Experiment with the loop, which a law that predicts takes for its own.
+        plant: The plant.
+        plant_name: ``corrected`` or ``physics``.
+        law: The law.
+        predict: Whether it predicts over the delay of its loop.
+        limits: The requirements.
+        threads: Threads of the runs; 0 for all cores.
+    """
+
+    condition: str
+    experiment: Experiment
+    plant: Plant
+    plant_name: PlantName
+    law: Controller
+    predict: bool
+    limits: Sequence[Requirement]
+    threads: int = 0
+
+    @property
+    def loop(self) -> Loop:
+        """The loop as it is."""
+        return self.experiment.loop or Loop()
+
+    def breaking(self, loops: Sequence[Loop]) -> list[str]:
+        """Run the task in some loops; tell what breaks in each: nothing, if it is empty.
+
+        Raises:
+            GrosmcError: If there can be no such run.
+        """
+        cases = [self.experiment.varied(loop=loop) for loop in loops]
+        rows = [Row(self.law, case=case, plant=self.plant, predict=self.predict) for case in cases]
+        outcomes = run_rows(
+            self.experiment, rows, self.limits, self.plant_name, threads=self.threads
+        )
+
+        reasons = []
+        for i in range(len(loops)):
+            reason = ""
+            if not outcomes.completed[i]:
+                reason = f"the run ended: {outcomes['status'][i]}"
+            elif outcomes["relative"][i] < 0:
+                shares = [share[i] for share in outcomes.shares]
+                reason = self.limits[shares.index(min(shares))].name
+            reasons.append(reason)
+        return reasons
+
+    def margins(self) -> list[TaskMargin]:
+        """Search how far gain and delay may change; the task must be kept without a change.
+
+        Raises:
+            GrosmcError: If there can be no such run.
+        """
+        reasons: dict[Loop, str] = {}
+
+        def passing(loops: Sequence[Loop]) -> list[bool]:
+            reasons.update(zip(loops, self.breaking(loops), strict=True))
+            return [not reasons[loop] for loop in loops]
+
+        timestep = self.experiment.settings.timestep
+        searches = [ChangeSearch(kind, timestep) for kind in (GAIN_DOWN, GAIN_UP, DELAY)]
+        inputs = [signal.name for signal in self.plant.system.inputs]
+        search_changes(searches, self.loop, inputs, passing)
+
+        margins = []
+        for search in searches:
+            kept, failed = search.bounds
+            breaks = ""
+            if search.failed is not None:
+                breaks = reasons[search.loop(self.loop, inputs, search.failed)]
+            margins.append(TaskMargin(search.kind, self.condition, kept, failed, breaks))
+        return margins

@@ -1,0 +1,66 @@
+"""Measurement of S with the tests that tell whether it can be trusted."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.margins.frequency_response import Margins
+from grosmc_mj.margins.multisine import multisine
+from grosmc_mj.margins.sensitivity import Place, RunningLoop, Sensitivity, measure
+
+# Longest period that is tried, over the first one.
+_LONGEST = 4
+# Half the amplitude agrees if its delay margin is within this share.
+_AGREES = 0.25
+
+
+class Measurement(NamedTuple):
+    """S at one amplitude.
+
+    Attributes:
+        sensitivity: The measurement.
+        doubt: Reason why its margins cannot be trusted; empty if they can.
+    """
+
+    sensitivity: Sensitivity
+    doubt: str
+
+
+def measure_with_tests(
+    loop: RunningLoop, place: Place, period: float, rms: float, seed: int = 0
+) -> Measurement:
+    """Measure S, for a longer period if the loop is slow, and again with half the amplitude.
+
+    Args:
+        loop: The loop.
+        place: Place of the injection.
+        period: Period of the multisine [s].
+        rms: Size of the injection, in the unit of the place.
+        seed: Seed of the phases.
+
+    Raises:
+        ArgumentError: If the loop has no such place, or the period is too short for lines.
+    """
+    signal = multisine(period, loop.control_period)
+    measured = measure(loop, place, signal, rms, seed=seed)
+    while measured.too_short and signal.period < _LONGEST * period:
+        signal = multisine(2 * signal.period, loop.control_period)
+        measured = measure(loop, place, signal, rms, seed=seed)
+
+    doubt = measured.doubt
+    if not doubt:
+        half = measure(loop, place, signal, rms / 2, seed=seed)
+        doubt = _disagreement(measured.margins, half.margins)
+    return Measurement(measured, doubt)
+
+
+def _disagreement(margins: Margins, half: Margins) -> str:
+    """How the margins at half the amplitude differ; empty if they agree."""
+    whole, other = margins.delay, half.delay
+    if np.isinf(whole) and np.isinf(other):
+        whole, other = margins.disk, half.disk
+    if abs(other - whole) <= _AGREES * whole:
+        return ""
+    return f"half the amplitude gives {other / whole:.2g} times the margin"
