@@ -61,10 +61,11 @@ BINARY: Mapping[type, Operator] = {
     ast.NotEq: Operator("!=", COMPARED - 1, operator.ne),
 }
 
-_SAME_NAME = (
+_SAME_NAME = re.findall(
+    r"\w+",
     "sqrt sin cos tan sinh cosh tanh asinh acosh atanh exp expm1 log log1p log10 log2 fmod "
-    "copysign fabs isfinite isnan isinf"
-).split()
+    "copysign fabs isfinite isnan isinf",
+)
 _OTHER_NAME = {
     "asin": "asin",
     "acos": "acos",
@@ -96,11 +97,14 @@ HELPERS = {
 }
 
 # Names that a variable cannot have: words of C, functions that are called, and the records.
-_RESERVED = set(
-    "auto break case char const continue default do double else enum extern float for goto if "
-    "inline int long register restrict return short signed sizeof static struct switch typedef "
-    "union unsigned void volatile while memmove isfinite memory state out p".split()
-).union(LIBRARY.values())
+_RESERVED = set(LIBRARY.values()).union(
+    re.findall(
+        r"\w+",
+        "auto break case char const continue default do double else enum extern float for goto if "
+        "inline int long register restrict return short signed sizeof static struct switch typedef "
+        "union unsigned void volatile while memmove memory state out p",
+    )
+)
 
 
 def c_name(name: str) -> str:

@@ -13,7 +13,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -30,13 +30,11 @@ from grosmc_mj.export.c_text import (
     c_name,
     literal,
 )
+from grosmc_mj.export.function import Functions
 from grosmc_mj.export.lines import Line
-from grosmc_mj.export.syntax import refuse, tree_of
+from grosmc_mj.export.syntax import ExportError, refusal, tree_of
 from grosmc_mj.export.values import Array, Kind, Known, Number, Record
 from grosmc_mj.jitable import source_of
-
-if TYPE_CHECKING:
-    from grosmc_mj.export.program import Program
 
 _LEAST = (min, np.minimum)
 _MOST = (max, np.maximum)
@@ -75,7 +73,7 @@ class Expressions:
         changes: Whether it changes anything at all.
     """
 
-    def __init__(self, program: Program, function: FunctionType) -> None:
+    def __init__(self, program: Functions, function: FunctionType) -> None:
         self.program = program
         self.function = function
         self.tree = tree_of(function)
@@ -98,9 +96,13 @@ class Expressions:
         self.written: set[str] = set()
         self.changes = False
 
+    def refusal(self, node: Any, reason: str) -> ExportError:
+        """Return the error of a part without C, with file, line and what to write instead."""
+        return refusal(self.function, node, reason)
+
     def refuse(self, node: Any, reason: str) -> NoReturn:
-        """Refuse a part of the function, with file, line and what to write instead."""
-        refuse(self.function, node, reason)
+        """Refuse a part of the function."""
+        raise self.refusal(node, reason)
 
     def say(
         self,
@@ -122,7 +124,7 @@ class Expressions:
         """Return the type in C of a number."""
         if number.kind == "double":
             return self.program.real
-        small = -(2**31) < number.low and number.high < 2**31
+        small = number.low > -(2**31) and number.high < 2**31
         return "int" if small else "int64_t"
 
     def temporary(self) -> str:
@@ -151,7 +153,7 @@ class Expressions:
         if isinstance(known, (float, np.floating)):
             text = literal(float(known), self.suffix)
             return Number(text, level=UNARY if text.startswith("-") else Number("").level)
-        self.refuse(node, "must be one number: write a loop over entries")
+        raise self.refusal(node, "must be one number: write a loop over entries")
 
     def kept(self, number: Number, *, changes: bool = False) -> Number:
         """Compute a number now, and return its name.
@@ -174,7 +176,7 @@ class Expressions:
             return [Known(item) for item in value.value]
         if isinstance(value, Array) and len(value.shape) == 1:
             return [self._entry(value, [Known(k)], node) for k in range(value.shape[0])]
-        self.refuse(node, "must be a tuple or an array with one axis: write its entries")
+        raise self.refusal(node, "must be a tuple or an array with one axis: write its entries")
 
     # Expressions, by the kinds of their nodes.
 
@@ -211,7 +213,7 @@ class Expressions:
             for scope in (self.function.__globals__, vars(builtins)):
                 if name in scope:
                     return Known(scope[name])
-        self.refuse(node, "has no value here: give it one before")
+        raise self.refusal(node, "has no value here: give it one before")
 
     def _attribute(self, node: ast.Attribute) -> Any:
         owner = self.value(node.value)
@@ -221,7 +223,9 @@ class Expressions:
             return Known(owner.shape)
         if isinstance(owner, Known) and hasattr(owner.value, node.attr):
             return Known(getattr(owner.value, node.attr))
-        self.refuse(node, f"there is no {node.attr!r}: name a field of memory or of the numbers")
+        raise self.refusal(
+            node, f"there is no {node.attr!r}: name a field of memory or of the numbers"
+        )
 
     def _tuple(self, node: ast.Tuple) -> Any:
         values = tuple(self.value(item) for item in node.elts)
@@ -423,9 +427,9 @@ class Expressions:
 
     def _slice(self, node: ast.Subscript, owner: Any, place: ast.Slice) -> Any:
         """Part of an array with one axis."""
-        ends = []
-        for end in (place.lower, place.upper):
-            ends.append(Known(None) if end is None else self.value(end))
+        lower = Known(None) if place.lower is None else self.value(place.lower)
+        upper = Known(None) if place.upper is None else self.value(place.upper)
+        ends = lower, upper
         known = all(isinstance(end, Known) for end in ends)
         if not known or place.step is not None:
             self.refuse(node, "a slice has ends that are known: write a loop")

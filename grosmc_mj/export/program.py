@@ -23,9 +23,10 @@ from grosmc_mj.export.c_text import (
     wrapped,
 )
 from grosmc_mj.export.expressions import UnknownIndexError
+from grosmc_mj.export.function import Function, Parameter
 from grosmc_mj.export.lines import Line, without_hidden_functions, without_unused
 from grosmc_mj.export.statements import Statements
-from grosmc_mj.export.syntax import ExportError, refuse, where
+from grosmc_mj.export.syntax import ExportError, where
 from grosmc_mj.export.values import Array, Known, Number, Record, signature
 from grosmc_mj.jitable import compiled_of, source_of
 
@@ -33,57 +34,6 @@ from grosmc_mj.jitable import compiled_of, source_of
 # before bounds that still grow are given up.
 _MOST_WRITINGS = 20
 _BEFORE_WIDENING = 4
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter of a function in C.
-
-    Attributes:
-        python: Its name in Python.
-        place: Its place in Python.
-        name: Its name in C.
-        text: Its declaration without ``const``.
-        pointer: Whether it is an array.
-    """
-
-    python: str
-    place: int
-    name: str
-    text: str
-    pointer: bool
-    default: Any = None
-
-    def argument(self, arguments: Sequence[Any], named: Mapping[str, Any]) -> Any:
-        """Return the value that a call gives it."""
-        if self.place < len(arguments):
-            return arguments[self.place]
-        return named.get(self.python, Known(self.default))
-
-
-@dataclass
-class Function:
-    """A function in C.
-
-    Attributes:
-        name: Its name.
-        parameters: Its parameters, those that it uses.
-        returns: See ``Statements``.
-        written: Names of the parameters that it writes into.
-        changes: Whether it changes anything.
-        needs_memory: Whether it has the memory as its last parameter.
-        about: Its comment.
-        lines: Its text.
-    """
-
-    name: str
-    parameters: list[Parameter]
-    returns: Any
-    written: set[str]
-    changes: bool
-    needs_memory: bool
-    about: list[str]
-    lines: list[str]
 
 
 @dataclass
@@ -184,8 +134,10 @@ class Program:
             except UnknownIndexError as error:
                 writer.refuse(error.node, "the index must be known: write a loop over range(...)")
             if not writer.changed:
-                return self._finished(writer, function, parameters)
-        refuse(function, writer.tree, "its variables change their kind: give them other names")
+                break
+        else:
+            writer.refuse(writer.tree, "its variables change their kind: give them other names")
+        return self._finished(writer, function, parameters)
 
     def _parameters(
         self, writer: Statements, function: FunctionType, values: Mapping[str, Any]

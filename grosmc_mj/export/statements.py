@@ -6,15 +6,13 @@ import ast
 from collections import Counter
 from collections.abc import Sequence
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from grosmc_mj.export.c_text import BINARY, c_name
 from grosmc_mj.export.expressions import Expressions, UnknownIndexError, union
+from grosmc_mj.export.function import Functions
 from grosmc_mj.export.lines import Line
 from grosmc_mj.export.values import Array, Known, Number, Record
-
-if TYPE_CHECKING:
-    from grosmc_mj.export.program import Program
 
 # Most passes of a loop that is written out.
 _MOST_PASSES = 64
@@ -36,7 +34,7 @@ class Statements(Expressions):
         widening: Whether bounds that still grow are given up.
     """
 
-    def __init__(self, program: Program, function: FunctionType) -> None:
+    def __init__(self, program: Functions, function: FunctionType) -> None:
         super().__init__(program, function)
         self.changed = False
         self.widening = False

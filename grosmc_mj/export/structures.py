@@ -31,13 +31,15 @@ def definition(value: Any, name: str, real: str) -> list[str]:
     lines = [f"struct {name} {{"]
     texts = _texts(type(value))
     for item in fields(value):
-        member = getattr(value, item.name)
+        member: Any = getattr(value, item.name)
         kind = real
+        size = ""
         if is_dataclass(member):
             inner = f"{name}_{c_name(item.name)}"
             before += definition(member, inner, real)
             kind = f"struct {inner}"
-        size = f"[{np.size(member)}]" if np.ndim(member) else ""
+        elif np.ndim(member):
+            size = f"[{np.size(member)}]"
         lines += comment(texts.get(item.name, ""), len(INDENT))
         lines.append(f"{INDENT}{kind} {c_name(item.name)}{size};")
     if len(lines) == 1:

@@ -7,7 +7,7 @@ import linecache
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
-from typing import Any, NoReturn
+from typing import Any
 
 from grosmc_mj.errors import ArgumentError
 
@@ -16,8 +16,8 @@ class ExportError(ArgumentError):
     """Error of a law that has no C, with file, line and what to write instead."""
 
 
-def refuse(function: FunctionType, node: Any, reason: str) -> NoReturn:
-    """Refuse a part of a function.
+def refusal(function: FunctionType, node: Any, reason: str) -> ExportError:
+    """Return the error of a part of a function that has no C.
 
     Args:
         function: The function.
@@ -28,7 +28,7 @@ def refuse(function: FunctionType, node: Any, reason: str) -> NoReturn:
     file = Path(code.co_filename).name
     line = getattr(node, "lineno", code.co_firstlineno)
     text = ast.unparse(node).splitlines()[0][:80]
-    raise ExportError(f"{file}:{line}: {text}: {reason}")
+    return ExportError(f"{file}:{line}: {text}: {reason}")
 
 
 def tree_of(function: FunctionType) -> ast.FunctionDef | ast.Lambda:
