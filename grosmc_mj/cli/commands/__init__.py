@@ -60,6 +60,7 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
         "Fit a case's parameters to a log of the machine.",
     ),
     "compare": Entry("identify:CompareCommand", "Which model explains a log of the machine?"),
+    "export": Entry("export:ExportCommand", "Write a law as C, proven to be the same."),
     "report": Entry("report:ReportCommand", "Write one HTML page of results."),
     "diff": Entry("diff:DiffCommand", "Compare two results: what got worse beyond noise?"),
     "list": Entry("list:ListCommand", "List systems, cases, laws and case files."),

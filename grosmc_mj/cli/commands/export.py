@@ -1,0 +1,120 @@
+"""grosmc-mj export."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import KW_ONLY, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command, Flag, Out, Target, WholeNumber, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.targets import result_name, shown_experiment
+from grosmc_mj.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.export.law import LawInC
+    from grosmc_mj.export.proof import Proof
+
+
+@command
+class ExportCommand(Command):
+    """Write a law of a case as C99, and prove that it is the same law.
+
+    NAME.h and NAME.c need nothing but the C library: no allocation, NAME_init and NAME_step, a
+    structure of what the law remembers and a constant one of its numbers, with their units.
+
+    With a C compiler the law is compiled here and run in place of the Python law, on each plant of
+    the case and on random plants of its [[uncertain]] tables (or of the system's campaign): it is
+    equal to the last bit, or the largest difference is told, and the verdicts under both. Without a
+    compiler the C is not proven, and says so.
+
+    Exit code: 0 if no verdict differs, or without a compiler; 1 if one differs, or if in double
+    precision a bit does; 2 if the law has no C.
+
+    Attributes:
+        target: A system, of which it is case1, a case (SYSTEM/CASE) or a case file (FILE.toml).
+        law: A law that grosmc-mj list shows, or a law of the file.
+        float32: In single precision; the proof tells what that changes.
+        plants: Number of random plants.
+        out: Folder for the files.
+    """
+
+    target: Target
+    _: KW_ONLY
+    law: Annotated[str, Parameter(metavar="NAME")]
+    float32: Flag = False
+    plants: WholeNumber = 1000
+    out: Out = Path("renders")
+
+    def execute(self) -> int:
+        """Write the law, prove it, write it once more with its proof."""
+        from grosmc_mj.export.answer import NOT_PROVEN, about, export_document
+        from grosmc_mj.export.compiler import write_law
+
+        if self.plants < 0:
+            raise ArgumentError(f"--plants {self.plants} must not be below 0")
+        experiment = shown_experiment(self.target)
+        law = self._exported(experiment)
+        proof = self._proof(experiment, law)
+
+        proven = NOT_PROVEN if proof is None else proof.words
+        law = replace(law, about=about(experiment, law.controller, proven, law.real))
+        self.out.mkdir(parents=True, exist_ok=True)
+        files = write_law(law, self.out)
+
+        document = export_document(experiment, law, proof)
+        screen.say_result(document, self.out / f"export_{law.name}.json", full=self.verbose)
+        screen.say_files(screen.console(), *files)
+        return _exit_code(law, proof)
+
+    def _exported(self, experiment: Experiment) -> LawInC:
+        """Return the law in C, without a word on its proof.
+
+        Raises:
+            ArgumentError: If there is no such law, or it has no C.
+        """
+        from grosmc_mj.export.c_text import c_name
+        from grosmc_mj.export.law import LawInC
+        from grosmc_mj.files import name_in_files
+
+        controller = experiment.law(experiment.nominal.truest, self.law)
+        name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"
+        letters = [letter if letter.isalnum() else "_" for letter in name]
+        law = LawInC(
+            controller=controller,
+            name=c_name("".join(letters)),
+            system=experiment.nominal.system,
+            period=experiment.settings.control_period,
+            real="float" if self.float32 else "double",
+        )
+        # What has no C is refused before anything runs.
+        _ = law.source
+        return law
+
+    def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
+        """Run the law beside the Python law; None without a compiler."""
+        from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
+        from grosmc_mj.export.proof import prove, uncertain_experiment
+
+        compiler = find_compiler()
+        if compiler is None:
+            return None
+        plants = self.plants if uncertain_experiment(experiment) is not None else 0
+        with tempfile.TemporaryDirectory() as folder:
+            write_law(law, Path(folder))
+            compiled = compile_law(law, Path(folder), compiler)
+            with screen.progress(len(experiment.plant_names) + plants) as advance:
+                return prove(experiment, law.controller, compiled, plants, advance)
+
+
+def _exit_code(law: LawInC, proof: Proof | None) -> int:
+    """Exit code of a proof."""
+    if proof is None:
+        return DONE
+    differs = bool(proof.overturned) or (law.real == "double" and not proof.equal)
+    return DIFFERS if differs else DONE

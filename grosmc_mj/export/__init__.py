@@ -1,0 +1,1 @@
+"""Laws as C99: written, compiled and compared with the Python law."""

@@ -1,0 +1,139 @@
+"""The result of an export: its document, and the head comment of the C."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.export.law import LawInC
+from grosmc_mj.export.proof import Proof, Verdict
+from grosmc_mj.export.structures import size_of
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.results.result import KEPT, MEASURED, NOT_KEPT, OPEN, Answer, ReportTable, result
+from grosmc_mj.results.tables import Table, names, number, numbers, table, words
+from grosmc_mj.versions import versions
+
+NOT_PROVEN = "not proven: there is no C compiler here"
+
+
+def case_hash(experiment: Experiment) -> str:
+    """Return the SHA-256 of the case file."""
+    return hashlib.sha256(experiment.path.read_bytes()).hexdigest()
+
+
+def about(
+    experiment: Experiment,
+    controller: Controller,
+    proven: str,
+    real: str,
+) -> list[str]:
+    """Return the paragraphs of the head comment.
+
+    Args:
+        experiment: The case.
+        controller: Its controller.
+        proven: How the C was proven.
+        real: ``double`` or ``float``.
+    """
+    design = controller.design
+    source = design.source if design is not None and design.source else "a law of one's own"
+    period = experiment.settings.control_period
+    tools = versions(("grosmc_mj", "numpy", "sympy"))
+    listed = ", ".join(f"{name} {version}" for name, version in tools.items())
+    precision = "double" if real == "double" else "single"
+    paragraphs = [
+        f"{controller.name} of {experiment.target}: {experiment.title}. Its source: {source}.",
+        f"Control period {period:g} s, {precision} precision. {_limits(controller)}",
+        f"Written by {listed} from {experiment.path.name}, SHA-256 {case_hash(experiment)}.",
+        f"Proof: {proven}.",
+    ]
+    if real == "float":
+        paragraphs.append(
+            "In single precision the surface is integrated by the control period, not by the "
+            "difference of two times."
+        )
+    return paragraphs
+
+
+def _limits(controller: Controller) -> str:
+    """Sentence on the limits that the law keeps its inputs within."""
+    limit = getattr(controller.parameters, "limit", None)
+    if isinstance(limit, float) and math.isfinite(limit):
+        return f"The law knows a limit of {limit:g} of its inputs."
+    return "The law knows no limit of its inputs: the actuator has to keep them."
+
+
+def verdict_table(verdicts: Sequence[Verdict]) -> Table:
+    """Requirements on the runs of the case, by the Python law and by the C."""
+    columns = [*names("plant"), *words("requirement"), *numbers("Python", "C"), *words("kept")]
+    rows = []
+    for python, in_c in verdicts:
+        kept = "yes" if in_c.kept else "no"
+        if python.kept != in_c.kept:
+            kept += ", by Python " + ("yes" if python.kept else "no")
+        rows.append(
+            (
+                python.plant,
+                python.requirement.words,
+                _measured(python),
+                _measured(in_c),
+                kept,
+            )
+        )
+    return table("Requirements", columns, rows)
+
+
+def _measured(judgement: Judgement) -> str:
+    """Measured value with its unit."""
+    if judgement.measured is None:
+        return "-"
+    return f"{number(judgement.measured)} {judgement.requirement.unit}".strip()
+
+
+def export_document(experiment: Experiment, law: LawInC, proof: Proof | None) -> dict[str, Any]:
+    """Return the content of the result's JSON file.
+
+    Args:
+        experiment: The case.
+        law: The exported law.
+        proof: Its proof; None without a compiler.
+    """
+    verdict = OPEN
+    proven = NOT_PROVEN
+    sheets = []
+    if proof is not None:
+        proven = proof.words
+        verdict = KEPT if proof.equal else MEASURED
+        if proof.overturned:
+            verdict = NOT_KEPT
+        if proof.verdicts:
+            sheets.append(ReportTable(table=verdict_table(proof.verdicts)))
+    words_ = f"{law.name}.c: {proven}"
+    if proof is not None and proof.overturned:
+        words_ += f"; {len(proof.overturned)} verdicts differ"
+    configuration = {
+        "case": str(experiment.path),
+        "law": law.controller.name,
+        "sha256": case_hash(experiment),
+        "control_period": law.period,
+        "real": law.real,
+    }
+    answer = Answer(
+        question=f"{law.controller.name} of {experiment.target} as C",
+        verdict=verdict,
+        words=words_,
+    )
+    memory = size_of(law.controller.memory()) * (4 if law.real == "float" else 8)
+    return result(
+        "export",
+        configuration,
+        answers=[answer],
+        sheets=sheets,
+        memory_bytes=memory,
+        samples=proof.samples if proof else 0,
+        different=proof.different if proof else None,
+    )

@@ -1,0 +1,183 @@
+"""Words of C: names, numbers, comments, operators and functions."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+import re
+import textwrap
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+WIDTH = 100
+INDENT = "    "
+
+# How tightly operators of C bind.
+ATOM = 20
+UNARY = 14
+PRODUCT = 13
+SUM = 12
+COMPARED = 10
+AND = 5
+OR = 4
+CHOICE = 3
+
+
+class Operator(NamedTuple):
+    """A binary operator.
+
+    Attributes:
+        sign: Its sign in C.
+        level: How tightly it binds.
+        fold: The function that computes it in Python.
+    """
+
+    sign: str
+    level: int
+    fold: Callable[[Any, Any], Any]
+
+
+BINARY: Mapping[type, Operator] = {
+    ast.Add: Operator("+", SUM, operator.add),
+    ast.Sub: Operator("-", SUM, operator.sub),
+    ast.Mult: Operator("*", PRODUCT, operator.mul),
+    ast.Div: Operator("/", PRODUCT, operator.truediv),
+    ast.Mod: Operator("%", PRODUCT, operator.mod),
+    ast.FloorDiv: Operator("/", PRODUCT, operator.floordiv),
+    ast.Pow: Operator("", ATOM, operator.pow),
+    ast.LShift: Operator("<<", 11, operator.lshift),
+    ast.RShift: Operator(">>", 11, operator.rshift),
+    ast.BitAnd: Operator("&", 8, operator.and_),
+    ast.BitXor: Operator("^", 7, operator.xor),
+    ast.BitOr: Operator("|", 6, operator.or_),
+    ast.Lt: Operator("<", COMPARED, operator.lt),
+    ast.LtE: Operator("<=", COMPARED, operator.le),
+    ast.Gt: Operator(">", COMPARED, operator.gt),
+    ast.GtE: Operator(">=", COMPARED, operator.ge),
+    ast.Eq: Operator("==", COMPARED - 1, operator.eq),
+    ast.NotEq: Operator("!=", COMPARED - 1, operator.ne),
+}
+
+_SAME_NAME = re.findall(
+    r"\w+",
+    "sqrt sin cos tan sinh cosh tanh asinh acosh atanh exp expm1 log log1p log10 log2 fmod "
+    "copysign fabs isfinite isnan isinf",
+)
+_OTHER_NAME = {
+    "asin": "asin",
+    "acos": "acos",
+    "atan": "atan",
+    "atan2": "atan2",
+    "pow": "pow",
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "absolute": "fabs",
+}
+# Names in C's library of functions of math, numpy and Python.
+LIBRARY: dict[Any, str] = {abs: "fabs"}
+for _module in (math, np):
+    for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
+        if hasattr(_module, _name):
+            LIBRARY[getattr(_module, _name)] = _in_c
+
+# Functions that the C library lacks, by name; {real} is double or float.
+HELPERS = {
+    "min_": "{real} min_({real} a, {real} b) {{ return b < a ? b : a; }}",
+    "max_": "{real} max_({real} a, {real} b) {{ return b > a ? b : a; }}",
+    "least_": "int64_t least_(int64_t a, int64_t b) {{ return b < a ? b : a; }}",
+    "most_": "int64_t most_(int64_t a, int64_t b) {{ return b > a ? b : a; }}",
+    "sign_": "{real} sign_({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
+    "mod_": "int64_t mod_(int64_t a, int64_t b) {{ return (a % b + b) % b; }}",
+    "div_": "int64_t div_(int64_t a, int64_t b) {{ return (a - mod_(a, b)) / b; }}",
+}
+
+# Names that a variable cannot have: words of C, functions that are called, and the records.
+_RESERVED = set(LIBRARY.values()).union(
+    re.findall(
+        r"\w+",
+        "auto break case char const continue default do double else enum extern float for goto if "
+        "inline int long register restrict return short signed sizeof static struct switch typedef "
+        "union unsigned void volatile while memmove memory state out p",
+    )
+)
+
+
+def c_name(name: str) -> str:
+    """Return a name of Python's as a name of C's."""
+    letters = [letter if letter.isascii() else f"u{ord(letter):x}" for letter in name]
+    ascii_name = "".join(letters)
+    return f"{ascii_name}_" if ascii_name in _RESERVED else ascii_name
+
+
+def literal(value: float, suffix: str) -> str:
+    """Return a float as a number of C, which reads it back to the bit.
+
+    Args:
+        value: The number.
+        suffix: ``f`` in single precision, else empty.
+    """
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value)) + suffix
+
+
+def wrapped(text: str, indent: int, further: int = 8) -> list[str]:
+    """Return a long line as several.
+
+    Args:
+        text: The line.
+        indent: Spaces before the first line.
+        further: Further spaces before the other lines.
+    """
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + further),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def comment(text: str, indent: int = 0) -> list[str]:
+    """Return a comment as lines; none for an empty text."""
+    words = " ".join(text.split()).replace("``", "").replace("*/", "* /").replace("/*", "/ *")
+    if not words:
+        return []
+    return wrapped(f"/* {words} */", indent, 3)
+
+
+def mentions(name: str, text: str) -> bool:
+    """Whether a text of C has a name in it."""
+    return re.search(rf"\b{re.escape(name)}\b", text) is not None
+
+
+def calls(name: str, text: str) -> bool:
+    """Whether a text of C calls a function."""
+    return re.search(rf"\b{re.escape(name)}\(", text) is not None
+
+
+def power_helper(exponent: int, real: str) -> str:
+    """Return the text of ``power_N``: x^N by squaring, as compiled laws compute it.
+
+    Args:
+        exponent: N, at least 1.
+        real: ``double`` or ``float``.
+    """
+    steps = []
+    first = True
+    while exponent:
+        if exponent & 1:
+            steps.append("power = x;" if first else "power *= x;")
+            first = False
+        exponent >>= 1
+        if exponent:
+            steps.append("x *= x;")
+    return f"{{ {real} power; {' '.join(steps)} return power; }}"

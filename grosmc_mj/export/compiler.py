@@ -1,0 +1,173 @@
+"""The C compiler of this machine, and an exported law as a shared library."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import SetupError, one_line
+from grosmc_mj.export.law import LawInC
+from grosmc_mj.export.structures import size_of
+
+# As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
+FLAGS = (
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Werror",
+    "-O2",
+    "-ffp-contract=off",
+)
+_COMPILERS = ("cc", "gcc", "clang")
+
+# The law with memory and signals in double precision, as the simulation has them.
+_CALL = """\
+#include "{name}.h"
+
+#include <string.h>
+
+int law_of_doubles(double t, const double *x, double *memory, double *u)
+{{
+    {real} numbers[{size}];
+    {real} state[{n}];
+    {real} input[{m}] = {{0}};
+    struct {name}_memory own;
+    for (int i = 0; i < {n}; i++) {{
+        state[i] = ({real})x[i];
+    }}
+    for (int i = 0; i < {size}; i++) {{
+        numbers[i] = ({real})memory[i];
+    }}
+    memcpy(&own, numbers, sizeof own);
+    const int answer = {name}_step(({real})t, state, &own, input);
+    memcpy(numbers, &own, sizeof own);
+    for (int i = 0; i < {size}; i++) {{
+        memory[i] = numbers[i];
+    }}
+    for (int i = 0; i < {m}; i++) {{
+        u[i] = input[i];
+    }}
+    return answer;
+}}
+"""
+
+
+def find_compiler() -> str | None:
+    """Return the C compiler of this machine; None without one."""
+    for name in _COMPILERS:
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledLaw:
+    """An exported law as a function of this process.
+
+    Attributes:
+        library: The shared library, which stays loaded.
+    """
+
+    library: ctypes.CDLL
+
+    @property
+    def address(self) -> int:
+        """Address of ``int (double t, const double *x, double *memory, double *u)``."""
+        address = ctypes.cast(self.library.law_of_doubles, ctypes.c_void_p).value
+        assert address is not None
+        return address
+
+    def step(self, t: float, x: Array, memory: Array, u: Array) -> int:
+        """Make one sample.
+
+        Args:
+            t: Time [s].
+            x: State, (n,).
+            memory: Memory of the law, flat, which it changes.
+            u: Array for the inputs, (m,).
+
+        Returns:
+            The answer of ``NAME_step``.
+        """
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, memory, u)]
+        return self.library.law_of_doubles(ctypes.c_double(t), *pointers)
+
+
+def write_law(law: LawInC, folder: Path) -> tuple[Path, Path]:
+    """Write NAME.h and NAME.c into a folder, and return their paths."""
+    header = folder / f"{law.name}.h"
+    source = folder / f"{law.name}.c"
+    header.write_text(law.header, encoding="utf-8")
+    source.write_text(law.source, encoding="utf-8")
+    return header, source
+
+
+def compile_law(
+    law: LawInC,
+    folder: Path,
+    compiler: str,
+    flags: Sequence[str] = FLAGS,
+) -> CompiledLaw:
+    """Compile an exported law to a shared library, and load it.
+
+    Args:
+        law: The law, whose files are in the folder, see ``write_law``.
+        folder: Folder for the library.
+        compiler: Path of the compiler.
+        flags: Options of the compiler.
+
+    Raises:
+        SetupError: If it does not compile.
+    """
+    call = folder / f"{law.name}_call.c"
+    text = _CALL.format(
+        name=law.name,
+        real=law.real,
+        size=size_of(law.controller.memory()),
+        n=len(law.system.states),
+        m=len(law.system.inputs),
+    )
+    call.write_text(text, encoding="utf-8")
+    library = folder / f"{law.name}.so"
+    source = folder / f"{law.name}.c"
+    command = [compiler, *flags, "-fPIC", "-shared", source, call, "-o", library, "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SetupError(f"{compiler} does not compile {source}: {one_line(done.stderr)}")
+    return CompiledLaw(ctypes.CDLL(str(library)))
+
+
+def differing_samples(law: LawInC, compiled: CompiledLaw, x: Array) -> int:
+    """Count the samples in which C and Python law differ in any bit of inputs or memory.
+
+    Args:
+        law: The law.
+        compiled: The same, compiled.
+        x: States at the samples, (N, n).
+    """
+    from grosmc_mj.records import pack
+
+    controller = law.controller
+    memory = controller.memory()
+    in_c = pack(memory)
+    m = len(law.system.inputs)
+    different = 0
+    for k, state in enumerate(x):
+        t = k * law.period
+        expected = np.zeros(m)
+        written = np.zeros(m)
+        controller.law(t, state, memory, controller.parameters, expected)
+        memory.begun = 1.0
+        compiled.step(t, state, in_c, written)
+        same = np.array_equal(expected, written, equal_nan=True)
+        different += not (same and np.array_equal(pack(memory), in_c, equal_nan=True))
+    return different

@@ -1,0 +1,67 @@
+"""Lines of a C function, and the removal of those that nothing needs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from grosmc_mj.export.c_text import INDENT, calls, mentions, wrapped
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a C function.
+
+    Attributes:
+        depth: Depth of its block.
+        text: The line.
+        defines: Name of the variable that it gives a value, if it does nothing else.
+        declares: Whether it declares that variable.
+        effect: The part of it that is needed even if nothing reads the variable.
+    """
+
+    depth: int
+    text: str
+    defines: str = ""
+    declares: bool = False
+    effect: str = ""
+
+    def written(self) -> list[str]:
+        """Return it with its indentation, in several lines if it is long."""
+        return wrapped(self.text, len(INDENT) * (self.depth + 1))
+
+
+def without_unused(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines without variables that nothing reads.
+
+    A function that is specialised for its arguments may leave an argument unused; compilers warn
+    of what was computed for it.
+    """
+    kept = list(lines)
+    while True:
+        defined = {line.defines for line in kept if line.declares}
+        read: set[str] = set()
+        for line in kept:
+            read |= {name for name in defined - {line.defines} if mentions(name, line.text)}
+        unused = defined - read
+        if not unused:
+            return kept
+        needed: list[Line] = []
+        for line in kept:
+            if line.defines not in unused:
+                needed.append(line)
+            elif line.effect:
+                needed.append(Line(line.depth, line.effect))
+        kept = needed
+
+
+def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines with other names for variables that would hide a function they call."""
+    text = "\n".join(line.text for line in lines)
+    renamed = list(lines)
+    for name in {line.defines for line in lines if line.declares}:
+        if calls(name, text):
+            variable = re.compile(rf"\b{name}\b(?!\()")
+            renamed = [replace(line, text=variable.sub(f"{name}_", line.text)) for line in renamed]
+    return renamed

@@ -1,0 +1,92 @@
+"""Structures of C with the fields of Python's records, in their order.
+
+All members are of one type, so a structure is also a flat array of the numbers that ``pack`` gives.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.export.c_text import INDENT, c_name, comment, literal, wrapped
+
+# A field and its text in the part "Attributes" of a docstring.
+_ATTRIBUTE = re.compile(r"^    (\w+): ((?:.*\n?)(?:^ {8}.*\n?)*)", re.MULTILINE)
+
+
+def definition(value: Any, name: str, real: str) -> list[str]:
+    """Return the definition of a dataclass's structure, after those of its members.
+
+    Args:
+        value: The dataclass.
+        name: Name of the structure.
+        real: ``double`` or ``float``.
+    """
+    before: list[str] = []
+    lines = [f"struct {name} {{"]
+    texts = _texts(type(value))
+    for item in fields(value):
+        member: Any = getattr(value, item.name)
+        kind = real
+        size = ""
+        if is_dataclass(member):
+            inner = f"{name}_{c_name(item.name)}"
+            before += definition(member, inner, real)
+            kind = f"struct {inner}"
+        elif np.ndim(member):
+            size = f"[{np.size(member)}]"
+        lines += comment(texts.get(item.name, ""), len(INDENT))
+        lines.append(f"{INDENT}{kind} {c_name(item.name)}{size};")
+    if len(lines) == 1:
+        # C has no structure without members.
+        lines.append(f"{INDENT}{real} nothing;")
+    return [*before, *lines, "};", ""]
+
+
+def initial(value: Any, suffix: str, depth: int = 1) -> list[str]:
+    """Return the initial values of a dataclass's structure, a line for each member.
+
+    Args:
+        value: The dataclass.
+        suffix: Suffix of numbers in this precision.
+        depth: Depth of the lines.
+    """
+    indent = INDENT * depth
+    lines: list[str] = []
+    for item in fields(value):
+        member = getattr(value, item.name)
+        start = f".{c_name(item.name)} = "
+        if is_dataclass(member):
+            inner = initial(member, suffix, depth + 1)
+            lines += [f"{indent}{start}{{", *inner, f"{indent}}},"]
+            continue
+        numbers = [literal(number, suffix) for number in np.ravel(member).astype(float).tolist()]
+        text = ", ".join(numbers)
+        if np.ndim(member):
+            text = f"{{{text}}}"
+        lines += wrapped(f"{start}{text},", len(indent), len(INDENT))
+    return lines or [f"{indent}.nothing = 0.0{suffix},"]
+
+
+def size_of(value: Any) -> int:
+    """Return the number of members of a dataclass's structure, entries of arrays each."""
+    count = 0
+    for item in fields(value):
+        member = getattr(value, item.name)
+        count += size_of(member) if is_dataclass(member) else math.prod(np.shape(member))
+    return max(count, 1)
+
+
+def _texts(kind: type) -> dict[str, str]:
+    """Texts of the fields of a dataclass, with their units, from the docstrings of its classes."""
+    texts: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        doc = inspect.cleandoc(base.__dict__.get("__doc__") or "")
+        _, _, attributes = doc.partition("Attributes:\n")
+        texts.update(_ATTRIBUTE.findall(attributes))
+    return texts

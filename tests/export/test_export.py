@@ -1,0 +1,336 @@
+"""Laws as C: equal to the Python law in every bit, as strict compilers take them, or refused."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.switching import SWITCHINGS
+from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.export.compiler import (
+    FLAGS,
+    CompiledLaw,
+    compile_law,
+    differing_samples,
+    find_compiler,
+    write_law,
+)
+from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
+from grosmc_mj.export.proof import prove
+from grosmc_mj.export.syntax import ExportError
+
+SAMPLES = 200
+COMPILER = find_compiler()
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler")
+has_fma = "fma" in Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else False
+
+CASES = {
+    "servo/case1": ("lqr", "grosmc"),
+    "cart_pendulum/case2": ("lqr", "fl-lqr", "grosmc"),
+    "arm/case1": ("lqr", "grosmc"),
+    "two_link_arm/case1": ("lqr", "pd", "grosmc"),
+    "two_link_arm/bench": ("lqr", "sign"),
+    "rivals/servo": ("lqi", "fl-pid", "adrc", "adaptive"),
+    "rivals/cart_pendulum": ("lqi", "fl-pid", "adrc"),
+    "rivals/arm": ("lqi", "fl-pid", "adrc", "adaptive"),
+    "rivals/two_link_arm": ("lqi", "fl-pid", "adrc", "adaptive"),
+    "own_laws/pid": ("pid",),
+    "own_laws/looked_up": ("looked_up",),
+    "own_laws/from_positions": ("from_positions",),
+    "own_laws/transfer_function": ("lead",),
+    "ball_beam/sine": ("fl-lqr", "grosmc"),
+    "maglev/warm": ("grosmc",),
+    "furuta/heavier": ("grosmc",),
+}
+each_law = pytest.mark.parametrize(
+    ("target", "name"), [(target, name) for target, names in CASES.items() for name in names]
+)
+each_system = pytest.mark.parametrize(
+    "target", ["servo/case1", "cart_pendulum/case2", "arm/case1", "two_link_arm/case1"]
+)
+
+
+def law_of(target: str, name: str, real: str = "double", **settings: Any) -> LawInC:
+    experiment = Experiment.load(target)
+    if settings:
+        experiment = experiment.with_settings(**settings)
+    controller = experiment.law(experiment.nominal.truest, name)
+    return exported(experiment, controller, real)
+
+
+def exported(experiment: Experiment, controller: Controller, real: str = "double") -> LawInC:
+    return LawInC(
+        controller,
+        "law_in_c",
+        experiment.nominal.system,
+        experiment.settings.control_period,
+        ["A law."],
+        real,
+    )
+
+
+def compiled(law: LawInC, folder: Path, compiler: str | None = COMPILER) -> CompiledLaw:
+    assert compiler is not None
+    write_law(law, folder)
+    return compile_law(law, folder, compiler)
+
+
+def states_about_start(target: str) -> Array:
+    """States about the start of a case, (SAMPLES, n)."""
+    x0 = np.array(Experiment.load(target).x0)
+    random = np.random.default_rng(1)
+    return x0 + 0.3 * random.normal(size=(SAMPLES, len(x0)))
+
+
+# Equality.
+
+
+@needs_compiler
+@each_law
+def test_a_law_in_c_is_the_python_law_to_the_last_bit(
+    target: str, name: str, tmp_path: Path
+) -> None:
+    law = law_of(target, name)
+    assert differing_samples(law, compiled(law, tmp_path), states_about_start(target)) == 0
+
+
+@needs_compiler
+@each_system
+@pytest.mark.parametrize("switching", SWITCHINGS)
+def test_every_switching_law_in_c_is_the_python_one(
+    target: str, switching: str, tmp_path: Path
+) -> None:
+    law = law_of(target, "grosmc", switching=switching, surface="discrete")
+    assert differing_samples(law, compiled(law, tmp_path), states_about_start(target)) == 0
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_strict_compilers_take_the_longest_law(compiler: str, tmp_path: Path) -> None:
+    path = shutil.which(compiler)
+    if path is None:
+        pytest.skip(f"{compiler} is not installed")
+    law = law_of("two_link_arm/case1", "grosmc")
+    states = states_about_start("two_link_arm/case1")
+    assert differing_samples(law, compiled(law, tmp_path, path), states) == 0
+
+
+@needs_compiler
+@pytest.mark.skipif(not has_fma, reason="this processor has no fused multiply-add")
+def test_contraction_differs_so_the_comparison_can_fail(tmp_path: Path) -> None:
+    law = law_of("two_link_arm/case1", "grosmc")
+    _, source = write_law(law, tmp_path)
+    text = source.read_text(encoding="utf-8")
+    source.write_text(text.replace("fp-contract=off", "fp-contract=fast"), encoding="utf-8")
+    flags = ["-std=gnu99", "-O2", "-mfma", "-ffp-contract=fast"]
+    assert COMPILER is not None
+    contracted = compile_law(law, tmp_path, COMPILER, flags)
+    assert differing_samples(law, contracted, states_about_start("two_link_arm/case1")) > 0
+
+
+@needs_compiler
+def test_fast_math_is_refused_by_the_file_itself(tmp_path: Path) -> None:
+    law = law_of("servo/case1", "grosmc")
+    write_law(law, tmp_path)
+    assert COMPILER is not None
+    with pytest.raises(SetupError, match="-ffast-math changes the law"):
+        compile_law(law, tmp_path, COMPILER, [*FLAGS, "-ffast-math"])
+
+
+@needs_compiler
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_sanitizers_find_nothing(real: str, tmp_path: Path) -> None:
+    law = law_of("two_link_arm/case1", "grosmc", real, switching="adaptive")
+    _, source = write_law(law, tmp_path)
+    main = tmp_path / "main.c"
+    main.write_text(
+        f"""
+        #include "law_in_c.h"
+        int main(void)
+        {{
+            struct law_in_c_memory memory;
+            law_in_c_init(&memory);
+            for (int k = 0; k < 1000; k++) {{
+                {real} x[4] = {{k * 0.01, -1, k * 0.001, 2}};
+                {real} u[2];
+                if (law_in_c_step(k * ({real})0.001, x, &memory, u)) {{
+                    return 1;
+                }}
+            }}
+            return 0;
+        }}
+        """,
+        encoding="utf-8",
+    )
+    program = tmp_path / "program"
+    flags = [*FLAGS, "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    assert COMPILER is not None
+    subprocess.run([COMPILER, *flags, main, source, "-o", program, "-lm"], check=True)
+    subprocess.run([program], check=True)
+
+
+def test_the_file_is_the_one_that_was_reviewed() -> None:
+    golden = Path(__file__).with_name("golden_law.c").read_text(encoding="utf-8")
+    assert law_of("servo/case1", "grosmc", switching="implicit").source == golden
+
+
+# Answers.
+
+
+@needs_compiler
+def test_a_step_tells_that_the_law_is_not_defined(tmp_path: Path) -> None:
+    law = law_of("cart_pendulum/case2", "fl-lqr")
+    step = compiled(law, tmp_path).step
+    memory = np.zeros(64)
+    u = np.zeros(1)
+    horizontal = np.array([0.0, math.pi / 2 + 0.1, 0.0, 0.0])
+    assert step(0.0, horizontal, memory, u) == UNDEFINED_LAW
+
+
+@needs_compiler
+def test_a_step_tells_that_an_input_is_not_finite(tmp_path: Path) -> None:
+    law = law_of("servo/case1", "lqr")
+    step = compiled(law, tmp_path).step
+    assert step(0.0, np.array([math.nan, 0.0]), np.zeros(64), np.zeros(1)) == UNDEFINED_INPUT
+
+
+# Laws of one's own.
+
+
+def own_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    """A law with what Python has besides sums."""
+    k = int(memory.k) % 4
+    memory.past[k] = x[0]
+    memory.k += 1
+    memory.other[1:] = memory.past[:-1]
+    rooms = np.zeros((2, 2))
+    for i in range(2):
+        rooms[i, 1 - i] = x[i]
+    total = 0.0
+    for value in memory.past:
+        total += value
+        if total > 10.0:
+            break
+    j = 3
+    while j >= 0 and memory.past[j & 3] > 0.2:
+        j -= 1
+    a, b = rooms[0, 1], rooms[1, 0]
+    b, a = a, b
+    mean = total / 4 if k > 0 else total
+    u[0] = max(-p.most, min(mean, p.most)) + np.sign(a) * math.exp(-abs(b)) + 0.1 * j
+
+
+def _refused_list(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = sum([x[0], x[1]])
+
+
+def _refused_index(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = memory.past[int(memory.k)]
+
+
+def _refused_product(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = p.gains @ x
+
+
+def _refused_number(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    p.gains[0] = x[0]
+
+
+def _refused_field(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = memory.nothing
+
+
+def _refused_recursion(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    _refused_recursion(t, x, memory, p, u)
+
+
+def _refused_function(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = math.gamma(x[0])
+
+
+def _refused_remainder(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = x[0] % 1.0
+
+
+def of_ones_own(law: Callable[..., Any]) -> LawInC:
+    experiment = Experiment.load("servo/case1")
+    like = experiment.law("physics", "lqr")
+    memory = {"past": np.zeros(4), "other": np.zeros(4), "k": 0}
+    numbers = {"most": 1.5, "gains": np.ones(2)}
+    return exported(experiment, custom_controller("own", law, like, numbers, memory))
+
+
+@needs_compiler
+def test_a_law_of_ones_own_in_c_is_the_python_one(tmp_path: Path) -> None:
+    law = of_ones_own(own_law)
+    assert differing_samples(law, compiled(law, tmp_path), states_about_start("servo/case1")) == 0
+
+
+@needs_compiler
+def test_a_whole_power_is_a_product_as_in_compiled_laws(tmp_path: Path) -> None:
+    def cubed(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        u[0] = x[0] ** 3
+
+    u = np.zeros(1)
+    compiled(of_ones_own(cubed), tmp_path).step(0.0, np.array([1.1, 0.0]), np.zeros(64), u)
+    assert u[0] == 1.1 * (1.1 * 1.1)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (_refused_list, r"\[x\[0\], x\[1\]\]: has no C: use numbers, arrays, loops"),
+        (_refused_index, "is not known to lie in 0 ... 3: write a loop over range.4., or k % 4"),
+        (_refused_product, "p.gains @ x: has no C: write a loop over entries"),
+        (_refused_number, "would change a number of the law: write into memory"),
+        (_refused_field, "there is no 'nothing': name a field of memory or of the numbers"),
+        (_refused_recursion, "calls itself: write a loop"),
+        (_refused_function, "gamma has no C: write a loop, or use functions of math"),
+        (_refused_remainder, "is for whole numbers: write math.fmod or math.floor"),
+    ],
+)
+def test_what_has_no_c_is_refused_with_its_line(law: Callable[..., Any], words: str) -> None:
+    with pytest.raises(ExportError, match=rf"test_export.py:\d+: .*{words}"):
+        _ = of_ones_own(law).source
+
+
+def test_a_robots_law_is_refused() -> None:
+    with pytest.raises(ExportError, match=r"MuJoCo computes M\(q\) of jaco_arm"):
+        _ = law_of("jaco/eight", "grosmc").source
+
+
+# In the kernel.
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_c_and_python_law_make_the_same_runs(tmp_path: Path) -> None:
+    law = law_of("servo/case1", "grosmc")
+    proof = prove(Experiment.load("servo/case1"), law.controller, compiled(law, tmp_path), plants=3)
+    assert proof.equal
+    assert (proof.runs, proof.random_plants) == (2, 3)
+    assert [verdict.python.measured for verdict in proof.verdicts] == [
+        verdict.in_c.measured for verdict in proof.verdicts
+    ]
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_single_precision_differs_by_its_rounding(tmp_path: Path) -> None:
+    law = law_of("servo/case1", "lqr", "float")
+    proof = prove(Experiment.load("servo/case1"), law.controller, compiled(law, tmp_path), plants=0)
+    assert not proof.equal
+    assert proof.largest is not None
+    # 2^-24 of an input of 1 A, which the loop hardly amplifies.
+    assert 0.0 < proof.largest.value < 1e-6
+    assert proof.largest.unit == "A"
+    assert proof.overturned == []
