@@ -10,6 +10,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.requirements import KINDS
+from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.measurement import signal_units
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.units import number_in
@@ -64,7 +65,9 @@ def requirement_of(
     if signal:
         _refuse_signal(kind, signal, error)
     named = table.of or [law.name for law in laws]
-    of = tuple(law.name for law in laws if law.name in named and kind.can_be_asked_of(law))
+    value = getattr(table, kind.key)
+    asked = [law for law in laws if law.name in named and kind.can_be_asked_of(law, value)]
+    of = tuple(law.name for law in asked)
     kind.refuse_undefined(error, of, signal)
 
     options: dict[str, Any] = {}
@@ -72,9 +75,13 @@ def requirement_of(
         output_unit = _unit_of("output", laws, named, "")
         options["band"] = _positive("band", table.band, output_unit)
         options["band_written"] = str(table.band)
-    value = getattr(table, kind.key)
     unit = _unit_of(kind.quantity, laws, named, signal)
-    if value is not True:
+    if issubclass(kind, Always):
+        sliding_unit = _unit_of("sliding", laws, named, "")
+        formula = kind.read(value, asked[0], sliding_unit, duration - table.after)
+        unit = formula.unit
+        options.update(specification=formula, number=formula.number)
+    elif value is not True:
         options["number"] = _positive(kind.key, value, unit)
     return kind(
         unit=unit,

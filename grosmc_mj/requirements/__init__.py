@@ -5,10 +5,14 @@
 ``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
 run, ``accumulator`` accumulates it, ``run_metrics`` gives the metrics, and ``error_metrics`` those
 of an error alone. ``optimum`` has the optimum that a run is compared with.
+
+``always`` takes a text: ``temporal_text`` reads it, ``temporal`` has the logic, ``expressions`` the
+arithmetic with units, ``signals`` the signals of a run by name.
 """
 
 from __future__ import annotations
 
+from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.cost_ratio_below import CostRatioBelow
 from grosmc_mj.requirements.deviation_below import DeviationBelow
 from grosmc_mj.requirements.final_error_below import FinalErrorBelow
@@ -33,4 +37,5 @@ KINDS: tuple[type[Requirement], ...] = (
     SlidingBelow,
     NoReachingPhase,
     CostRatioBelow,
+    Always,
 )

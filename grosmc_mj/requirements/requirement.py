@@ -15,6 +15,7 @@ from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.run_metrics import metrics_of_record
+from grosmc_mj.simulation.trajectory import Trajectory
 
 # s(0) and an error at the start are zero to rounding of z and of its reference.
 ROUNDING = 1e-9
@@ -34,6 +35,7 @@ class Requirement:
         figure: The quantity in whose figure it is shown; empty for none.
         is_level: Whether it is a line in that figure.
         of_actuators: Whether it is about the range of the actuators, not about the task.
+        recorded: Whether it is measured on a recorded run, not accumulated during the run.
         number: The largest value allowed.
         unit: Unit of the number.
         written: The number as written in the file.
@@ -50,6 +52,7 @@ class Requirement:
     figure: ClassVar[str] = ""
     is_level: ClassVar[bool] = True
     of_actuators: ClassVar[bool] = False
+    recorded: ClassVar[bool] = False
 
     number: float
     unit: str = ""
@@ -63,8 +66,8 @@ class Requirement:
     # -- where it is defined -----------------------------------------------------------------------
 
     @classmethod
-    def can_be_asked_of(cls, law: Controller) -> bool:
-        """Whether a law has the quantity."""
+    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
+        """Whether a law has the quantity; ``value`` is that of the key in the file."""
         return True
 
     @classmethod
@@ -181,6 +184,10 @@ class Requirement:
         )
         return metrics[self.metric]
 
+    def of_record(self, run: Trajectory, law: Controller) -> float:
+        """Return the limited metric of a recorded run of a kind that is ``recorded``."""
+        raise NotImplementedError
+
     def of_optimum(self, run: MeasuredRun) -> Metric | None:
         """Return the value of the run's nominal optimum itself; None where it tells nothing."""
         return None
@@ -207,7 +214,7 @@ class SurfaceRequirement(Requirement):
     """A requirement on the sliding variable, which is asked of laws with a surface only."""
 
     @classmethod
-    def can_be_asked_of(cls, law: Controller) -> bool:
+    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
         """Whether a law has a surface."""
         return bool(law.designed.sliding_unit)
 

@@ -146,7 +146,11 @@ def limits_in(
     limits_of_law: list[Requirement] = []
     for table in tables:
         of_any_law = table.model_copy(update={"of": None, "on": None})
-        kinds = [kind for kind in kinds_in(table) if kind.can_be_asked_of(controller)]
+        kinds = [
+            kind
+            for kind in kinds_in(table)
+            if kind.can_be_asked_of(controller, getattr(table, kind.key))
+        ]
         limits_of_law += [
             requirement_of(kind, of_any_law, [controller], plants, case.duration) for kind in kinds
         ]

@@ -1,4 +1,4 @@
-"""Run many rows of a design as one batch, with nothing recorded but their outcomes."""
+"""Run many rows of a design as one batch, with nothing kept but their outcomes."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ COMPLETED = Status.COMPLETED.name.lower()
 IMPOSSIBLE = "impossible"
 # Order of a run that ended at once; none that was completed comes near it.
 _CUT = 1e9
+# Runs that are recorded at the same time: 64 of 20,000 timesteps take some 200 MB.
+_RECORDED_AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,18 +274,20 @@ def _run_group(
     duration = runs[0].case.duration
     x0 = np.array([run.case.x0 for run in runs], float)
     measurements = measurements_of(experiment, runs, limits)
-    batch = _simulated(experiment, runs, x0, measurements, threads)
+    limits_of_law = [limit for limit in limits if law.name in limit.laws]
+    recorded_limits = [limit for limit in limits_of_law if limit.recorded]
+    ends = _simulated(experiment, runs, x0, measurements, recorded_limits, threads)
 
-    status = np.array([end.name.lower() for end in batch.status], object)
+    status = np.array([end.name.lower() for end in ends.status], object)
     completed = status == COMPLETED
-    ended = np.where(completed, duration, np.asarray(batch.valid_until, float))
-    last = batch.state[:, -1]
+    ended = np.where(completed, duration, ends.valid_until)
+    last = ends.last
 
-    metrics = metrics_of_simulations(measurements, batch.accumulated, last, completed)
+    metrics = metrics_of_simulations(measurements, ends.accumulated, last, completed)
+    metrics.update(ends.recorded)
     transient = np.array([item.transient for item in measurements])
 
     start = initial_error(law, experiment.x0)
-    limits_of_law = [limit for limit in limits if law.name in limit.laws]
     margins = margins_of(limits_of_law, metrics, completed)
     shares = [margins[limit.name] / limit.number for limit in limits_of_law]
     # A margin is at most all of its limit, also of a law of which nothing is required.
@@ -301,14 +305,92 @@ def _run_group(
     return columns
 
 
+class _Ends(NamedTuple):
+    """What is kept of n runs of one law.
+
+    Attributes:
+        status: How each ended, (n,).
+        valid_until: Up to when each is valid [s], (n,).
+        last: Last states, (n, states).
+        accumulated: Accumulated values, (n,).
+        recorded: Metrics of recorded runs by name, (n,) each; infinite for runs that ended early.
+    """
+
+    status: NDArray[np.object_]
+    valid_until: Array
+    last: Array
+    accumulated: Any
+    recorded: Mapping[str, Array]
+
+
 def _simulated(
     experiment: Experiment,
     runs: Sequence[Run],
     x0: Array,
     measurements: Sequence[Measurement],
+    recorded: Sequence[Requirement],
+    threads: int,
+) -> _Ends:
+    """Simulate runs of one law and duration: as one batch, or in chunks if they are recorded."""
+    size = _RECORDED_AT_ONCE if recorded else len(runs)
+    chunks: list[_Ends] = []
+    for first in range(0, len(runs), size):
+        part = slice(first, first + size)
+        batch = _batch(
+            experiment,
+            runs[part],
+            x0[part],
+            measurements[part],
+            record=bool(recorded),
+            threads=threads,
+        )
+        chunks.append(
+            _Ends(
+                status=batch.status,
+                valid_until=np.asarray(batch.valid_until, float),
+                last=batch.state[:, -1].copy(),
+                accumulated=batch.accumulated,
+                recorded=_recorded_metrics(batch, runs[part], recorded),
+            )
+        )
+    if len(chunks) == 1:
+        return chunks[0]
+    return _Ends(
+        status=np.concatenate([chunk.status for chunk in chunks]),
+        valid_until=np.concatenate([chunk.valid_until for chunk in chunks]),
+        last=np.concatenate([chunk.last for chunk in chunks]),
+        accumulated=np.concatenate([chunk.accumulated for chunk in chunks]),
+        recorded={
+            limit.metric: np.concatenate([chunk.recorded[limit.metric] for chunk in chunks])
+            for limit in recorded
+        },
+    )
+
+
+def _recorded_metrics(
+    batch: Trajectory, runs: Sequence[Run], limits: Sequence[Requirement]
+) -> dict[str, Array]:
+    """Return the metrics of recorded runs by name, (n,) each."""
+    metrics = {}
+    for limit in limits:
+        values = np.full(len(runs), np.inf)
+        for i, run in enumerate(runs):
+            if batch.status[i] is Status.COMPLETED:
+                values[i] = limit.of_record(batch[i], run.law)
+        metrics[limit.metric] = values
+    return metrics
+
+
+def _batch(
+    experiment: Experiment,
+    runs: Sequence[Run],
+    x0: Array,
+    measurements: Sequence[Measurement],
+    *,
+    record: bool,
     threads: int,
 ) -> Trajectory:
-    """Runs of one law and duration as one batch, of which only the last state is kept."""
+    """Simulate runs of one law and duration as one batch."""
     settings = experiment.settings
     return simulate(
         [run.plant for run in runs],
@@ -321,7 +403,7 @@ def _simulated(
         disturbances=[list(run.case.disturbances) for run in runs],
         accumulator=[item.accumulator for item in measurements],
         engine=settings.engine_for(runs[0].law),
-        record=False,
+        record=record,
         threads=threads,
     )
 

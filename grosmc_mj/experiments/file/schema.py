@@ -291,6 +291,8 @@ def _key_of(kind: type[Requirement]) -> tuple[Any, Any]:
         return _SECONDS_OR_NONE, None
     if kind.quantity == "1":
         return float | None, None
+    if kind.quantity == "formula":
+        return str | None, None
     # A number with a unit that the laws know.
     return Any, None
 
@@ -314,7 +316,7 @@ class RequirementTable(_Limits):
             default.
         band: Width of the band of ``settles_within``; by default 2 % of the error at the start,
             which must not be zero. Where a sensor's steps are coarse, three of them.
-        after: Instant from which on ``stays_within`` and ``rms_below`` hold [s].
+        after: Instant from which on ``stays_within``, ``rms_below`` and ``always`` hold [s].
     """
 
     of: list[str] | None = Field(None, min_length=1)

@@ -1,0 +1,102 @@
+"""A formula of signal temporal logic that holds at each instant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.measured_run import MeasuredRun
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.signals import SLIDING, named_units, signals_of
+from grosmc_mj.requirements.temporal_text import Specification, read_formula, signals_in
+from grosmc_mj.simulation.trajectory import Trajectory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Always(Requirement):
+    """A formula holds at each instant from ``after`` on after which the run is long enough for it.
+
+    The number is the smallest constant that something is compared with; the measured value is the
+    number less the least margin. So ``abs(error) < 20 mrad`` measures the largest error.
+
+    Attributes:
+        specification: The formula.
+    """
+
+    key = "always"
+    quantity = "formula"
+    options = ("after",)
+    is_level = False
+    recorded = True
+
+    specification: Specification
+
+    @classmethod
+    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
+        """Whether a law has all signals of a formula: only laws with a surface have s."""
+        used = signals_in(value, named_units(law, "1"))
+        if any(name.split()[0] == SLIDING for name in used):
+            return bool(law.designed.sliding_unit)
+        return True
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse laws without the signals of the formula."""
+        if not laws:
+            raise ArgumentError(f"no law that it is asked of has a surface, and so {SLIDING!r}")
+
+    @classmethod
+    def read(cls, text: str, law: Controller, sliding_unit: str, wait: float) -> Specification:
+        """Read a formula.
+
+        Args:
+            text: The formula.
+            law: A law that it is asked of.
+            sliding_unit: Unit of s; empty where no law has it.
+            wait: Time between ``after`` and the end of a run [s].
+
+        Raises:
+            ArgumentError: If it cannot be read, or asks for a longer run.
+        """
+        specification = read_formula(text, named_units(law, sliding_unit))
+        horizon = specification.formula.horizon
+        if horizon > wait * (1 + 1e-12):
+            raise ArgumentError(
+                f"it asks for {horizon:g} s after an instant; the run has {wait:g} s"
+            )
+        return specification
+
+    @property
+    def metric(self) -> str:
+        """Name of the number less the least margin."""
+        return f"{self.words} {self.unit}"
+
+    @property
+    def watched(self) -> frozenset[str]:
+        """The signals of the formula."""
+        return self.specification.signals - {"t"}
+
+    def replayed(self, run: MeasuredRun) -> float:
+        """Return the measured value of a recorded run."""
+        return self.of_record(run.trajectory, run.controller)
+
+    def of_record(self, run: Trajectory, law: Controller) -> float:
+        """Return the number less the least margin; infinite where a quotient is undefined."""
+        formula = self.specification.formula
+        period = float(run.time[1])
+        signals = signals_of(run, law, self.specification.signals)
+        try:
+            with np.errstate(divide="raise", invalid="raise"):
+                margins = formula.margins(signals, period)
+        except FloatingPointError:
+            return math.inf
+
+        first = math.ceil(self.after / period * (1 - 1e-12))
+        last = len(margins) - round(formula.horizon / period)
+        return self.number - float(np.min(margins[first:last]))
