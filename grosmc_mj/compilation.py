@@ -3,10 +3,6 @@
 numba keys its cache by one function's file and by a pickle of its closure, which differs from
 process to process and misses edits of the functions that it calls. Here the key is a
 fingerprint of the function and of all that it reaches.
-
-numba also numbers what it compiles from 1 in every process and puts that number into the names
-that its linker sees. Two processes can so write different functions of one name, and a third
-that loads both calls one of them for the other (numba issue 10486). Here the numbers are random.
 """
 
 from __future__ import annotations
@@ -15,31 +11,20 @@ import contextlib
 import gc
 import hashlib
 import os
-import secrets
 from collections.abc import Callable, Iterator
 from enum import Enum, EnumMeta
-from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ClassVar
+from typing import Any
 
 import numba
 import numpy as np
-from numba.core import types
-from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    _CacheLocator,
-)
-from numba.core.ccallback import CFunc
+from numba import types
 
 from grosmc_mj.files import private_cache
-from grosmc_mj.jitable import OPTIONS
+from grosmc_mj.jitable import OPTIONS, source_of
+from grosmc_mj.numba_internals import DiskCache, c_function, generator_of, python_function
 
-_numbers: Any = iter(partial(secrets.randbits, 64), None)
-FunctionIdentity._unique_ids = _numbers
 # Part of each fingerprint; code on disk of an earlier format is not read.
 _FORMAT = 3
 
@@ -68,7 +53,7 @@ class _Description:
     def of(self, value: Any) -> str:
         """Text of a value that a compiled function reaches."""
         # A compiled function counts by its source, an intrinsic by its generator.
-        value = getattr(value, "py_func", getattr(value, "_defn", value))
+        value = generator_of(source_of(value))
 
         if isinstance(value, FunctionType) and not _is_versioned(value.__module__):
             return self._of_function(value)
@@ -144,82 +129,16 @@ def cache_folder() -> Path | None:
     return private_cache(os.environ.get("NUMBA_CACHE_DIR"))
 
 
-class _PrivateFolder(_CacheLocator):
-    """Location of numba's cache in the package's private folder: numba unpickles its files."""
+def _disk_cache(function: Callable[..., Any]) -> DiskCache | None:
+    """Compiled code of a function on disk; None without a folder that could hold it.
 
-    def __init__(self, folder: Path, source: str) -> None:
-        self._folder = folder
-        # numba names this file in its message that something cannot be cached.
-        self._py_file = source
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> _PrivateFolder | None:
-        """Location for any function, or None without a folder for caches."""
-        folder = cache_folder()
-        return None if folder is None else cls(folder / "compiled", py_file)
-
-    def get_cache_path(self) -> Any:
-        """Folder of the files."""
-        return str(self._folder)
-
-    def get_source_stamp(self) -> None:
-        """Return nothing: a fingerprint says whether an entry is fresh."""
-
-    def get_disambiguator(self) -> None:
-        """Return nothing: a fingerprint tells functions of one name apart."""
-
-
-class _PrivateImplementation(CompileResultCacheImpl):
-    """Writer of compiled functions into the private folder only."""
-
-    _locator_classes: ClassVar[list[type[_CacheLocator]]] = [_PrivateFolder]
-
-    def check_cachable(self, cres: Any) -> bool:
-        """Whether a result can be loaded again; a recursive function holds a process's address."""
-        symbols = cres.library._final_module.global_variables
-        recursive = any(symbol.name.startswith(".numba.unresolved") for symbol in symbols)
-        if recursive:
-            return False
-        return super().check_cachable(cres)
-
-
-class _FingerprintCache(FunctionCache):
-    """Disk cache of numba with a file for each fingerprint.
-
-    numba keeps one index for all functions of one name and line, and processes that write it at
-    once can swap entries: all compiled laws have one name here.
+    Raises:
+        SetupError: If the folder is not the user's own.
     """
-
-    _impl_class = _PrivateImplementation
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self._fingerprint = fingerprint(function)
-        self._cache_file = IndexDataCacheFile(
-            cache_path=self._cache_path,
-            filename_base=f"{function.__name__}-{self._fingerprint[:32]}",
-            source_stamp=self._fingerprint,
-        )
-
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (sig, codegen.magic_tuple(), self._fingerprint)
-
-    def _load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the entry, or None for one that cannot be read: it is compiled and written again.
-
-        A file may be cut off, or name a module that has gone since.
-        """
-        try:
-            return super()._load_overload(sig, target_context)
-        except Exception:
-            with contextlib.suppress(OSError):
-                Path(self._cache_file._index_path).unlink()
-            return None
-
-    def _save_overload(self, sig: Any, data: Any) -> None:
-        """Write an entry; on a full disk the function is compiled anew each time."""
-        with contextlib.suppress(OSError):
-            super()._save_overload(sig, data)
+    folder = cache_folder()
+    if folder is None:
+        return None
+    return DiskCache(function, folder / "compiled", fingerprint(function))
 
 
 def compile_c(function: Callable[..., Any], *arguments: Any, returns: Any = types.void) -> Any:
@@ -238,10 +157,7 @@ def compile_c(function: Callable[..., Any], *arguments: Any, returns: Any = type
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    compiled: Any = CFunc(function, (arguments, returns), {}, {"error_model": "numpy"})
-    # Without a folder that could hold a cache, compile each time.
-    if cache_folder() is not None:
-        compiled._cache = _FingerprintCache(function)
+    compiled = c_function(function, arguments, returns, _disk_cache(function))
     with _without_collector():
         compiled.compile()
     return compiled
@@ -265,7 +181,4 @@ def compile_python(function: Callable[..., Any]) -> Any:
     Raises:
         SetupError: If the folder of the cache is not the user's own.
     """
-    compiled: Any = numba.njit(function)
-    if cache_folder() is not None:
-        compiled._cache = _FingerprintCache(function)
-    return compiled
+    return python_function(function, _disk_cache(function))

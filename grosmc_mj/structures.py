@@ -12,11 +12,11 @@ from functools import cache
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
-from numba.core import cgutils, types
+from numba import types
 from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, np_cfarray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.numba_internals import cgutils, make_array, np_cfarray
 
 # Arrays of floats as members of a structure.
 VECTOR = types.Array(types.float64, 1, "C")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import types
+from numba import types
 
 from grosmc_mj.fields import range_of
 from grosmc_mj.loop.timing import TIMES

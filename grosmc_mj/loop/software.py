@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from numba.core import types
+from numba import types
 
 from grosmc_mj.control.matrices import copy
 from grosmc_mj.jitable import jitable

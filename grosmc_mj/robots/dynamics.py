@@ -15,7 +15,7 @@ import llvmlite.binding
 import mujoco
 import numba
 import numpy as np
-from numba.core import types
+from numba import types
 from numpy.typing import ArrayLike
 
 from grosmc_mj.arrays import Array

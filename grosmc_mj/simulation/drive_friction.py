@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import mujoco
 import numba
 import numpy as np
-from numba.core import types
+from numba import types
 from numpy.typing import NDArray
 
 from grosmc_mj.compilation import compile_c

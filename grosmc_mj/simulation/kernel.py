@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba.core import types
+from numba import types
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array

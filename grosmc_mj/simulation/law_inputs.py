@@ -13,7 +13,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core.errors import NumbaError, NumbaWarning
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, Sampled
@@ -112,14 +111,14 @@ def compiling() -> Iterator[None]:
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NumbaWarning)
+            warnings.simplefilter("ignore", numba.errors.NumbaWarning)
             yield
     except GrosmcError:
         raise
     except Exception as error:
         message = re.sub(r"\x1b\[\d*m", "", str(error))
         reason = _compiler_reason(message)
-        if not isinstance(error, NumbaError):
+        if not isinstance(error, numba.errors.NumbaError):
             reason = f"{type(error).__name__}: {reason}"
         raise LawError(
             f"{_users_place(_COMPILED.findall(message))}numba cannot compile the law: "
