@@ -15,7 +15,6 @@ from pydantic import BaseModel, ConfigDict
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.units import number_in
 from grosmc_mj.experiments.file.user_code import is_named, sources
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.runs import input_limits
@@ -53,6 +52,7 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
+from grosmc_mj.units import number_in
 
 BENCH = "bench"
 MACHINE = "machine"
