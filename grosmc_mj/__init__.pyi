@@ -16,7 +16,7 @@ from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
 from .control.from_control import from_control
 from .control.lqr import lqr
 from .control.task import Realization, Task
-from .control.uncertainty import Uncertainty
+from .control.uncertainty.outputs import Uncertainty
 from .errors import GrosmcError
 from .experiments.catalogue import chapter_controller
 from .experiments.experiment import Experiment, judge

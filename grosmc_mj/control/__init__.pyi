@@ -3,7 +3,7 @@ from .design import computed_torque_pd, linear_lqr, realized, state_grosmc
 from .references import TIME, Setpoint, Setpoints, reference, setpoints
 from .switching import find_switching
 from .task import state_task
-from .uncertainty import StateUncertainty
+from .uncertainty.states import StateUncertainty
 
 __all__ = [
     "TIME",

@@ -19,7 +19,9 @@ from grosmc_mj.control.lqr import LqrDesign, design_of_gain
 from grosmc_mj.control.memory import FeedbackMemory, memory_of
 from grosmc_mj.control.surface import surface_matrix, surface_rates
 from grosmc_mj.control.task import AS_PRINTED, GrosmcParameters, Limit, Realization, Task
-from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
+from grosmc_mj.control.uncertainty.family import PlantFamily
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GainError
 from grosmc_mj.fields import Is, Name, Positive, Range, checked_call
 
@@ -94,6 +96,7 @@ def linear_grosmc(task: Task, uncertainty: Uncertainty, G: ArrayLike | None = No
 
     Raises:
         GainError: If G B is singular or no gain can hold the declared family.
+        ModelError: If the plant has no parameter that the uncertainty scales.
     """
     return _sliding(task, uncertainty, G, "eqs. (8)+(12)")
 
@@ -112,6 +115,7 @@ def regulating_grosmc(
     Raises:
         ArgumentError: If the plant has no equations in symbols.
         GainError: If G B is singular or no gain can hold the declared family.
+        ModelError: If the plant has no parameter that the uncertainty scales.
     """
     if not isinstance(task.error, ErrorCoordinates):
         raise ArgumentError(
@@ -161,6 +165,7 @@ def state_grosmc(
     Raises:
         GainError: If a member of the family turns the input round or makes the sliding dynamics
             unstable, when no switching gain helps, or the limits leave no room.
+        ModelError: If the plant has no parameter or body that the uncertainty scales.
     """
     if limit is None:
         limit = _room_of_actuators(task)
@@ -255,7 +260,7 @@ def _feedback_gains(optimum: LqrDesign) -> dict[str, float]:
 
 def _sliding(
     task: Task,
-    gains: Mapping[str, float] | Uncertainty | StateUncertainty,
+    gains: Mapping[str, float] | PlantFamily,
     G: ArrayLike | None,
     source: str,
     *,

@@ -37,8 +37,10 @@ class NominalLaw(NamedTuple):
     """A law at N states, by its own model of the plant.
 
     Attributes:
-        G: Projection of the surface, (m, n).
-        z: Error states, (N, n).
+        t: Times [s], (N,).
+        x: States, (N, n).
+        G: Projection of the surface, (m, size).
+        z: Error states, (N, size).
         v_0: v of the law's continuous part, within its limit, (N, m).
         u_c: Input that makes this v, (N, m).
         E: Decoupling matrix, (N, m, m); of a linear model the rows of B with the inputs.
@@ -46,6 +48,8 @@ class NominalLaw(NamedTuple):
         drift: Integrand of the surface, S z as printed, (N, m).
     """
 
+    t: Sequence[float]
+    x: Array
     G: Array
     z: Array
     v_0: Array
@@ -99,7 +103,7 @@ def nominal_law(
     m = len(G)
     E = np.broadcast_to(E, (len(z), m, m))
     GE = np.broadcast_to(GE, (len(z), m, m))
-    return NominalLaw(G, z, v_0, u_c, E, GE, drift)
+    return NominalLaw(t, x, G, z, v_0, u_c, E, GE, drift)
 
 
 def _inputs(

@@ -16,7 +16,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.switching import SwitchingNumbers, find_switching
 from grosmc_mj.control.task import AS_PRINTED, Realization
-from grosmc_mj.control.uncertainty import Uncertainty
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.errors import (
     ArgumentError,
     GrosmcError,

@@ -27,7 +27,8 @@ from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.rivals.integral import lqi
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization, Task, state_task
-from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GrosmcError
 from grosmc_mj.plants import OperatingPoint
 from grosmc_mj.plants.equations import Equations

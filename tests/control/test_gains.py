@@ -22,7 +22,10 @@ from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task, state_task
-from grosmc_mj.control.uncertainty import StateUncertainty, SwitchingGains, Uncertainty
+from grosmc_mj.control.uncertainty.family import PlantFamily
+from grosmc_mj.control.uncertainty.gain_suprema import SwitchingGains
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.plants import ARM, SERVO, AnalyticPlant, equilibrium
 from grosmc_mj.requirements.optimum import compare_with_optimum
@@ -91,7 +94,10 @@ CERTAIN = {
 
 def gains_of(error: Any, declared: Uncertainty) -> SwitchingGains:
     law = robust(error.system.name)
-    return declared.gains(replace(law.designed, error=error), law.parameters)[0]
+    p = law.parameters
+    plant = AnalyticPlant(error.system, p.plant)
+    gains, _ = declared.gains(replace(law.designed, error=error), p, plant)
+    return gains
 
 
 def test_gains_of_the_servo_are_the_closed_forms() -> None:
@@ -283,6 +289,29 @@ def test_gains_on_all_states_are_those_of_the_worst_member() -> None:
     difference = A_t - B_t @ p.K - A + B @ p.K
     expected = np.linalg.norm(p.G @ difference) * 1.5
     assert p.gamma1 == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("declared", "count"),
+    [
+        (CERTAIN["cart_pendulum"], 1),
+        (uncertainty_of("cart_pendulum"), 5 * 5),
+        (StateUncertainty(), 1),
+        (StateUncertainty(mass=2.0), 3),
+        (StateUncertainty(length=2.0, scales={"M": (0.5, 1.0), "g": (1.0, 1.1)}), 3 * 3 * 3),
+    ],
+)
+def test_members_of_a_family_are_a_grid_with_both_ends_of_each_range(
+    declared: PlantFamily, count: int
+) -> None:
+    plant = nominal("cart_pendulum")
+    members = dict(declared.members(plant))
+    assert len(members) == count
+
+    for name, (low, high) in declared.scales.items():
+        values = [getattr(member.parameters, name) for member in members.values()]
+        value = getattr(plant.parameters, name)
+        assert (min(values), max(values)) == (low * value, high * value)
 
 
 def test_a_heavier_plant_that_the_nominal_input_does_not_hold_needs_a_constant() -> None:

@@ -26,7 +26,7 @@ from grosmc_mj.control.design import (
 from grosmc_mj.control.references import FourierSeries, Setpoints, fourier_series, setpoints
 from grosmc_mj.control.rivals.adaptive import adaptive
 from grosmc_mj.control.task import Task
-from grosmc_mj.control.uncertainty import Uncertainty
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.errors import ArgumentError, ModelError, PremiseError
 from grosmc_mj.files import LARGEST_TEXT
 from grosmc_mj.loop.design_model import design_model

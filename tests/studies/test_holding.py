@@ -25,7 +25,7 @@ from grosmc_mj.chapter.claims.measurements import cart
 from grosmc_mj.control.reaching import sliding_dynamics
 from grosmc_mj.control.switching import find_switching
 from grosmc_mj.control.task import Realization
-from grosmc_mj.control.uncertainty import StateUncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.settings import Settings

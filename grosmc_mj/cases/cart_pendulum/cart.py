@@ -25,7 +25,7 @@ from grosmc_mj.control.references import setpoint
 from grosmc_mj.control.surface import integrate
 from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.control.task import AS_PRINTED, FeedbackParameters, state_task
-from grosmc_mj.control.uncertainty import StateUncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GainError
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import CART_PENDULUM, AnalyticPlant, OperatingPoint

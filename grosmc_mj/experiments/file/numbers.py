@@ -12,7 +12,8 @@ import numpy as np
 from grosmc_mj.arguments import reals, require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.rivals.pid_tuning import Tuning
-from grosmc_mj.control.uncertainty import StateUncertainty, Uncertainty
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import ArgumentError, GrosmcError, name_list, value_text
 from grosmc_mj.units import is_number, number_in
 

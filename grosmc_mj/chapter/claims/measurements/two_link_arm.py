@@ -13,7 +13,7 @@ from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.control import reaching
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.uncertainty import Uncertainty
+from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
