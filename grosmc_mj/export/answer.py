@@ -127,7 +127,7 @@ def export_document(experiment: Experiment, law: LawInC, proof: Proof | None) ->
         verdict=verdict,
         words=words_,
     )
-    memory = size_of(law.controller.memory()) * (4 if law.real == "float" else 8)
+    memory = size_of(law.remembered) * (4 if law.real == "float" else 8)
     return result(
         "export",
         configuration,

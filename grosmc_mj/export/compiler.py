@@ -14,6 +14,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
+from grosmc_mj.export.loop import LoopInC
 from grosmc_mj.export.structures import size_of
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
@@ -28,26 +29,27 @@ FLAGS = (
 )
 _COMPILERS = ("cc", "gcc", "clang")
 
-# The law with memory and signals in double precision, as the simulation has them.
+# The export with memory and signals in double precision, as simulations have them.
 _CALL = """\
 #include "{name}.h"
 
 #include <string.h>
 
-int law_of_doubles(double t, const double *x, double *memory, double *u)
+int step_of_doubles(double time, const double *x, const double *fresh, double *memory, double *u)
 {{
     {real} numbers[{size}];
-    {real} state[{n}];
+    {real} signals[2][{n}] = {{{{0}}, {{0}}}};
     {real} input[{m}] = {{0}};
     struct {name}_memory own;
     for (int i = 0; i < {n}; i++) {{
-        state[i] = ({real})x[i];
+        signals[0][i] = ({real})x[i];
+        signals[1][i] = ({real})fresh[i];
     }}
     for (int i = 0; i < {size}; i++) {{
         numbers[i] = ({real})memory[i];
     }}
     memcpy(&own, numbers, sizeof own);
-    const int answer = {name}_step(({real})t, state, &own, input);
+    const int answer = {name}_step(({real})time, {signals}, &own, input);
     memcpy(numbers, &own, sizeof own);
     for (int i = 0; i < {size}; i++) {{
         memory[i] = numbers[i];
@@ -56,6 +58,43 @@ int law_of_doubles(double t, const double *x, double *memory, double *u)
         u[i] = input[i];
     }}
     return answer;
+}}
+
+int law_of_doubles(double t, const double *x, double *memory, double *u)
+{{
+    return step_of_doubles(t, x, x, memory, u);
+}}
+
+void begin_of_doubles(double *memory, const double *start)
+{{
+    {real} numbers[{size}];
+    {real} state[{states}];
+    struct {name}_memory own;
+    for (int i = 0; i < {states}; i++) {{
+        state[i] = ({real})start[i];
+    }}
+    (void)state;
+    {name}_init({begin});
+    memcpy(numbers, &own, sizeof own);
+    for (int i = 0; i < {size}; i++) {{
+        memory[i] = numbers[i];
+    }}
+}}
+"""
+_MISSED = """
+void missed_of_doubles(double *memory)
+{{
+    {real} numbers[{size}];
+    struct {name}_memory own;
+    for (int i = 0; i < {size}; i++) {{
+        numbers[i] = ({real})memory[i];
+    }}
+    memcpy(&own, numbers, sizeof own);
+    {name}_missed(&own);
+    memcpy(numbers, &own, sizeof own);
+    for (int i = 0; i < {size}; i++) {{
+        memory[i] = numbers[i];
+    }}
 }}
 """
 
@@ -101,6 +140,31 @@ class CompiledLaw:
         pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, memory, u)]
         return self.library.law_of_doubles(ctypes.c_double(t), *pointers)
 
+    def begin(self, memory: Array, start: Array) -> None:
+        """Begin a run: write memory, flat, for a start, (n,)."""
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (memory, start)]
+        self.library.begin_of_doubles(*pointers)
+
+    def missed(self, memory: Array) -> None:
+        """Tell a law with its loop that its last output was not sent in time."""
+        self.library.missed_of_doubles(ctypes.c_void_p(memory.ctypes.data))
+
+    def step_in_loop(self, clock: float, y: Array, fresh: Array, memory: Array, u: Array) -> int:
+        """Make one sample of a law with its loop.
+
+        Args:
+            clock: Reading of the clock, in ticks.
+            y: Measurements of the states that the software needs.
+            fresh: How many of each are new.
+            memory: Memory of law and software, flat, which it changes.
+            u: Array for the inputs, (m,).
+
+        Returns:
+            The answer of ``NAME_step``.
+        """
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (y, fresh, memory, u)]
+        return self.library.step_of_doubles(ctypes.c_double(clock), *pointers)
+
 
 def write_law(law: LawInC, folder: Path) -> tuple[Path, Path]:
     """Write NAME.h and NAME.c into a folder, and return their paths."""
@@ -129,12 +193,25 @@ def compile_law(
         SetupError: If it does not compile.
     """
     call = folder / f"{law.name}_call.c"
-    text = _CALL.format(
+    states = len(law.system.states)
+    signals = states
+    arguments = "signals[0]"
+    begin = "&own"
+    calls = _CALL
+    if isinstance(law, LoopInC):
+        calls += _MISSED
+        signals = len(law.measured)
+        arguments = "signals[0], signals[1]"
+        begin = "&own, state"
+    text = calls.format(
         name=law.name,
         real=law.real,
-        size=size_of(law.controller.memory()),
-        n=len(law.system.states),
+        size=size_of(law.remembered),
+        n=signals,
         m=len(law.system.inputs),
+        states=states,
+        signals=arguments,
+        begin=begin,
     )
     call.write_text(text, encoding="utf-8")
     library = folder / f"{law.name}.so"

@@ -21,7 +21,6 @@ from grosmc_mj.export.c_text import (
     AND,
     BINARY,
     CHOICE,
-    INDENT,
     LIBRARY,
     OR,
     PRODUCT,
@@ -36,6 +35,8 @@ from grosmc_mj.export.syntax import ExportError, refusal, tree_of
 from grosmc_mj.export.values import Array, Kind, Known, Number, Record
 from grosmc_mj.jitable import source_of
 
+# Operands of comparisons have parentheses around all but sums and products.
+_COMPARED_OPERAND = SUM - 1
 _LEAST = (min, np.minimum)
 _MOST = (max, np.maximum)
 _TO_WHOLE = {int: "{}", math.floor: "floor{suffix}({})", math.ceil: "ceil{suffix}({})"}
@@ -45,13 +46,15 @@ _FOLDED = (int, float, bool, min, max, round, *_TO_WHOLE)
 class UnknownIndexError(Exception):
     """A row of records, or of known whole numbers, is looked up at an index that is not known.
 
+    A loop around it is then written out, in this function or in one that calls it.
+
     Attributes:
-        node: The expression.
+        refusal: The error if there is no such loop.
     """
 
-    def __init__(self, node: ast.expr) -> None:
-        super().__init__(ast.unparse(node))
-        self.node = node
+    def __init__(self, refusal: ExportError) -> None:
+        super().__init__(str(refusal))
+        self.refusal = refusal
 
 
 class Expressions:
@@ -209,7 +212,8 @@ class Expressions:
             code = self.function.__code__
             cells = dict(zip(code.co_freevars, self.function.__closure__ or (), strict=True))
             if name in cells:
-                return Known(cells[name].cell_contents)
+                content = cells[name].cell_contents
+                return content if isinstance(content, (Record, Array)) else Known(content)
             for scope in (self.function.__globals__, vars(builtins)):
                 if name in scope:
                     return Known(scope[name])
@@ -348,8 +352,8 @@ class Expressions:
         sign, level, fold = BINARY[type(op)]
         if isinstance(left, Known) and isinstance(right, Known):
             return self._folded(node, fold, left.value, right.value)
-        a = self.number(left, node).within(COMPARED_OPERAND)
-        b = self.number(right, node).within(COMPARED_OPERAND)
+        a = self.number(left, node).within(_COMPARED_OPERAND)
+        b = self.number(right, node).within(_COMPARED_OPERAND)
         return Number(f"{a} {sign} {b}", "bool", level, 0, 1)
 
     def _boolop(self, node: ast.BoolOp) -> Any:
@@ -370,10 +374,8 @@ class Expressions:
             if not isinstance(value, Known):
                 operands.append(self.number(value, node))
             elif bool(value.value) is stops:
-                if not operands:
-                    return Known(stops)
-                operands.append(self.number(Known(stops), node))
-                break
+                # Those before it change nothing: a call that does has a line of its own.
+                return Known(stops)
         if not operands:
             return Known(not stops)
         if len(operands) == 1:
@@ -416,7 +418,8 @@ class Expressions:
         if isinstance(owner, Known):
             owner = self.program.table(owner.value)
         if not isinstance(owner, Array):
-            raise UnknownIndexError(node)
+            reason = "the index must be known: write a loop over range(...)"
+            raise UnknownIndexError(self.refusal(node, reason))
         return self._entry(owner, indices, node)
 
     def _folded_entry(self, node: ast.Subscript, owner: tuple[Any, ...], index: Any) -> Any:
@@ -610,9 +613,6 @@ class Expressions:
             self.written.add(array.parameter)
 
 
-COMPARED_OPERAND = SUM - 1
-
-
 def _in_library(function: Any) -> bool:
     """Whether a function has a name in C's library."""
     return function.__hash__ is not None and function in LIBRARY
@@ -638,8 +638,3 @@ def union(a: Number, b: Number) -> Number:
     if "double" in (a.kind, b.kind):
         kind = "double"
     return Number("", kind, low=min(a.low, b.low), high=max(a.high, b.high))
-
-
-def indented(depth: int) -> str:
-    """Return the spaces before a line of a depth."""
-    return INDENT * (depth + 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -68,8 +68,25 @@ class LawInC:
         Raises:
             ExportError: If it has no C.
         """
+        self._refuse_impossible()
+        program = self._program()
+        arguments = [
+            Number("t"),
+            Array("x", (len(self.system.states),), constant=True),
+            record_at("memory->", self.remembered),
+            record_at("p->", self.controller.parameters, constant=True),
+            Array("u", (len(self.system.inputs),)),
+        ]
+        return program, program.root(self.controller.law, arguments)
+
+    @property
+    def remembered(self) -> Any:
+        """Dataclass of what the law remembers, as a run begins."""
+        return self.controller.memory()
+
+    def _refuse_impossible(self) -> None:
+        """Refuse a law that needs more than a controller has."""
         controller = self.controller
-        parameters = controller.parameters
         _, workspace = controller.begin()
         if workspace is not None:
             raise ExportError(
@@ -79,24 +96,18 @@ class LawInC:
         if getattr(controller.law, "python_only", False):
             raise ExportError(f"{controller.name} runs in Python only: it has no C")
 
+    def _program(self) -> Program:
+        """A program without functions."""
         replacements = {}
         if self.real == "float":
             replacements[integrate] = by_period(self.period)
-        program = Program(
+        return Program(
             memory="memory",
             memory_type=f"struct {self.name}_memory",
             real=self.real,
             replacements=replacements,
             reserved={f"{self.name}_{end}" for end in ("init", "step", "numbers", "memory")},
         )
-        arguments = [
-            Number("t"),
-            Array("x", (len(self.system.states),), constant=True),
-            record_at("memory->", controller.memory()),
-            record_at("p->", parameters, constant=True),
-            Array("u", (len(self.system.inputs),)),
-        ]
-        return program, program.function(controller.law, arguments, {})
 
     @property
     def header(self) -> str:
@@ -108,14 +119,14 @@ class LawInC:
         lines += definition(self.controller.parameters, f"{name}_numbers", self.real)
         lines += [f"extern const struct {name}_numbers {name}_numbers;", ""]
         lines += ["/* What the law remembers from one sample to the next. */"]
-        lines += definition(self.controller.memory(), f"{name}_memory", self.real)
-        lines += ["/* Begin a run. */", f"void {name}_init(struct {name}_memory *memory);", ""]
+        lines += definition(self.remembered, f"{name}_memory", self.real)
+        lines += [*comment(self._about_init), f"{self._init};", ""]
         lines += comment(
-            f"One sample at the time t [s], {self.period:g} s after the last one. "
-            f"{self._signals()} Returns 0, {UNDEFINED_LAW} where the law is not defined, "
+            f"{self._about_step} Returns 0, {UNDEFINED_LAW} where the law is not defined, "
             f"{UNDEFINED_INPUT} where an input is not finite."
         )
-        lines += [*wrapped(f"{self._step};", 0), "", "#endif", ""]
+        lines += [*wrapped(f"{self._step};", 0), "", *self._further_declarations]
+        lines += ["#endif", ""]
         return "\n".join(lines)
 
     @property
@@ -124,18 +135,45 @@ class LawInC:
         name = self.name
         program, law = self._law
         suffix = program.suffix
-        functions = program.text([law])
+        further = self._further_functions
+        functions = program.text([law, *further.values()])
         lines = [f'#include "{name}.h"', "", _GUARDS]
         lines += [f"const struct {name}_numbers {name}_numbers = {{"]
         lines += [*initial(self.controller.parameters, suffix), "};", ""]
         if "p->" in functions:
             lines += [f"static const struct {name}_numbers *const p = &{name}_numbers;", ""]
         lines += [functions]
-        lines += [f"void {name}_init(struct {name}_memory *memory)", "{"]
-        lines += [f"{INDENT}*memory = (struct {name}_memory){{"]
-        lines += [*initial(self.controller.memory(), suffix, 2), f"{INDENT}}};", "}", ""]
+        lines += [self._init, "{", f"{INDENT}*memory = (struct {name}_memory){{"]
+        lines += [*initial(self.remembered, suffix, 2), f"{INDENT}}};"]
+        lines += [*self._settled, "}", ""]
         lines += [*wrapped(self._step, 0), "{", *self._step_body(law), "}", ""]
+        for declaration, function in further.items():
+            lines += [declaration, "{", f"{INDENT}{function.name}(memory);", "}", ""]
         return "\n".join([*self._head(), *lines])
+
+    @property
+    def _init(self) -> str:
+        """Declaration of ``NAME_init``."""
+        return f"void {self.name}_init(struct {self.name}_memory *memory)"
+
+    @property
+    def _about_init(self) -> str:
+        """Comment on ``NAME_init``."""
+        return "Begin a run."
+
+    @property
+    def _settled(self) -> list[str]:
+        """Lines of ``NAME_init`` after the initial values."""
+        return []
+
+    @property
+    def _about_step(self) -> str:
+        """Comment on ``NAME_step``."""
+        signals = f"It reads {listed('x', self.system.states)}"
+        return (
+            f"One sample at the time t [s], {self.period:g} s after the last one. {signals} and "
+            f"writes {listed('u', self.system.inputs)}."
+        )
 
     @property
     def _step(self) -> str:
@@ -147,6 +185,16 @@ class LawInC:
             f"struct {self.name}_memory *memory, {self.real} u[{m}])"
         )
 
+    @property
+    def _further_declarations(self) -> list[str]:
+        """Lines of the header for further functions."""
+        return []
+
+    @property
+    def _further_functions(self) -> Mapping[str, Function]:
+        """Functions of the memory alone that further ones call, by their declarations."""
+        return {}
+
     def _step_body(self, law: Function) -> list[str]:
         """Lines of ``NAME_step``."""
         arguments = [parameter.name for parameter in law.parameters]
@@ -154,16 +202,18 @@ class LawInC:
         if law.needs_memory:
             arguments.append("memory")
         lines += [f"{law.name}({', '.join(arguments)});", "memory->begun = 1;"]
+        return [*(INDENT + line for line in lines), *self._answer("memory->")]
+
+    def _answer(self, place: str) -> list[str]:
+        """Lines that return what ``NAME_step`` does.
+
+        Args:
+            place: Code before the fields of the law's memory.
+        """
         finite = [f"isfinite(u[{i}])" for i in range(len(self.system.inputs))]
-        lines += ["if (memory->undefined != 0) {", f"{INDENT}return {UNDEFINED_LAW};", "}"]
+        lines = [f"if ({place}undefined != 0) {{", f"{INDENT}return {UNDEFINED_LAW};", "}"]
         lines += [f"return {' && '.join(finite)} ? 0 : {UNDEFINED_INPUT};"]
         return [INDENT + line for line in lines]
-
-    def _signals(self) -> str:
-        """Names and units of states and inputs."""
-        states = [f"x[{i}] {s.name} [{s.unit}]" for i, s in enumerate(self.system.states)]
-        inputs = [f"u[{i}] {s.name} [{s.unit}]" for i, s in enumerate(self.system.inputs)]
-        return f"It reads {', '.join(states)} and writes {', '.join(inputs)}."
 
     def _head(self) -> list[str]:
         """Head comment."""
@@ -171,6 +221,12 @@ class LawInC:
         for paragraph in self.about:
             lines += comment(paragraph)
         return lines
+
+
+def listed(array: str, signals: Sequence[Any]) -> str:
+    """Return names and units of the entries of an array."""
+    places = [f"{array}[{i}] {signal.name} [{signal.unit}]" for i, signal in enumerate(signals)]
+    return ", ".join(places)
 
 
 def by_period(period: float) -> Any:

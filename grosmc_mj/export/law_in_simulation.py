@@ -13,6 +13,7 @@ from numba.core import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.jitable import compiled_as, jitable
@@ -56,15 +57,20 @@ def _law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     numbers = pack(memory)
     state = np.ascontiguousarray(x, float)
     _STEP(int(memory.step))(t, state.ctypes.data, numbers.ctypes.data, u.ctypes.data)
+    unpack(numbers, memory)
+
+
+def unpack(numbers: Array, memory: Any) -> None:
+    """Write numbers, flat as ``pack`` gives them, into the fields of a law's memory."""
     place = 0
     for item in fields(memory):
-        size = np.size(getattr(memory, item.name))
-        values = numbers[place : place + size]
-        if np.ndim(getattr(memory, item.name)):
-            getattr(memory, item.name).ravel()[:] = values
+        member = getattr(memory, item.name)
+        values = numbers[place : place + np.size(member)]
+        if np.ndim(member):
+            member.ravel()[:] = values
         else:
             setattr(memory, item.name, float(values[0]))
-        place += size
+        place += np.size(member)
 
 
 compiled_as(_law, jitable(_compiled_law))

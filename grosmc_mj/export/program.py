@@ -84,6 +84,17 @@ class Program:
         self._tables[key] = name, text
         return Array(name, values.shape, constant=True)
 
+    def root(self, function: FunctionType, arguments: Sequence[Any]) -> Function:
+        """Return the C of a function that no other one calls.
+
+        Raises:
+            ExportError: If it has no C.
+        """
+        try:
+            return self.function(function, arguments, {})
+        except UnknownIndexError as error:
+            raise error.refusal from None
+
     def function(
         self, function: FunctionType, arguments: Sequence[Any], named: Mapping[str, Any]
     ) -> Function:
@@ -129,10 +140,7 @@ class Program:
             writer.begin()
             writer.widening = writing >= _BEFORE_WIDENING
             parameters = self._parameters(writer, function, values)
-            try:
-                writer.block(body)
-            except UnknownIndexError as error:
-                writer.refuse(error.node, "the index must be known: write a loop over range(...)")
+            writer.block(body)
             if not writer.changed:
                 break
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +16,13 @@ from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.law_in_simulation import controller_in_c
+from grosmc_mj.export.loop import LoopInC
+from grosmc_mj.export.loop_in_simulation import run_in_loop
+from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.sweep.family import family_of, random_points
@@ -25,6 +30,8 @@ from grosmc_mj.sweep.parameters import plant_of, with_values
 
 # Random plants of a batch: the trajectories of all of them are in memory.
 _BATCH = 25
+# Random plants of a law with its loop, which runs in the Python engine.
+RANDOM_LOOPS = 5
 _SEED = 1
 
 
@@ -131,10 +138,14 @@ class Proof:
         shape = (-1, len(inputs))
         difference = np.abs(python.command - in_c.command)[rows].reshape(shape)
         row, column = np.unravel_index(np.nanargmax(difference), difference.shape)
+        time = float(python.time[rows][row])
         value = float(difference[row, column])
-        if self.largest is None or value > self.largest.value:
-            time = float(python.time[rows][row])
-            self.largest = Difference(value, inputs[int(column)].unit, time, place)
+        self.note(Difference(value, inputs[int(column)].unit, time, place))
+
+    def note(self, difference: Difference) -> None:
+        """Keep a difference if it is the largest so far."""
+        if self.largest is None or difference.value > self.largest.value:
+            self.largest = difference
 
 
 def _unequal(a: Array, b: Array) -> Any:
@@ -189,6 +200,82 @@ def prove(
     return proof
 
 
+def prove_loop(
+    experiment: Experiment,
+    law: LoopInC,
+    compiled: CompiledLaw,
+    plants: int = RANDOM_LOOPS,
+    advance: Callable[[str, int], None] = lambda text, by: None,
+) -> Proof:
+    """Run an exported law with its loop beside the Python law in its loop.
+
+    It runs in the Python engine, where the C gets what is measured in place of the state that
+    the Python software has estimated.
+
+    Args:
+        experiment: The case.
+        law: The export.
+        compiled: The same, compiled.
+        plants: Number of random plants.
+        advance: Told the progress: text and number of runs.
+
+    Returns:
+        The comparison, without verdicts: equal runs have equal ones.
+    """
+    proof = Proof()
+    for name in experiment.plant_names:
+        _compare_in_loop(proof, experiment, experiment.plant(name), law, compiled, name)
+        proof.runs += 1
+        advance(f"{law.controller.name} on {name}", 1)
+
+    uncertain = uncertain_experiment(experiment)
+    if uncertain is None or not plants:
+        return proof
+    cases, true_plants = _random_plants(uncertain, 0, plants)
+    for case, plant in zip(cases, true_plants, strict=True):
+        # The loop is the exported one: its numbers stand in the C.
+        case = replace(case, loop=experiment.loop, known_loop=experiment.known_loop)
+        proof.random_plants += 1
+        place = f"random plant {proof.random_plants}"
+        _compare_in_loop(proof, case, plant, law, compiled, place)
+        advance(f"{law.controller.name} on random plants", 1)
+    return proof
+
+
+def _compare_in_loop(
+    proof: Proof, case: Case, plant: Plant, law: LoopInC, compiled: CompiledLaw, place: str
+) -> None:
+    """Compare the runs of a law and of its export on one plant of a case."""
+    settings = case.settings
+    problem, _ = prepare(
+        plant,
+        law.controller,
+        case.x0,
+        loop=law.loop,
+        duration=case.duration,
+        control_period=settings.control_period,
+        timestep=settings.timestep,
+        disturbances=list(case.disturbances),
+    )
+    with np.errstate(all="ignore"), warnings_counted_only():
+        python = run_python(problem)
+        in_c = run_in_loop(problem, law, compiled)
+
+    rows = min(int(python.valid[0]), int(in_c.valid[0]))
+    unequal = _unequal(python.rows[0, :rows], in_c.rows[0, :rows])
+    proof.samples += rows // problem.stride
+    proof.different += -(-int(unequal.sum()) // problem.stride)
+    if python.status[0] != in_c.status[0] or python.valid[0] != in_c.valid[0]:
+        proof.different += 1
+    if unequal.any():
+        columns = problem.columns["command"]
+        commands = np.abs(python.rows[0, :rows, columns] - in_c.rows[0, :rows, columns])
+        row, column = np.unravel_index(np.nanargmax(commands), commands.shape)
+        unit = problem.system.inputs[int(column)].unit
+        time = float((row - 1) * problem.timestep)
+        proof.note(Difference(float(commands[row, column]), unit, time, place))
+
+
 def uncertain_experiment(experiment: Experiment) -> Experiment | None:
     """Return the experiment whose ``[[uncertain]]`` tables random plants are drawn from.
 
@@ -216,14 +303,7 @@ def _random_runs(
     uncertain = uncertain_experiment(experiment)
     if uncertain is None:
         return
-    truest = uncertain.nominal.truest
-    nominal = uncertain.plant(truest)
-    family = family_of(uncertain.file, uncertain, nominal)
-    points = random_points(len(family.quantities), _SEED, first, count)
-    rows = family.values(points).tolist()
-    cases = [with_values(uncertain, zip(family.quantities, row, strict=True)) for row in rows]
-    true_plants = [plant_of(case, nominal) for case in cases]
-
+    cases, true_plants = _random_plants(uncertain, first, count)
     batches = []
     for controller in controllers:
         loops = []
@@ -232,6 +312,18 @@ def _random_runs(
         batches.append(_simulated(uncertain, cases, true_plants, controller, loops))
     for number in range(count):
         yield batches[0][number], batches[1][number]
+
+
+def _random_plants(
+    uncertain: Experiment, first: int, count: int
+) -> tuple[list[Experiment], list[Plant]]:
+    """Random cases of an experiment with ``[[uncertain]]`` tables, and their plants."""
+    nominal = uncertain.plant(uncertain.nominal.truest)
+    family = family_of(uncertain.file, uncertain, nominal)
+    points = random_points(len(family.quantities), _SEED, first, count)
+    rows = family.values(points).tolist()
+    cases = [with_values(uncertain, zip(family.quantities, row, strict=True)) for row in rows]
+    return cases, [plant_of(case, nominal) for case in cases]
 
 
 def _loop_around(experiment: Experiment, case: Case, controller: Controller, run: int) -> Any:

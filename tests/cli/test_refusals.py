@@ -18,7 +18,7 @@ from grosmc_mj.experiments.file.text import complete_text
 
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
-    ("frobnicate", "validate, claims, study, identify, compare, report, diff, list"),
+    ("frobnicate", "validate, claims, study, identify, compare, export, report, diff, list"),
     ("doctor", "unknown command 'doctor': valid: new, run, campaign, film, view"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
@@ -42,6 +42,11 @@ REFUSALS = [
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
     ("claims premises arm --laws grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
+    ("export servo --law mpc", "controller mpc: unknown law 'mpc': valid: lqr, fl-lqr, grosmc"),
+    ("export servo", "--law"),
+    ("export servo --law lqr --plants -1", "--plants -1 must not be below 0"),
+    ("export servo/case1 --law lqr --loop", "--loop: the case has no loop"),
+    ("export jaco/eight --law grosmc", "MuJoCo computes M(q) of jaco_arm at every sample"),
     ("claims self-test", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("study switching", "unknown command 'switching': valid: region, tolerance, ladder, margins"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -33,6 +33,9 @@ class ExportCommand(Command):
     equal to the last bit, or the largest difference is told, and the verdicts under both. Without a
     compiler the C is not proven, and says so.
 
+    With --loop the C has the estimators, the filter and the prediction of the case's loop too, and
+    gets what is measured.
+
     Exit code: 0 if no verdict differs, or without a compiler; 1 if one differs, or if in double
     precision a bit does; 2 if the law has no C.
 
@@ -40,6 +43,7 @@ class ExportCommand(Command):
         target: A system, of which it is case1, a case (SYSTEM/CASE) or a case file (FILE.toml).
         law: A law that grosmc-mj list shows, or a law of the file.
         float32: In single precision; the proof tells what that changes.
+        loop: With the software of the case's loop.
         plants: Number of random plants.
         out: Folder for the files.
     """
@@ -48,7 +52,11 @@ class ExportCommand(Command):
     _: KW_ONLY
     law: Annotated[str, Parameter(metavar="NAME")]
     float32: Flag = False
-    plants: WholeNumber = 1000
+    loop: Flag = False
+    plants: Annotated[
+        WholeNumber | None,
+        Parameter(show_default="1000, with --loop 5"),
+    ] = None
     out: Out = Path("renders")
 
     def execute(self) -> int:
@@ -56,7 +64,7 @@ class ExportCommand(Command):
         from grosmc_mj.export.answer import NOT_PROVEN, about, export_document
         from grosmc_mj.export.compiler import write_law
 
-        if self.plants < 0:
+        if self.plants is not None and self.plants < 0:
             raise ArgumentError(f"--plants {self.plants} must not be below 0")
         experiment = shown_experiment(self.target)
         law = self._exported(experiment)
@@ -80,18 +88,25 @@ class ExportCommand(Command):
         """
         from grosmc_mj.export.c_text import c_name
         from grosmc_mj.export.law import LawInC
+        from grosmc_mj.export.loop import LoopInC
         from grosmc_mj.files import name_in_files
 
         controller = experiment.law(experiment.nominal.truest, self.law)
         name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"
         letters = [letter if letter.isalnum() else "_" for letter in name]
-        law = LawInC(
-            controller=controller,
-            name=c_name("".join(letters)),
-            system=experiment.nominal.system,
-            period=experiment.settings.control_period,
-            real="float" if self.float32 else "double",
-        )
+        common: Any = {
+            "controller": controller,
+            "name": c_name("".join(letters)),
+            "system": experiment.nominal.system,
+            "period": experiment.settings.control_period,
+            "real": "float" if self.float32 else "double",
+        }
+        law = LawInC(**common)
+        if self.loop:
+            applied = experiment.applied_loop(experiment.nominal.truest, self.law)
+            if applied is None:
+                raise ArgumentError(f"{experiment.path}: --loop: the case has no loop")
+            law = LoopInC(**common, loop=applied)
         # What has no C is refused before anything runs.
         _ = law.source
         return law
@@ -99,16 +114,23 @@ class ExportCommand(Command):
     def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
         """Run the law beside the Python law; None without a compiler."""
         from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
-        from grosmc_mj.export.proof import prove, uncertain_experiment
+        from grosmc_mj.export.loop import LoopInC
+        from grosmc_mj.export.proof import RANDOM_LOOPS, prove, prove_loop, uncertain_experiment
 
         compiler = find_compiler()
         if compiler is None:
             return None
-        plants = self.plants if uncertain_experiment(experiment) is not None else 0
+        plants = self.plants
+        if plants is None:
+            plants = RANDOM_LOOPS if self.loop else 1000
+        if uncertain_experiment(experiment) is None:
+            plants = 0
         with tempfile.TemporaryDirectory() as folder:
             write_law(law, Path(folder))
             compiled = compile_law(law, Path(folder), compiler)
             with screen.progress(len(experiment.plant_names) + plants) as advance:
+                if isinstance(law, LoopInC):
+                    return prove_loop(experiment, law, compiled, plants, advance)
                 return prove(experiment, law.controller, compiled, plants, advance)
 
 

@@ -1,0 +1,104 @@
+"""A law with the software of its loop as C: equal to Python's estimators and prediction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from test_export import COMPILER, compiled, needs_compiler
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.export.loop import LoopInC
+from grosmc_mj.export.proof import prove_loop
+from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
+
+ANGLE = Sensor(of="rotor angle", resolution=1.534e-3)
+SLOW = Sensor(of="rotor angle", resolution=1.534e-3, period=3e-3)
+NOISY = Sensor(of="rotor angle", noise=1e-3)
+LATE = Sensor(of="rotor angle", resolution=1e-3, delay=2e-3)
+JITTER = Computing(delay=1e-3, jitter=1e-3, missed=0.1)
+SPEED = ("rotor speed",)
+
+LOOPS = {
+    "difference": Loop(sensors=(ANGLE,)),
+    "slow sensor": Loop(sensors=(SLOW,)),
+    "filtered": Loop(
+        sensors=(ANGLE,), estimators=(Estimator(of=SPEED, law="filtered", time_constant=0.01),)
+    ),
+    "levant": Loop(sensors=(ANGLE,), estimators=(Estimator(of=SPEED, law="levant", slope=100),)),
+    "high-gain": Loop(
+        sensors=(ANGLE,),
+        estimators=(Estimator(of=SPEED, law="high-gain", bandwidth=100, settled=False),),
+    ),
+    "eso": Loop(
+        computing=JITTER,
+        sensors=(ANGLE,),
+        estimators=(Estimator(of=SPEED, law="eso", bandwidth=100),),
+    ),
+    "kalman": Loop(
+        computing=JITTER,
+        sensors=(NOISY,),
+        estimators=(Estimator(of=("rotor angle", "rotor speed"), law="kalman", load=1.0),),
+    ),
+    "delay": Loop(
+        computing=JITTER, sensors=(LATE, Sensor(of="rotor speed", delay=2e-3, noise=1e-3))
+    ),
+    "limit": Loop(sensors=(ANGLE,), actuators=(Actuator(of="current", limit=1.0, delay=2e-3),)),
+}
+
+
+def law_in(name: str, *, predict: bool, law: str = "grosmc") -> tuple[Experiment, LoopInC]:
+    """The law in a loop on the servo, for a run of 0.3 s, with its experiment."""
+    experiment = Experiment.load("servo/case1").varied(duration=0.3)
+    experiment = replace(experiment.with_settings(control_period=2e-3), loop=LOOPS[name])
+    controller = experiment.law("physics", law)
+    loop = experiment.loop_around(controller, LOOPS[name], predict=predict)
+    return experiment, LoopInC(
+        controller,
+        "law_in_c",
+        experiment.nominal.system,
+        experiment.settings.control_period,
+        loop=loop,
+    )
+
+
+@needs_compiler
+@pytest.mark.parametrize("predict", [False, True])
+@pytest.mark.parametrize("name", LOOPS)
+def test_software_in_c_is_the_python_one_to_the_last_bit(
+    name: str, predict: bool, tmp_path: Path
+) -> None:
+    experiment, law = law_in(name, predict=predict)
+    proof = prove_loop(experiment, law, compiled(law, tmp_path, COMPILER), plants=0)
+    assert proof.equal, proof.words
+    assert proof.samples == 300
+
+
+@needs_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["sign", "implicit, predicted"])
+def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> None:
+    experiment = Experiment.load("two_link_arm/bench").varied(duration=0.3)
+    loop = experiment.applied_loop("physics", law)
+    assert loop is not None
+    in_c = LoopInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)
+    proof = prove_loop(experiment, in_c, compiled(in_c, tmp_path), plants=1)
+    assert proof.equal, proof.words
+
+
+def test_the_step_takes_the_signals_that_are_needed() -> None:
+    _, law = law_in("eso", predict=False)
+    assert law.measured == [0]
+    assert "y[0] rotor angle [rad]" in " ".join(law.header.split())
+    _, ideal = law_in("limit", predict=False, law="lqr")
+    assert ideal.measured == [0]
+
+
+@needs_compiler
+def test_a_wrong_number_of_the_software_is_noticed(tmp_path: Path) -> None:
+    experiment, law = law_in("filtered", predict=False)
+    _, other = law_in("difference", predict=False)
+    # The C of another estimator: the comparison can fail.
+    proof = prove_loop(experiment, law, compiled(other, tmp_path), plants=0)
+    assert not proof.equal
