@@ -210,6 +210,8 @@ class Sensitivity:
             return f"the injection has less than {_PERIODS} periods of the crossover frequency"
 
         crossover = self.margins.crossover
+        if np.isnan(crossover) and not np.all(self.counting):
+            return "the runs differ too much at the crossover frequency"
         near = np.abs(np.log(self.multisine.frequencies / crossover)) < np.log(_NEAR)
         if not np.any(near):
             near = self.counting
