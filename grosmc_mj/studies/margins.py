@@ -24,7 +24,7 @@ from grosmc_mj.machine import MachinePart
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.margins.chatter import Chatter, chatter
 from grosmc_mj.margins.frequency_response import Margins, interpolated
-from grosmc_mj.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
+from grosmc_mj.margins.sensitivity import FEWEST, LEAVES, REALIZATIONS, Place, RunningLoop
 from grosmc_mj.margins.task import Task, TaskMargin
 from grosmc_mj.margins.together import disk_together
 from grosmc_mj.margins.trust import measure_with_tests
@@ -543,7 +543,8 @@ def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str
 
     levels = row.at(shown)
     worst = min(levels, key=lambda level: level.margins.disk)
-    margins, errors = worst.margins, worst.errors
+    margins = worst.margins
+    errors = worst.errors
     mark = "" if shown == shared else "*"
     cells = [
         _with_error(1e3 * margins.delay, 1e3 * errors.delay) + mark,
@@ -567,15 +568,22 @@ def _with_error(value: float, error: float) -> str:
 
 
 def together(levels: Sequence[Level]) -> float | None:
-    """Return the disk margin of all inputs at once; None if their lines differ.
+    """Return the disk margin of all inputs at once; None if they have too few lines in common.
 
     Args:
         levels: S at each input, at one amplitude.
     """
-    first = levels[0].frequency
-    if any(level.frequency != first for level in levels):
+    common = set(levels[0].frequency)
+    for level in levels:
+        common &= set(level.frequency)
+    if len(common) < FEWEST:
         return None
-    return disk_together(np.stack([level.column for level in levels], axis=2))
+
+    columns = []
+    for level in levels:
+        shared = [frequency in common for frequency in level.frequency]
+        columns.append(level.column[shared])
+    return disk_together(np.stack(columns, axis=2))
 
 
 def notes(rows: Sequence[LawMargins]) -> list[str]:
@@ -597,7 +605,8 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
     if row.chatter is not None and row.chatter.at_rest:
         yield "chatters at rest; S tells how it answers slow signals"
     elif row.chatter is not None:
-        gain, delay = row.chatter.gain, row.chatter.delay
+        gain = row.chatter.gain
+        delay = row.chatter.delay
         begins = [f"gain {number(gain)}"] if math.isfinite(gain) else []
         begins += [f"delay {number(1e3 * delay)} ms"] if math.isfinite(delay) else []
         yield f"begins to chatter at {', '.join(begins)}" if begins else "does not chatter"
@@ -642,7 +651,10 @@ def task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
 def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
     """Return Bode and Nyquist plots of L at the first input, and the delay over amplitude."""
     shared = shared_level(rows)
-    gains, phases, nyquist, delays = [], [], [], []
+    gains: list[Series] = []
+    phases: list[Series] = []
+    nyquist: list[Series] = []
+    delays: list[Series] = []
     smallest: tuple[float, str] = (2.0, "")
     for row in rows:
         shown = _shown(row, shared)
@@ -698,8 +710,8 @@ def _disk(disk: float, law: str) -> Series:
     circle = disk * np.exp(1j * np.linspace(0, 2 * np.pi, 181)) / 2
     excluded = -(1 - circle) / (1 + circle)
     inside = excluded[np.abs(excluded) < _NYQUIST]
-    x, y = inside.real.tolist(), inside.imag.tolist()
-    return Series(name=f"disk {number(disk)} ({law})", x=x, y=y)
+    name = f"disk {number(disk)} ({law})"
+    return Series(name=name, x=inside.real.tolist(), y=inside.imag.tolist())
 
 
 def sheets(studied: MarginStudy, rows: Sequence[LawMargins]) -> list[ReportTable]:

@@ -199,6 +199,21 @@ def test_a_margin_is_shown_with_the_case_that_decides(kind: str, failed: float, 
     assert words in cells[1:4]
 
 
+def test_inputs_that_do_not_meet_have_the_least_of_their_disk_margins_together() -> None:
+    """Only lines that count at both inputs are taken."""
+    slow = level(0)
+    fast = level(0, gain=30.0)
+    zeros = [0.0] * len(FREQUENCY)
+    first = {"real": np.stack([np.ravel(slow.real), zeros], axis=1).tolist()}
+    first |= {"imaginary": np.stack([np.ravel(slow.imaginary), zeros], axis=1).tolist()}
+    second = {"real": np.stack([zeros, np.ravel(fast.real)], axis=1).tolist()[3:]}
+    second |= {"imaginary": np.stack([zeros, np.ravel(fast.imaginary)], axis=1).tolist()[3:]}
+    second |= {"frequency": FREQUENCY.tolist()[3:]}
+    both = [slow.model_copy(update=first), fast.model_copy(update=second)]
+    assert study.together(both) == pytest.approx(2.0, rel=0.01)
+    assert study.together([both[0], both[1].model_copy(update={"frequency": []})]) is None
+
+
 def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
     """A gain from (2 - a)/(2 + a) to (2 + a)/(2 - a) is allowed."""
     disk = study._disk(0.5, "law")
