@@ -38,7 +38,7 @@ _NOTHING = 1e-9
 _NEAR = 3.0
 # Periods of the crossover frequency in a period of the multisine, and lines, at least.
 _PERIODS = 6
-_FEWEST = 8
+FEWEST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class Sensitivity:
     @property
     def usable(self) -> bool:
         """Whether all runs reached their end, and enough lines count."""
-        return not self.ended and int(np.count_nonzero(self.counting)) >= _FEWEST
+        return not self.ended and int(np.count_nonzero(self.counting)) >= FEWEST
 
     @property
     def margins(self) -> Margins:
@@ -210,6 +210,8 @@ class Sensitivity:
             return f"the injection has less than {_PERIODS} periods of the crossover frequency"
 
         crossover = self.margins.crossover
+        if np.isnan(crossover) and not np.all(self.counting):
+            return "the runs differ too much at the crossover frequency"
         near = np.abs(np.log(self.multisine.frequencies / crossover)) < np.log(_NEAR)
         if not np.any(near):
             near = self.counting

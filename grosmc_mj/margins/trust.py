@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from grosmc_mj.margins.frequency_response import Margins
@@ -16,21 +14,9 @@ _LONGEST = 4
 _AGREES = 0.25
 
 
-class Measurement(NamedTuple):
-    """S at one amplitude.
-
-    Attributes:
-        sensitivity: The measurement.
-        doubt: Reason why its margins cannot be trusted; empty if they can.
-    """
-
-    sensitivity: Sensitivity
-    doubt: str
-
-
 def measure_with_tests(
     loop: RunningLoop, place: Place, period: float, rms: float, seed: int = 0
-) -> Measurement:
+) -> tuple[Sensitivity, str]:
     """Measure S, for a longer period if the loop is slow, and again with half the amplitude.
 
     Args:
@@ -39,6 +25,9 @@ def measure_with_tests(
         period: Period of the multisine [s].
         rms: Size of the injection, in the unit of the place.
         seed: Seed of the phases.
+
+    Returns:
+        The measurement, and the reason why its margins cannot be trusted; empty if they can.
 
     Raises:
         ArgumentError: If the loop has no such place, or the period is too short for lines.
@@ -53,14 +42,16 @@ def measure_with_tests(
     if not doubt:
         half = measure(loop, place, signal, rms / 2, seed=seed)
         doubt = _disagreement(measured.margins, half.margins)
-    return Measurement(measured, doubt)
+    return measured, doubt
 
 
 def _disagreement(margins: Margins, half: Margins) -> str:
     """How the margins at half the amplitude differ; empty if they agree."""
-    whole, other = margins.delay, half.delay
-    if np.isinf(whole) and np.isinf(other):
-        whole, other = margins.disk, half.disk
+    whole = margins.delay
+    other = half.delay
+    if np.isinf(whole) or np.isinf(other):
+        whole = margins.disk
+        other = half.disk
     if abs(other - whole) <= _AGREES * whole:
         return ""
     return f"half the amplitude gives {other / whole:.2g} times the margin"

@@ -23,7 +23,7 @@ from grosmc_mj.machine import MachinePart
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.margins.chatter import Chatter, chatter
 from grosmc_mj.margins.frequency_response import Margins, interpolated
-from grosmc_mj.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
+from grosmc_mj.margins.sensitivity import FEWEST, LEAVES, REALIZATIONS, Place, RunningLoop
 from grosmc_mj.margins.task import Task, TaskMargin
 from grosmc_mj.margins.together import disk_together
 from grosmc_mj.margins.trust import measure_with_tests
@@ -39,7 +39,7 @@ from grosmc_mj.results.result import (
     finite,
     result,
 )
-from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.results.tables import Table, names, number, numbers, phrases, table, words
 from grosmc_mj.simulation.disturbances import Table as Injected
 from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import (
@@ -67,8 +67,9 @@ LEGEND = (
     "gain down, gain up, delay: the largest change with which the task is kept, and the case that "
     "decides. The others by S at the plant's input; ±: standard error. ≥: nothing more was tried."
 )
-# |L| up to which a Nyquist plot goes, and its points.
+# |L| up to which a Nyquist plot goes, and from which a Bode plot begins.
 _NYQUIST = 3.0
+_LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,7 +276,7 @@ def margin_study(
 
     largest = number_in(injection, case.nominal.system.inputs[0].unit) if injection else 0.0
     seconds = number_in(period, "s") if period else 0.0
-    if largest < 0 or seconds < 0:
+    if (injection and largest <= 0) or (period and seconds <= 0):
         raise ArgumentError("--injection and --period must be positive")
     return MarginStudy(target, setups, largest, seconds)
 
@@ -483,12 +484,12 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
         title += f", and S at {', '.join(sizes)} rms"
 
     several = len(setup.case.nominal.system.inputs) > 1
-    columns = [
-        *names("law"),
-        *words(GAIN_DOWN, GAIN_UP, DELAY),
-        *numbers("delay\nby S", "phase", "disk", *(["disk,\ntogether"] if several else [])),
-        *numbers("band-\nwidth"),
-    ]
+    columns = [*names("law"), *numbers(GAIN_DOWN, GAIN_UP, "delay\n[ms]")]
+    columns += numbers("delay by\nS [ms]", "phase\n[°]", "disk")
+    if several:
+        columns += numbers("disk,\ntogether")
+    columns += numbers("bandwidth\n[Hz]")
+
     cells = []
     for row in rows:
         law = row.law
@@ -510,20 +511,27 @@ def worst_of_task(row: LawMargins, kind: str) -> TaskMargin | None:
 
 
 def _task_text(setup: Setup, row: LawMargins, kind: str) -> str:
+    """The least margin of a kind, with the condition that decides if it is not the first one."""
     worst = worst_of_task(row, kind)
     if worst is None:
         return "-"
-    unbounded = math.isinf(worst.failed)
-    text = number(worst.kept)
-    if kind == DELAY:
-        text = f"{number(1e3 * worst.kept)} ms"
-    if kind == GAIN_DOWN:
-        text = f"1/{text}"
-    if unbounded:
-        return f"{'≤' if kind == GAIN_DOWN else '≥'}{text}"
-    if worst.condition != setup.conditions[0].name:
+    text = _change_text(worst)
+    if math.isfinite(worst.failed) and worst.condition != setup.conditions[0].name:
         text += f" {worst.condition}"
     return text
+
+
+def _change_text(margin: TaskMargin) -> str:
+    """The largest change that is kept: a factor, or milliseconds."""
+    if margin.kind == GAIN_DOWN:
+        text = f"1/{number(margin.kept)}"
+    elif margin.kind == DELAY:
+        text = number(1e3 * margin.kept)
+    else:
+        text = number(margin.kept)
+    if math.isfinite(margin.failed):
+        return text
+    return f"≤{text}" if margin.kind == GAIN_DOWN else f"≥{text}"
 
 
 def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str]:
@@ -535,21 +543,24 @@ def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str
 
     levels = row.at(shown)
     worst = min(levels, key=lambda level: level.margins.disk)
-    margins, errors = worst.margins, worst.errors
+    margins = worst.margins
+    errors = worst.errors
     mark = "" if shown == shared else "*"
     cells = [
-        f"{_with_error(1e3 * margins.delay, 1e3 * errors.delay)} ms{mark}",
-        f"{number(margins.phase)}°",
+        _with_error(1e3 * margins.delay, 1e3 * errors.delay) + mark,
+        _with_error(margins.phase, 0.0),
         _with_error(margins.disk, errors.disk),
     ]
     if several:
         cells.append(number(together(levels)))
-    return [*cells, f"{number(margins.bandwidth)} Hz"]
+    return [*cells, number(finite(margins.bandwidth))]
 
 
 def _with_error(value: float, error: float) -> str:
     """A number with its standard error, if that is more than half a percent of it."""
-    if not math.isfinite(value):
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
         return "∞"
     if not error > 0.005 * value:
         return number(value)
@@ -557,15 +568,22 @@ def _with_error(value: float, error: float) -> str:
 
 
 def together(levels: Sequence[Level]) -> float | None:
-    """Return the disk margin of all inputs at once; None if their lines differ.
+    """Return the disk margin of all inputs at once; None if they have too few lines in common.
 
     Args:
         levels: S at each input, at one amplitude.
     """
-    first = levels[0].frequency
-    if any(level.frequency != first for level in levels):
+    common = set(levels[0].frequency)
+    for level in levels:
+        common &= set(level.frequency)
+    if len(common) < FEWEST:
         return None
-    return disk_together(np.stack([level.column for level in levels], axis=2))
+
+    columns = []
+    for level in levels:
+        shared = [frequency in common for frequency in level.frequency]
+        columns.append(level.column[shared])
+    return disk_together(np.stack(columns, axis=2))
 
 
 def notes(rows: Sequence[LawMargins]) -> list[str]:
@@ -578,7 +596,7 @@ def notes(rows: Sequence[LawMargins]) -> list[str]:
     for row in rows:
         for note in _notes_of(row):
             laws.setdefault(note, []).append(row.law)
-    return [f"{', '.join(names)}: {note}" for note, names in laws.items()]
+    return [f"{'; '.join(names)}: {note}" for note, names in laws.items()]
 
 
 def _notes_of(row: LawMargins) -> Iterator[str]:
@@ -587,7 +605,8 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
     if row.chatter is not None and row.chatter.at_rest:
         yield "chatters at rest; S tells how it answers slow signals"
     elif row.chatter is not None:
-        gain, delay = row.chatter.gain, row.chatter.delay
+        gain = row.chatter.gain
+        delay = row.chatter.delay
         begins = [f"gain {number(gain)}"] if math.isfinite(gain) else []
         begins += [f"delay {number(1e3 * delay)} ms"] if math.isfinite(delay) else []
         yield f"begins to chatter at {', '.join(begins)}" if begins else "does not chatter"
@@ -598,11 +617,11 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
 
 def level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     """Return the margins by S at every place and amplitude."""
+    quantities = ("gain down", "gain up", "phase [°]", "delay [ms]", "modulus", "disk")
     columns = [
-        *names("law", "injected at"),
-        *numbers("rms", "gain down", "gain up", "phase [°]", "delay [ms]", "modulus", "disk"),
-        *numbers("crossover [Hz]", "bandwidth [Hz]"),
-        *text("not trustworthy, because"),
+        *words("law", "injected at"),
+        *numbers("rms", *quantities, "crossover [Hz]", "bandwidth [Hz]"),
+        *phrases("not trustworthy, because"),
     ]
     cells = []
     for row in rows:
@@ -621,7 +640,7 @@ def task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     cells = []
     for row in rows:
         for margin in row.task:
-            kept = _task_text(setup, row.model_copy(update={"task": [margin]}), margin.kind)
+            kept = _change_text(margin)
             cells.append([row.law, margin.condition, margin.kind, kept, margin.breaks])
         for condition, breaks in row.refused.items():
             cells.append([row.law, condition, "as it is", "not kept", breaks])
@@ -632,7 +651,10 @@ def task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
 def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
     """Return Bode and Nyquist plots of L at the first input, and the delay over amplitude."""
     shared = shared_level(rows)
-    gains, phases, nyquist, delays = [], [], [], []
+    gains: list[Series] = []
+    phases: list[Series] = []
+    nyquist: list[Series] = []
+    delays: list[Series] = []
     smallest: tuple[float, str] = (2.0, "")
     for row in rows:
         shown = _shown(row, shared)
@@ -642,9 +664,11 @@ def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
 
         level = row.at(shown)[0]
         loop = interpolated(level.frequency, level.column[:, level.index])
-        x = loop.frequency.tolist()
-        gains.append(Series(name=row.law, x=x, y=np.exp(loop.log_gain).tolist()))
-        phases.append(Series(name=row.law, x=x, y=np.degrees(loop.phase).tolist()))
+        seen = np.abs(loop.L) > _LEAST
+        x = loop.frequency[seen].tolist()
+        phase = np.mod(np.degrees(loop.phase[seen]), -360.0)
+        gains.append(Series(name=row.law, x=x, y=np.abs(loop.L)[seen].tolist()))
+        phases.append(Series(name=row.law, x=x, y=phase.tolist()))
         inside = loop.L[np.abs(loop.L) < _NYQUIST]
         nyquist.append(Series(name=row.law, x=inside.real.tolist(), y=inside.imag.tolist()))
         smallest = min(smallest, (level.margins.disk, row.law))
@@ -652,13 +676,14 @@ def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
     if smallest[1]:
         nyquist.append(_disk(*smallest))
     unit = setup.case.nominal.system.inputs[0].unit
+    frequency = "f [Hz]"
     return [
-        LineChart(name="gain", titles=("f [Hz]", "|L|"), lines=gains, limit=1.0),
-        LineChart(name="phase", titles=("f [Hz]", "phase of L [deg]"), lines=phases, limit=-180.0),
+        LineChart(name=f"{setup.name}: gain", titles=(frequency, "|L|"), lines=gains, limit=1.0),
+        LineChart(name="phase", titles=(frequency, "[deg]"), lines=phases, limit=-180.0),
         LineChart(name="Nyquist", titles=("Re L", "Im L"), lines=nyquist, equal=True),
         LineChart(
-            name="hollow: not trustworthy",
-            titles=(f"injected [{unit} rms]", "delay margin [ms]"),
+            name="delay margin; hollow: not trustworthy",
+            titles=(f"injected [{unit} rms]", "[ms]"),
             lines=delays,
         ),
     ]
@@ -673,7 +698,7 @@ def _delay_series(row: LawMargins) -> list[Series]:
     return [
         Series(
             name=row.law,
-            x=[level.rms for level in finite_levels],
+            x=[float(f"{level.rms:.3g}") for level in finite_levels],
             y=[1e3 * level.margins.delay for level in finite_levels],
             good=[not level.doubt for level in finite_levels],
         )
@@ -685,8 +710,8 @@ def _disk(disk: float, law: str) -> Series:
     circle = disk * np.exp(1j * np.linspace(0, 2 * np.pi, 181)) / 2
     excluded = -(1 - circle) / (1 + circle)
     inside = excluded[np.abs(excluded) < _NYQUIST]
-    x, y = inside.real.tolist(), inside.imag.tolist()
-    return Series(name=f"disk {number(disk)} ({law})", x=x, y=y)
+    name = f"disk {number(disk)} ({law})"
+    return Series(name=name, x=inside.real.tolist(), y=inside.imag.tolist())
 
 
 def sheets(studied: MarginStudy, rows: Sequence[LawMargins]) -> list[ReportTable]:
@@ -771,9 +796,14 @@ def _row_document(row: LawMargins) -> dict[str, Any]:
 
 
 def verdict(rows: Sequence[LawMargins]) -> str:
-    """Return one sentence: which law tolerates the least further delay, and where."""
-    delays = [(worst.kept, row) for row in rows if (worst := worst_of_task(row, DELAY))]
+    """Return one sentence about the last setup: the laws with the least and the largest delay."""
+    last = [row for row in rows if row.setup == rows[-1].setup]
+    delays = {row.law: worst.kept for row in last if (worst := worst_of_task(row, DELAY))}
     if not delays:
-        return "No law keeps its task."
-    least, row = min(delays, key=lambda pair: pair[0])
-    return f"{row.law} tolerates the least delay: {number(1e3 * least)} ms more ({row.setup})."
+        return f"{last[0].setup}: no law keeps its task."
+    least = min(delays, key=delays.__getitem__)
+    most = max(delays, key=delays.__getitem__)
+    sentence = f"{last[0].setup}: {least} tolerates {number(1e3 * delays[least])} ms more delay"
+    if most != least:
+        sentence += f", {most} {number(1e3 * delays[most])} ms"
+    return f"{sentence}."

@@ -21,6 +21,7 @@ from grosmc_mj.margins.frequency_response import Margins, margins_of
 from grosmc_mj.margins.multisine import multisine
 from grosmc_mj.margins.sensitivity import Place, RunningLoop, measure
 from grosmc_mj.margins.together import disk_together, scaled_norm
+from grosmc_mj.margins.trust import measure_with_tests
 from grosmc_mj.plants.affine import affine_plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.studies.studied import chosen_laws
@@ -39,6 +40,11 @@ RELAY_GAIN = 1.969
 def unity(t: float, x: Any, memory: Any, p: Any) -> float:
     """Unity feedback of the first state."""
     return -x[0]
+
+
+def saturated(t: float, x: Any, memory: Any, p: Any) -> float:
+    """Unity feedback of the first state within 0.5."""
+    return min(0.5, max(-0.5, -x[0]))
 
 
 def relay(t: float, x: Any, memory: Any, p: Any) -> float:
@@ -228,6 +234,32 @@ def test_a_relay_swings_with_the_frequency_of_its_locus() -> None:
     rising = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     instants = rising + x[rising] / (x[rising] - x[rising + 1])
     assert close(float(1 / (np.diff(instants).mean() * T)), RELAY_FREQUENCY)
+
+
+def test_a_run_without_injection_is_subtracted_where_the_reference_moves() -> None:
+    """Of a linear loop nothing is left of what moves it otherwise."""
+    still = measure(third_order(unity), Place("u"), multisine(10, T), 1.0, realizations=1)
+    moved = replace(third_order(unity), x0=np.array([5.0, 1.0, -2.0]), moving=True)
+    measured = measure(moved, Place("u"), multisine(10, T), 1.0, realizations=1)
+    assert measured.own[0] == pytest.approx(still.own[0], rel=1e-3)
+
+
+def test_a_slow_loop_gets_a_longer_period() -> None:
+    """Its crossover is at 0.284 Hz: six periods of it are 21 s."""
+    measured, doubt = measure_with_tests(third_order(unity), Place("u"), 8.0, 1.0)
+    assert measured.multisine.period == pytest.approx(32.0)
+    assert not doubt
+
+
+@pytest.mark.parametrize(("rms", "agrees"), [(0.05, True), (0.6, False), (1.5, False)])
+def test_an_amplitude_whose_half_gives_another_margin_is_not_trusted(
+    rms: float, agrees: bool
+) -> None:
+    """A saturated loop is slower the larger its signals are."""
+    place = Place("x1", output=True)
+    _, doubt = measure_with_tests(third_order(saturated), place, 40.0, rms)
+    assert bool(doubt) != agrees
+    assert agrees or "half the amplitude gives" in doubt
 
 
 def test_realizations_of_a_linear_loop_do_not_differ() -> None:
