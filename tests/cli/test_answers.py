@@ -225,7 +225,7 @@ def test_every_command_takes_verbose(command: type[Command]) -> None:
         ("", f"Usage: grosmc-mj {' '.join(COMMANDS)}"),
         ("validate", "TARGETS SYSTEM --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
-        ("study", "region tolerance ladder"),
+        ("study", "region tolerance ladder disturbance"),
     ],
 )
 def test_help_names_the_options(arguments: str, words: str, capsys: Screen) -> None:

@@ -44,7 +44,10 @@ REFUSALS = [
     ("study tolerance maglev", "there is no loop"),
     ("claims self-test", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
-    ("study switching", "unknown command 'switching': valid: region, tolerance, ladder"),
+    (
+        "study switching",
+        "unknown command 'switching': valid: region, tolerance, ladder, disturbance",
+    ),
     ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
     ("campaign out --plant 3 --runs 7", "--runs is not for --plant"),
     ("campaign out --plant 3 --laws lqr grosmc", "--laws lqr grosmc: name one, for --plant"),
@@ -65,7 +68,7 @@ REFUSALS = [
     ("run --target servo", "unknown option --target"),
     ("--version", "unknown option --version; for help: grosmc-mj --help"),
     ("study region servo --limits 1 x", "--limits"),
-    ("study", "missing: one of region, tolerance, ladder; for help: grosmc-mj study"),
+    ("study", "missing: one of region, tolerance, ladder, disturbance; for help: grosmc-mj study"),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
     # More frames, and more processes, than any memory holds.

@@ -35,6 +35,10 @@ STUDIES: Subcommands = {
         "study.ladder:LadderCommand",
         "Where does each law break between equations and machine?",
     ),
+    "disturbance": Entry(
+        "study.disturbance:DisturbanceCommand",
+        "Which disturbance within a bound is the worst for each law?",
+    ),
 }
 COMMANDS: Mapping[str, Entry | Subcommands] = {
     "new": Entry("new:NewCommand", "Write a case file to begin with, every key explained."),
