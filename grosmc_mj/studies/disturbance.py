@@ -27,6 +27,7 @@ from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
 from grosmc_mj.plants import System
+from grosmc_mj.requirements import KINDS
 from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.judging import of_laws
 from grosmc_mj.requirements.requirement import Requirement
@@ -397,19 +398,27 @@ class DisturbanceStudy:
         return nominal.truest
 
     def limits(self, law: str) -> tuple[Requirement, ...]:
-        """Return the requirements of a law that the disturbance is to miss.
-
-        Raises:
-            ArgumentError: If there is none.
-        """
+        """Return the requirements of a law that the disturbance is to miss."""
         limits = of_laws(self.experiment.limits, {law})
         if self.requirement:
-            require_known("requirement", self.requirement, {limit.key for limit in limits})
             return tuple(limit for limit in limits if limit.key == self.requirement)
-        chosen = tuple(limit for limit in limits if not limit.of_actuators)
-        if not chosen:
-            raise ArgumentError(f"{self.experiment.path}: nothing is required of {law}")
-        return chosen
+        return tuple(limit for limit in limits if not limit.of_actuators)
+
+    def with_required_laws(self, named: Sequence[str]) -> DisturbanceStudy:
+        """Return the study of the named laws, or else of those of which something is required.
+
+        Raises:
+            ArgumentError: If nothing is required of a named law, or of any.
+        """
+        required = [law for law in self.experiment.controllers if self.limits(law)]
+        for law in named or required[:1] or self.experiment.controllers[:1]:
+            if law not in required:
+                words = "nothing is required"
+                if self.requirement:
+                    words = f"{self.requirement} is not required"
+                raise ArgumentError(f"{self.experiment.path}: {words} of {law}")
+        experiment = self.experiment.with_laws(named or required)
+        return replace(self, disturbance=replace(self.disturbance, experiment=experiment))
 
     def shares(self, law: str, cases: Sequence[Case], plant: PlantName | None = None) -> Array:
         """Return the largest measured over allowed value of runs of cases, (n,)."""
@@ -600,7 +609,7 @@ class FinishedSearches:
         """Return the result of a law; None if it is missing or cannot be read."""
         try:
             text = self._path(law, largest=largest).read_text(encoding="utf-8")
-            return Found.model_validate_json(text)
+            return Found.model_validate(json.loads(text))
         except (OSError, ValueError):
             return None
 
@@ -611,7 +620,8 @@ class FinishedSearches:
             SetupError: If it cannot be written.
         """
         with atomic_write(self._path(found.law, largest=largest)) as part:
-            part.write_text(found.model_dump_json(), encoding="utf-8")
+            # Not by pydantic, which writes infinite numbers as null.
+            part.write_text(json.dumps(found.model_dump()), encoding="utf-8")
 
 
 # -- the answer ------------------------------------------------------------------------------------
@@ -649,10 +659,9 @@ def disturbance_study(
         raise ArgumentError(f"--pieces {pieces} must be from 2 to {_MOST_PIECES}")
     experiment = case_for(target, "bench").with_laws(laws)
     disturbance = bounded_disturbance(experiment, on, bound, axis=axis, slew=slew, starts=starts)
-    study = DisturbanceStudy(disturbance, requirement, pieces)
-    for law in experiment.controllers:
-        study.limits(law)
-    return study
+    if requirement:
+        require_known("requirement", requirement, [kind.key for kind in KINDS])
+    return DisturbanceStudy(disturbance, requirement, pieces).with_required_laws(laws)
 
 
 def configuration(study: DisturbanceStudy) -> dict[str, Any]:
@@ -683,7 +692,9 @@ def words_of(study: DisturbanceStudy, found: Found) -> str:
         f"({found.runs})"
     )
     if found.change > _AGREES:
-        line += f"; half the pieces differ by {100 * found.change:.0f} %"
+        line += f"; {found.pieces} pieces may be too few"
+    if found.largest:
+        line += f"; all is kept up to {found.largest[0]:.3g} {study.disturbance.unit}"
     return line
 
 

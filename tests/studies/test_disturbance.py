@@ -240,7 +240,10 @@ WRONG = {
     ("--on", "current", "--bound", "1 A", "--axis", "x"): "--axis x: current is no body",
     ("--on", "rotor", "--bound", "1 N m", "--start", "rotor angle"): 'write "STATE=BOUND"',
     ("--on", "rotor", "--bound", "1 N m", "--start", "angle=1 rad"): "angle",
-    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms_below"): "unknown requirement",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms"): "unknown requirement",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms_below"): (
+        "rms_below is not required of lqr"
+    ),
     ("--on", "rotor", "--bound", "1 N m", "--pieces", "1"): "--pieces 1 must be from 2 to 640",
     ("--on", "rotor", "--bound", "1 N m", "--laws", "pid"): "unknown law 'pid'",
 }
