@@ -686,9 +686,10 @@ def words_of(study: DisturbanceStudy, found: Found) -> str:
         return f"{found.law}: the run ends early; {found.runs} runs"
     compared, _ = study.disturbance.compared
     ratio = found.share / found.compared_share if found.compared_share > 0 else math.inf
+    switches = "1 switch" if found.switches == 1 else f"{found.switches} switches"
     line = (
         f"{found.law}: {found.share:.3g} of {found.requirement}, {ratio:.2g} times {compared}; "
-        f"{found.switches} switches; {found.runs} runs; telegraph {found.telegraph_share:.3g} "
+        f"{switches}; {found.runs} runs; telegraph {found.telegraph_share:.3g} "
         f"({found.runs})"
     )
     if found.change > _AGREES:
