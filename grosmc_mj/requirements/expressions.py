@@ -145,6 +145,8 @@ class Number(Expression):
         """Return a number with a unit."""
         if value == 0 and not unit:
             return cls(None, 0.0)
+        if not math.isfinite(value):
+            raise ArgumentError("has a number that is not finite")
         read = Unit.of(unit)
         return cls(read, value * read.factor)
 

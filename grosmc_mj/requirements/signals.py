@@ -39,16 +39,15 @@ def named_units(law: Controller, sliding_unit: str) -> dict[str, str]:
     if len(output_units) == 1:
         units[ERROR] = units[DEVIATION] = output_units.pop()
     if sliding_unit:
-        for name in _numbered(SLIDING, error.inputs):
-            units[name] = sliding_unit
+        units.update(dict.fromkeys(sliding_names(error.inputs), sliding_unit))
     return units
 
 
-def _numbered(name: str, count: int) -> list[str]:
-    """Return the names of several columns; of one it is the name itself."""
+def sliding_names(count: int) -> list[str]:
+    """Return the names of so many sliding variables."""
     if count == 1:
-        return [name]
-    return [f"{name} {i + 1}" for i in range(count)]
+        return [SLIDING]
+    return [f"{SLIDING} {i + 1}" for i in range(count)]
 
 
 def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict[str, Array]:
@@ -77,7 +76,7 @@ def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict
         held[signal.name] = inputs[:, i]
     if run.sliding is not None:
         sliding = run.sliding.reshape(len(run.time) - 1, -1)
-        for i, name in enumerate(_numbered(SLIDING, sliding.shape[1])):
+        for i, name in enumerate(sliding_names(sliding.shape[1])):
             held[name] = sliding[:, i]
     for name, values in held.items():
         signals[name] = np.append(values, values[-1])

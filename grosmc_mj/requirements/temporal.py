@@ -57,9 +57,9 @@ class Comparison(Formula):
 
     @property
     def limit(self) -> float | None:
-        """Magnitude of the constant that is compared with; None without one."""
+        """Magnitude of the finite constant that is compared with; None without one."""
         for side in (self.more, self.less):
-            if side.constant:
+            if side.constant and math.isfinite(side.constant):
                 return abs(side.constant)
         return None
 

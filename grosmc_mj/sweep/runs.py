@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -167,6 +167,36 @@ def run_rows(
                 columns[name] = np.full((len(rows), *values.shape[1:]), np.nan)
             columns[name][numbers] = values
     return Outcomes(limits, columns, impossible)
+
+
+def recorded_runs(
+    experiment: Experiment,
+    rows: Sequence[Row],
+    plant: PlantName = "physics",
+    threads: int = 0,
+) -> Iterator[tuple[Trajectory, Controller]]:
+    """Run the rows of a design of one law and duration, recorded in chunks.
+
+    Args:
+        experiment: As for ``run_rows``.
+        rows: The rows.
+        plant: As for ``run_rows``.
+        threads: 0 for all cores.
+
+    Yields:
+        Each run, cut where it ended, with its law.
+
+    Raises:
+        GrosmcError: If there can be no such run.
+    """
+    plants: dict[Any, Plant] = {}
+    for first in range(0, len(rows), _RECORDED_AT_ONCE):
+        some = rows[first : first + _RECORDED_AT_ONCE]
+        runs = [prepare_run(experiment, row, plant, plants) for row in some]
+        x0 = np.array([run.case.x0 for run in runs], float)
+        batch = _batch(experiment, runs, x0, (), record=True, threads=threads)
+        for i, run in enumerate(runs):
+            yield batch[i], run.law
 
 
 def _columns_without_runs(count: int, limits: Sequence[Requirement]) -> dict[str, NDArray[Any]]:
@@ -390,7 +420,7 @@ def _batch(
     record: bool,
     threads: int,
 ) -> Trajectory:
-    """Simulate runs of one law and duration as one batch."""
+    """Simulate runs of one law and duration as one batch, with metrics if there are any."""
     settings = experiment.settings
     return simulate(
         [run.plant for run in runs],
@@ -401,7 +431,7 @@ def _batch(
         control_period=settings.control_period,
         timestep=settings.timestep,
         disturbances=[list(run.case.disturbances) for run in runs],
-        accumulator=[item.accumulator for item in measurements],
+        accumulator=[item.accumulator for item in measurements] or None,
         engine=settings.engine_for(runs[0].law),
         record=record,
         threads=threads,

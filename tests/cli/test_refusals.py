@@ -49,7 +49,10 @@ REFUSALS = [
     ("export jaco/eight --law grosmc", "MuJoCo computes M(q) of jaco_arm at every sample"),
     ("claims self-test", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
-    ("study switching", "unknown command 'switching': valid: region, tolerance, ladder, margins"),
+    (
+        "study switching",
+        "unknown command 'switching': valid: region, tolerance, ladder, margins, disturbance",
+    ),
     ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
     ("campaign out --plant 3 --runs 7", "--runs is not for --plant"),
     ("campaign out --plant 3 --laws lqr grosmc", "--laws lqr grosmc: name one, for --plant"),
@@ -70,7 +73,10 @@ REFUSALS = [
     ("run --target servo", "unknown option --target"),
     ("--version", "unknown option --version; for help: grosmc-mj --help"),
     ("study region servo --limits 1 x", "--limits"),
-    ("study", "missing: one of region, tolerance, ladder, margins; for help: grosmc-mj study"),
+    (
+        "study",
+        "missing: one of region, tolerance, ladder, margins, disturbance; for help: grosmc-mj study",
+    ),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
     # More frames, and more processes, than any memory holds.

@@ -39,6 +39,10 @@ STUDIES: Subcommands = {
         "study.margins:MarginsCommand",
         "How much gain and delay does each law tolerate?",
     ),
+    "disturbance": Entry(
+        "study.disturbance:DisturbanceCommand",
+        "Which disturbance within a bound is the worst for each law?",
+    ),
 }
 COMMANDS: Mapping[str, Entry | Subcommands] = {
     "new": Entry("new:NewCommand", "Write a case file to begin with, every key explained."),

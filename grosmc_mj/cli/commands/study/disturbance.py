@@ -1,0 +1,161 @@
+"""grosmc-mj study disturbance."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Command, Flag, Laws, Out, Target, WholeNumber, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.targets import result_name
+
+if TYPE_CHECKING:
+    from grosmc_mj.studies.disturbance import DisturbanceStudy, Found
+
+_Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
+
+
+@command
+class DisturbanceCommand(Command):
+    """Find the worst disturbance within a bound, under which a law misses most what is required.
+
+    The disturbance acts on a body, on an input or on the measurement of a state, in place of the
+    case's own one there, which it is compared with. It has the bound's size and switches its sign,
+    or rises and falls at --slew. The signs begin with those of the responses to each piece of it
+    alone, which are exact for a linear loop; pieces are then flipped while it gets worse. Half the
+    pieces must agree within 5 %, else their number doubles. Random telegraph signals of as many
+    runs are the control. The search is on the equations if they are all of the plant; MuJoCo
+    confirms.
+
+    Writes disturbance_NAME.json, .png and .svg to --out, and for each law a case file that replays
+    its worst disturbance; after Ctrl-C what there is of them.
+
+    Exit code: 0 if each law keeps all, 1 if one does not, 2 if the command or the set-up is wrong.
+
+    Attributes:
+        target: A system, which means its bench, a case, or a case file.
+        on: A body, an input, or a state whose measurement is disturbed.
+        bound: Its largest magnitude with its unit: "1 N m" or "2 N" on a body.
+        axis: x, y or z of a force or torque on a body; by default as in the case's own disturbance
+            there, else x of a force and y of a torque.
+        slew: Its largest rate with its unit, such as "2 N m/s".
+        start: States by whose bounds the start may deviate, such as "rotor angle=0.1 rad".
+        laws: Laws to study, controllers or [laws] of the file.
+        requirement: Key of the requirement to be missed, such as stays_within; by default any but
+            the input's.
+        pieces: Number of pieces to begin with.
+        largest: Search the largest bound, too, up to which all is kept, from --bound up and down.
+        resume: Search only what is missing in disturbance_NAME, the folder in --out to which every
+            finished law is written, of the same file and versions.
+        out: Folder for disturbance_NAME.json, the figure and the case files.
+    """
+
+    target: Target
+    _: KW_ONLY
+    on: Annotated[str, Parameter(metavar="NAME")]
+    bound: Annotated[str, Parameter(metavar="TEXT")]
+    axis: _Text = ""
+    slew: _Text = ""
+    start: Annotated[tuple[str, ...], Parameter(metavar="STATE=BOUND...", show_default="none")] = ()
+    laws: Laws = ()
+    requirement: Annotated[str, Parameter(metavar="KEY", show_default="any")] = ""
+    pieces: WholeNumber = 40
+    largest: Flag = False
+    resume: Flag = False
+    out: Out = Path("renders")
+
+    def execute(self) -> int:
+        """Search for each law, write, draw and print what was found."""
+        from grosmc_mj.studies.disturbance import disturbance_study, require_replayable
+
+        study = disturbance_study(
+            self.target,
+            self.on,
+            self.bound,
+            self.laws,
+            axis=self.axis,
+            slew=self.slew,
+            starts=self.start,
+            requirement=self.requirement,
+            pieces=self.pieces,
+        )
+        require_replayable(study, self.out)
+
+        rows: list[Found] = []
+        with screen.partial_results_kept(
+            lambda: self._write(study, rows, complete=False),
+            "interrupted; the same command with --resume runs what is missing",
+        ):
+            self._search(study, rows)
+        try:
+            files = self._write(study, rows, complete=True)
+        finally:
+            self._print_answer(study, rows)
+        screen.say_files(screen.console(), *files)
+        return DONE if all(found.share <= 1 for found in rows) else DIFFERS
+
+    def _search(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+        """Search for each law, or read what was found if --resume is given.
+
+        Args:
+            study: The study.
+            rows: Filled law by law: an interrupt leaves the first ones.
+        """
+        from grosmc_mj.studies.disturbance import FinishedSearches
+
+        finished = FinishedSearches.of(study, self._path(study).with_suffix(""))
+        laws = study.experiment.controllers
+        with screen.progress(len(laws), "laws") as advance:
+            for law in laws:
+                found = finished.read(law, largest=self.largest) if self.resume else None
+                if found is None:
+                    found = study.find(law, lambda text: advance(text, 0))
+                    if self.largest:
+                        bounds = study.largest(law, lambda text: advance(text, 0))
+                        found = found.model_copy(update={"largest": bounds})
+                    finished.write(found, largest=self.largest)
+                rows.append(found)
+                advance(law, 1)
+
+    def _path(self, study: DisturbanceStudy) -> Path:
+        """Return the path of the result."""
+        return self.out / f"disturbance_{result_name(study.experiment.path)}.json"
+
+    def _write(
+        self, study: DisturbanceStudy, rows: list[Found], *, complete: bool
+    ) -> tuple[Path, ...]:
+        """Write document, figure and case files; returns their paths, none without a row."""
+        from grosmc_mj.files import atomic_write, name_in_files
+        from grosmc_mj.results.charts import write_panels
+        from grosmc_mj.results.document import write_json
+        from grosmc_mj.studies import disturbance
+
+        if not rows:
+            return ()
+        path = self._path(study)
+        write_json(path, disturbance.disturbance_document(study, rows, complete=complete))
+        title = f"{study.experiment.target}: worst disturbance on {self.on}"
+        figure = path.with_suffix(".png")
+        write_panels(figure, title, disturbance.charts(study, rows))
+
+        files = [path, figure]
+        for found in rows:
+            file = path.with_name(f"{path.stem}_{name_in_files(found.law)}.toml")
+            with atomic_write(file) as part:
+                part.write_text(disturbance.case_text(study, found), encoding="utf-8")
+            files.append(file)
+        return tuple(files)
+
+    def _print_answer(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+        """Print which laws keep all, and what was found for each."""
+        from grosmc_mj.studies import disturbance
+
+        console = screen.console()
+        console.print(disturbance.verdict(study, rows), style="bold", markup=False)
+        for found in rows:
+            console.print(disturbance.words_of(study, found), markup=False)
+        console.print(disturbance.answer_table(study, rows))

@@ -1,0 +1,264 @@
+"""The worst disturbance: of a linear loop, of the servo's bench, its case file, wrong options."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from commands import Screen, assert_one_line, run
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.requirements.judging import judge_run
+from grosmc_mj.studies.disturbance import Found, disturbance_study
+from grosmc_mj.sweep.signal_search import SignalSearch
+
+# L = 25/(s^3 + 10 s^2 + 10 s + 10) under unit feedback, and a disturbance of its input.
+PLANT = """
+import sympy as sp
+import grosmc_mj as gm
+x1, x2, x3 = sp.symbols("x1 x2 x3")
+def third_order():
+    return gm.affine_plant("third", states={"x1": "rad", "x2": "rad/s", "x3": "rad/s^2"},
+        inputs={"u": "A"}, f=[x2, x3, -10 * x1 - 10 * x2 - 10 * x3], g=[0, 0, 25], h=[x1],
+        parameters={})
+def law(t, x, memory, p):
+    return -x[0]
+"""
+LINEAR = """
+[plant]
+plant = "third:third_order"
+[run]
+duration = "20 s"
+control_period = "{period}"
+timestep = "{period}"
+[task]
+Q = [1, 1, 1]
+R = 1
+[[controller]]
+law = "third:law"
+[[requirement]]
+{requirement}
+"""
+STAYS = 'stays_within = "1 rad"'
+# The servo's rotor held at its reference on the bench.
+HELD = """
+[plant]
+system = "servo"
+[run]
+start = { "rotor angle" = "1 rad" }
+duration = "5 s"
+timestep = "0.5 ms"
+[computing]
+delay = "1 ms"
+[[sensor]]
+of = "rotor angle"
+resolution = "1.534 mrad"
+[[estimator]]
+of = "rotor speed"
+law = "eso"
+bandwidth = "100 rad/s"
+[[actuator]]
+of = "current"
+limit = "4 A"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.5 N m", "0 N m"]
+profile = "pulse"
+start = "1 s"
+stop = "4 s"
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "grosmc"
+switching = "implicit"
+surface = "discrete"
+[[requirement]]
+stays_within = "20 mrad"
+"""
+
+
+def linear(folder: Path, requirement: str = STAYS, period: str = "10 ms") -> Path:
+    """Case file of the linear loop."""
+    (folder / "third.py").write_text(PLANT)
+    path = folder / "linear.toml"
+    path.write_text(LINEAR.format(requirement=requirement, period=period))
+    return path
+
+
+def held(folder: Path) -> Path:
+    """Case file of the held servo."""
+    path = folder / "held.toml"
+    path.write_text(HELD)
+    return path
+
+
+def found_for_lqr(path: Path, bound: str, **options) -> Found:
+    """Worst disturbance of the held servo's rotor under LQR."""
+    study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10, **options)
+    return study.find("lqr", lambda _: None)
+
+
+# -- the search ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("requirement", [STAYS, 'always = "abs(x1) < 1 rad"'])
+def test_the_worst_of_a_linear_loop_is_the_l1_norm_of_its_impulse_response(
+    tmp_path, requirement
+) -> None:
+    """2.613 of any signal; 80 pieces over 20 s, sampled at 1 ms, reach 2.603 of it."""
+    loop = control.feedback(control.tf([25], [1, 10, 10, 10]), 1)
+    time = np.linspace(0, 60, 60001)
+    _, response = control.impulse_response(loop, time)
+    norm = np.trapezoid(np.abs(response), time)
+    assert norm == pytest.approx(2.613, abs=1e-3)
+
+    path = linear(tmp_path, requirement, "1 ms")
+    study = disturbance_study(str(path), "u", "1 A", pieces=80)
+    search = study.search("law", study.disturbance, 80)
+    search.pulses()
+    assert search.share == pytest.approx(2.603, abs=1e-3)
+    found = search.share
+    search.flips(400)
+    assert search.share == pytest.approx(found, rel=1e-6)
+
+
+def test_random_telegraphs_find_less_than_pulses_on_a_linear_loop(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=40)
+    found = study.find("law", lambda _: None)
+    assert found.telegraph_share < found.search_share
+    assert not found.telegraph_won
+    assert found.change <= 0.05
+
+
+def test_twice_the_bound_is_twice_the_share_of_a_linear_loop(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=20)
+    shares = []
+    for factor in (1.0, 2.0):
+        search = study.search("law", study.disturbance.scaled(factor), 20)
+        search.pulses()
+        shares.append(search.share)
+    assert shares[1] == pytest.approx(2 * shares[0], rel=1e-9)
+
+
+def test_the_largest_bound_of_a_linear_loop_is_the_inverse_of_its_norm(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=20)
+    search = study.search("law", study.disturbance, 20)
+    search.pulses()
+    low, high = study.largest("law", lambda _: None)
+    assert low <= 1 / search.share <= high
+    assert high <= low * 1.06
+
+
+def test_flips_find_what_pulses_do_not() -> None:
+    """Of a function that is no linear loop's: pieces count only if their neighbours differ."""
+
+    def shares(signals):
+        return -np.sum(signals[:, 1:] * signals[:, :-1], axis=1) / 9
+
+    search = SignalSearch(shares, lambda signals: np.zeros((len(signals), 1)), size=10)
+    search.pulses()
+    assert search.share == -1
+    search.flips(2000)
+    assert search.share == 1
+
+
+def test_a_slewed_disturbance_keeps_both_bounds(tmp_path) -> None:
+    study = disturbance_study(str(held(tmp_path)), "rotor", "1 N m", slew="2 N m/s")
+    generator = np.random.default_rng(0)
+    profile = study.disturbance.profile(generator.choice([-1.0, 1.0], 40))
+    values = np.array(profile.values)
+    assert np.abs(values).max() == 1
+    rates = np.diff(values) / profile.hold
+    assert np.abs(rates).max() == pytest.approx(2, rel=1e-9)
+    assert len(values) * profile.hold >= 5
+
+
+def test_a_slewed_disturbance_is_less_bad(tmp_path) -> None:
+    path = held(tmp_path)
+    quick = found_for_lqr(path, "10 mN m")
+    slow = found_for_lqr(path, "10 mN m", slew="10 mN m/s")
+    assert slow.share < quick.share
+
+
+def test_a_start_within_bounds_is_part_of_the_search(tmp_path) -> None:
+    path = held(tmp_path)
+    found = found_for_lqr(path, "10 mN m", starts=["rotor angle=5 mrad"])
+    assert abs(found.signal[-1]) == 1
+    assert len(found.signal) == found.pieces + 1
+    assert found.share > found_for_lqr(path, "10 mN m").share
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
+    path = held(tmp_path)
+    options = ("--on", "rotor", "--bound", "0.5 N m", "--pieces", "20", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 1
+    screen = capsys.readouterr().out
+    assert "times a 3 s pulse" in screen
+    assert "telegraph" in screen
+
+    document = json.loads((tmp_path / "disturbance_held.json").read_text())
+    assert document["kind"] == "disturbance"
+    assert document["complete"]
+    for found in document["found"]:
+        case = Experiment.load(tmp_path / f"disturbance_held_{found['law']}.toml")
+        assert len(case.disturbances) == 1
+        (limit,) = case.limits
+        shares = {
+            plant: judge_run(limit, case.run(plant, found["law"])).share
+            for plant in ("corrected", "physics")
+        }
+        assert shares["corrected"] == pytest.approx(found["share"], rel=1e-9)
+        assert shares["physics"] == pytest.approx(found["confirmed"], rel=1e-9)
+    by_law = {found["law"]: found["share"] for found in document["found"]}
+    assert by_law["grosmc"] < 1 < by_law["lqr"]
+
+
+def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypatch) -> None:
+    path = linear(tmp_path)
+    command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A", "--pieces", "10")
+    out = ("--out", tmp_path)
+    run(*command, *out)
+    first = capsys.readouterr().out
+    monkeypatch.setattr(SignalSearch, "judge", None)
+    run(*command, *out, "--resume")
+    assert capsys.readouterr().out == first
+
+
+WRONG = {
+    ("--on", "wheel", "--bound", "1 N m"): "unknown body, input or state 'wheel'",
+    ("--on", "rotor", "--bound", "1 A"): "--bound '1 A': on a body it is a force or a torque",
+    ("--on", "current", "--bound", "1 N m"): '--bound: "1 N m" cannot be converted to A',
+    ("--on", "rotor", "--bound", "0 N m"): "--bound '0 N m' must be positive",
+    ("--on", "rotor", "--bound", "1 N m", "--slew", "1 N m"): '--slew: "1 N m" cannot be converted',
+    ("--on", "rotor", "--bound", "1 N m", "--axis", "w"): "unknown axis 'w'",
+    ("--on", "current", "--bound", "1 A", "--axis", "x"): "--axis x: current is no body",
+    ("--on", "rotor", "--bound", "1 N m", "--start", "rotor angle"): 'write "STATE=BOUND"',
+    ("--on", "rotor", "--bound", "1 N m", "--start", "angle=1 rad"): "angle",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms"): "unknown requirement",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms_below"): (
+        "rms_below is not required of lqr"
+    ),
+    ("--on", "rotor", "--bound", "1 N m", "--pieces", "1"): "--pieces 1 must be from 2 to 640",
+    ("--on", "rotor", "--bound", "1 N m", "--laws", "pid"): "unknown law 'pid'",
+}
+
+
+@pytest.mark.parametrize("options", WRONG)
+def test_a_wrong_option_is_refused_in_one_line(tmp_path, capsys: Screen, options) -> None:
+    assert run("study", "disturbance", held(tmp_path), *options, "--out", tmp_path) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert WRONG[options] in error
+
+
+def test_case_files_of_ones_own_python_lie_beside_it(tmp_path, capsys: Screen) -> None:
+    path = linear(tmp_path)
+    command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A")
+    assert run(*command, "--out", tmp_path / "elsewhere") == 2
+    assert "give --out" in capsys.readouterr().err
