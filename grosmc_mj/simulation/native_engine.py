@@ -21,7 +21,7 @@ from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
 from grosmc_mj.loop.software import ADVANCE
-from grosmc_mj.loop.start import LoopRun, ideal_loop
+from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
@@ -48,7 +48,7 @@ from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import laid_out_as, local_copy, record_at
+from grosmc_mj.structures import local_copy, record_at, structure_of
 
 # Status of a run whose law raised an exception.
 _FAILED = -1
@@ -138,7 +138,7 @@ class _Batch:
         self.record = Record.empty(problem, stepper.recorded_size)
         # The arrays of an ideal loop are empty and serve all runs.
         self._ideal_loop = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
-        self.no_loop = laid_out_as(LoopRun, self._ideal_loop)[0]
+        self.no_loop = structure_of(self._ideal_loop)[0]
 
         # A thread has the model of one plant at a time: plants of one model come after each other.
         models = [id(shared_model(plant)) for plant in problem.plants]
