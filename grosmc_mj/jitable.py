@@ -6,9 +6,9 @@ import contextlib
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
-from numba.core import types
-from numba.core.registry import cpu_target
+from numba.extending import overload, register_jitable
+
+from grosmc_mj.numba_internals import check_indices
 
 Function = TypeVar("Function")
 
@@ -23,9 +23,9 @@ OPTIONS = {
     "forceinline": True,
 }
 
-# Numba's dispatcher of each jitable function. Numba itself refers to it weakly, and an attribute
-# of the function would be pickled with it, to processes that have no such dispatcher.
-_compiled: dict[Any, Any] = {}
+# Functions that compiled code can call: numba would take a second registration for an overload. An
+# attribute of the function would be pickled with it, to processes where it is not registered.
+_registered: set[FunctionType] = set()
 
 
 def jitable(function: Function) -> Function:
@@ -43,36 +43,34 @@ def jitable(function: Function) -> Function:
     """
     function = source_of(function)
     # Numba refuses whatever is not a function, where compiled code calls it.
-    if not isinstance(function, FunctionType) or function in _compiled:
+    if not isinstance(function, FunctionType) or function in _registered:
         return function
 
-    is_users = is_users_function(function)
-    if is_users:
+    if is_users_function(function):
         _check_helpers(function)
-    compiled = cast(Any, numba.njit)(boundscheck=is_users, **OPTIONS)(function)
-    _register(function, compiled)
+    _registered.add(function)
+    register_jitable(**_options(function))(function)
     return function
 
 
 def compiled_as(function: Function, other: Any) -> Function:
-    """Let compiled code call the jitable function ``other`` where Python calls ``function``."""
-    compiled = compiled_of(other)
-    if compiled is not None:
-        _register(function, compiled)
+    """Let compiled code call the function ``other`` where Python calls ``function``."""
+    if not isinstance(other, FunctionType):
+        return function
+
+    # numba's type of these options has the documented ones only.
+    options: Any = _options(other)
+
+    @overload(cast(Any, function), jit_options=options, strict=False)
+    def _implementation(*_argument_types: Any) -> Any:
+        return other
+
     return function
 
 
-def _register(function: Any, compiled: Any) -> None:
-    """Let numba call a dispatcher where compiled code names a Python function."""
-    _compiled[function] = compiled
-    cast(Any, cpu_target.typing_context).insert_global(function, types.Dispatcher(compiled))
-
-
-def compiled_of(function: Any) -> Any:
-    """Return numba's dispatcher of a jitable function; None for any other object."""
-    if not isinstance(function, FunctionType):
-        return None
-    return _compiled.get(function)
+def _options(function: Any) -> dict[str, Any]:
+    """Options of numba for a function: a user's checks its indices."""
+    return {**OPTIONS, "boundscheck": is_users_function(function)}
 
 
 def source_of(function: Any) -> Any:
@@ -86,16 +84,8 @@ def _check_helpers(function: Any) -> None:
         return
 
     for helper in _referenced_objects(function):
-        options = getattr(helper, "targetoptions", None)
         source = source_of(helper)
-        if (
-            isinstance(options, dict)
-            and is_users_function(source)
-            and not options.get("boundscheck")
-        ):
-            options["boundscheck"] = True
-            if helper.signatures:
-                helper.recompile()
+        if is_users_function(source) and check_indices(helper):
             _check_helpers(source)
 
 

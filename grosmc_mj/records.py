@@ -1,4 +1,7 @@
-"""Dataclasses of numbers as C structures, which compiled code reads as parameters and memory."""
+"""Records in memory: dataclasses of numbers, which compiled code reads as parameters and memory.
+
+A record has its arrays in itself, where a structure (``structures.py``) refers to them.
+"""
 
 from __future__ import annotations
 

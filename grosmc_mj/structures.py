@@ -3,6 +3,13 @@
 A ``NamedTuple`` of numbers, arrays, functions and further named tuples is laid out as a NumPy
 structure: an array as its address and its shape, a function as its address. The functions below
 that are called "inside compiled code" are intrinsics of numba and work nowhere else.
+
+Structures refer to arrays, and records (``records.py``) contain them; one function cannot lay out
+both. The layout of a structure follows from its class alone: shapes are numbers in it, so one
+kernel, compiled before there is any run, serves all plants and laws. The layout of a record follows
+from a value: the shapes of its arrays are constants of its type, for which a law is compiled. With
+shapes as constants, the kernel would be compiled, for seconds, for each n and m; with references, a
+law would read an address and a shape for each of its matrices at each sample.
 """
 
 from __future__ import annotations
@@ -121,7 +128,14 @@ def _local_copy(typing_context: Any, array: Any, count: Any) -> Any:
 local_copy: Any = intrinsic(prefer_literal=True)(_local_copy)
 
 
-def numba_type(annotation: Any) -> types.Type:
+# A batch lays out a run for each thread and model: reading the annotations takes 0.4 ms.
+@cache
+def _layout_of_class(kind: type) -> np.dtype[Any]:
+    """Layout of a class of named tuples."""
+    return _layout(_numba_type(kind))
+
+
+def _numba_type(annotation: Any) -> Any:
     """Type in numba of a field.
 
     Args:
@@ -137,14 +151,14 @@ def numba_type(annotation: Any) -> types.Type:
         return metadata[0]
 
     fields = get_type_hints(annotation, include_extras=True)
-    return types.NamedTuple([numba_type(field) for field in fields.values()], annotation)
+    return types.NamedTuple([_numba_type(field) for field in fields.values()], annotation)
 
 
-def layout_of(kind: types.Type) -> Any:
+def _layout(kind: types.Type) -> np.dtype[Any]:
     """Dtype in which Python hands over a value of a type of numba's."""
     if isinstance(kind, types.NamedTuple):
         members = zip(kind.fields, kind.types, strict=True)
-        return np.dtype([(name, layout_of(member)) for name, member in members])
+        return np.dtype([(name, _layout(member)) for name, member in members])
     if isinstance(kind, types.Array):
         # Address and shape.
         return np.dtype((np.int64, (1 + kind.ndim,)))
@@ -162,45 +176,39 @@ def laid_out(value: Any) -> Any:
     return value
 
 
-def laid_out_as(kind: type, value: Any) -> np.ndarray[Any, Any]:
+def structure_of(value: Any) -> np.ndarray[Any, Any]:
     """Structure of a named tuple in memory, (1,); it refers to the arrays of the value.
 
     Args:
-        kind: Class of the named tuple.
-        value: Value with addresses of functions; members may be laid out already.
+        value: Named tuple with addresses of functions; members may be laid out already.
     """
-    return np.array([laid_out(value)], _layout_of_class(kind))
+    return np.array([laid_out(value)], _layout_of_class(type(value)))
 
 
-# A batch lays out a run for each thread and model: reading the annotations takes 0.4 ms.
-@cache
-def _layout_of_class(kind: type) -> Any:
-    """Layout of a ``NamedTuple``."""
-    return layout_of(numba_type(kind))
-
-
-def structure_at(kind: types.Type) -> Any:
+def structure_at(structure: type) -> Any:
     """Make a function for compiled code: from an address to the value that is laid out there.
 
     Args:
-        kind: Type of the value.
+        structure: Class of the named tuple.
     """
+    kind = _numba_type(structure)
     return _reader(kind, lambda context, builder, place: _load(context, builder, kind, place))
 
 
-def members_at(kind: Any, *names: str) -> Any:
+def members_at(structure: type, *names: str) -> Any:
     """Make a function for compiled code: from an address to a tuple of some members.
 
     A call of such a function with few members costs little; a whole run has forty.
 
     Args:
-        kind: Type of the named tuple that is laid out at the address.
+        structure: Class of the named tuple that is laid out at the address.
         names: Names of the members that are read, at least one.
     """
+    kind = _numba_type(structure)
     member_types = [kind.types[kind.fields.index(name)] for name in names]
     tuple_type = types.Tuple(member_types)
     # Plain numbers, for compiled code is kept on disk under what it reaches.
-    fields = layout_of(kind).fields
+    fields: Any = _layout(kind).fields
     offsets = {name: fields[name][1] for name in names}
 
     def load(context: Any, builder: Any, place: Any) -> Any:
@@ -238,10 +246,10 @@ def _load(
 ) -> Any:
     """Code that loads the value of a type from where its layout begins."""
     if isinstance(kind, types.NamedTuple):
-        layout = layout_of(kind)
+        fields: Any = _layout(kind).fields
         members = []
         for name, member_type in zip(kind.fields, kind.types, strict=True):
-            member_place = cgutils.pointer_add(builder, place, layout.fields[name][1])
+            member_place = cgutils.pointer_add(builder, place, fields[name][1])
             members.append(_load(context, builder, member_type, member_place))
         return context.make_tuple(builder, kind, members)
 

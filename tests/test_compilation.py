@@ -272,6 +272,15 @@ def test_a_new_law_is_one_entry_of_the_cache(
     assert entry.name.startswith("sample-")
 
 
+def test_an_equal_law_made_anew_is_not_compiled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert commands(3.0) == [3.0, 3.0]
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert commands(3.0) == [3.0, 3.0]
+    assert not list(tmp_path.rglob("*.nbi"))
+
+
 def first_half(content: bytes) -> bytes:
     return content[: len(content) // 2]
 

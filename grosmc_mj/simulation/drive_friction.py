@@ -22,7 +22,7 @@ from grosmc_mj.machine.drive_friction import NUMBERS, drive_frictions, friction_
 from grosmc_mj.physics.dry_friction import constraint_of
 from grosmc_mj.simulation.guard import c_address
 from grosmc_mj.simulation.kernel import READ, STEP
-from grosmc_mj.structures import Vector, laid_out_as, numba_type, pointer, structure_at
+from grosmc_mj.structures import Vector, pointer, structure_at, structure_of
 
 # Row of each part: its numbers; softness and damping of its constraint, see ``constraint_of``.
 _FRICTION = np.dtype([(name, np.float64) for name in (*NUMBERS, "softness", "damping")])
@@ -139,7 +139,7 @@ class FrictionStepper:
             model=model._address,
             data=data._address,
         )
-        self._structure = laid_out_as(FrictionRun, self._run)
+        self._structure = structure_of(self._run)
         self.address = self._structure.ctypes.data
 
     def restart(self) -> None:
@@ -151,7 +151,7 @@ class FrictionStepper:
         friction_step(self._uncompiled)
 
 
-_run_at = structure_at(numba_type(FrictionRun))
+_run_at = structure_at(FrictionRun)
 
 
 # One compiled function serves all models.

@@ -31,10 +31,9 @@ from grosmc_mj.structures import (
     Matrix,
     Vector,
     laid_out,
-    laid_out_as,
     members_at,
-    numba_type,
     structure_at,
+    structure_of,
 )
 
 # Entries of ``KernelRun.progress``.
@@ -269,13 +268,12 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
 
 # Functions for compiled code, from the address of a ``KernelRun``, or of a ``Software``, to the
 # members that a law, a metric and a design model read and write.
-_KERNEL_RUN = numba_type(KernelRun)
-law_members_at = members_at(_KERNEL_RUN, "x", "seen", "command", "memory", "p")
+law_members_at = members_at(KernelRun, "x", "seen", "command", "memory", "p")
 note_members_at = members_at(
-    _KERNEL_RUN, "x", "u", "memory", "p", "accumulated", "accumulator_numbers"
+    KernelRun, "x", "u", "memory", "p", "accumulated", "accumulator_numbers"
 )
-advance_members_at = members_at(numba_type(Software), "memory", "p", "own")
-_run_at = structure_at(_KERNEL_RUN)
+advance_members_at = members_at(Software, "memory", "p", "own")
+_run_at = structure_at(KernelRun)
 
 
 @cache
@@ -307,7 +305,7 @@ class CompiledRun:
 
     def __init__(self, r: KernelRun, *, looped: bool) -> None:
         self.r = r
-        self._structure = laid_out_as(KernelRun, r)
+        self._structure = structure_of(r)
         self._address = self._structure.ctypes.data
         self._kernel = kernel(looped=looped).address
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
@@ -14,14 +14,14 @@ import numba
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c
+from grosmc_mj.compilation import compile_c, fingerprint
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.design_model import Advance
 from grosmc_mj.control.law import Law, innermost
 from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.jitable import is_users_function, jitable
 from grosmc_mj.loop.software import ADVANCE
-from grosmc_mj.loop.start import LoopRun, ideal_loop
+from grosmc_mj.loop.start import ideal_loop
 from grosmc_mj.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
@@ -48,7 +48,7 @@ from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import laid_out_as, local_copy, record_at
+from grosmc_mj.structures import local_copy, record_at, structure_of
 
 # Status of a run whose law raised an exception.
 _FAILED = -1
@@ -138,7 +138,7 @@ class _Batch:
         self.record = Record.empty(problem, stepper.recorded_size)
         # The arrays of an ideal loop are empty and serve all runs.
         self._ideal_loop = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
-        self.no_loop = laid_out_as(LoopRun, self._ideal_loop)[0]
+        self.no_loop = structure_of(self._ideal_loop)[0]
 
         # A thread has the model of one plant at a time: plants of one model come after each other.
         models = [id(shared_model(plant)) for plant in problem.plants]
@@ -314,7 +314,22 @@ class _Worker:
             batch.stopped.set()
 
 
-# One compiled function serves all batches with the same law.
+# Compiled functions of this process by what they reach.
+_compiled: dict[tuple[str, Any], Any] = {}
+
+
+def _compile_once(function: Callable[..., Any], signature: Any) -> Any:
+    """Compile a function to a C function, once for all equal closures.
+
+    To load the code of an equal closure from the disk once more takes 4 ms and 0.1 MB.
+    """
+    key = fingerprint(function), signature
+    if key not in _compiled:
+        _compiled[key] = compile_c(function, *signature.args, returns=signature.return_type)
+    return _compiled[key]
+
+
+# A fingerprint takes as long as a short run, 0.7 ms: a law that is known is found by itself.
 @cache
 def _compiled_law(
     system: System,
@@ -352,7 +367,7 @@ def _compiled_law(
             return undefined_law
         return answered if all_finite(u) else undefined_input
 
-    return compile_c(sample, *LAW.args, returns=LAW.return_type)
+    return _compile_once(sample, LAW)
 
 
 @cache
@@ -372,7 +387,7 @@ def _compiled_advance(
         for i in range(n):
             state[i] = x[i]
 
-    return compile_c(step, *ADVANCE.args)
+    return _compile_once(step, ADVANCE)
 
 
 @cache
@@ -401,4 +416,4 @@ def _compiled_note(
             record_at(constants, constants_dtype),
         )
 
-    return compile_c(accumulate, *NOTE.args)
+    return _compile_once(accumulate, NOTE)
