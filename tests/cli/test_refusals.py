@@ -75,7 +75,7 @@ REFUSALS = [
     ("study region servo --limits 1 x", "--limits"),
     (
         "study",
-        "missing: one of region, tolerance, ladder, margins, disturbance; for help: grosmc-mj study",
+        "missing: one of region, tolerance, ladder, margins, disturbance; for help: grosmc-mj",
     ),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
