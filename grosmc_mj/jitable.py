@@ -26,6 +26,8 @@ OPTIONS = {
 # Functions that compiled code can call: numba would take a second registration for an overload. An
 # attribute of the function would be pickled with it, to processes where it is not registered.
 _registered: set[FunctionType] = set()
+# Functions that compiled code calls in place of others, see ``compiled_as``.
+_compiled_instead: dict[Any, Any] = {}
 
 
 def jitable(function: Function) -> Function:
@@ -58,6 +60,7 @@ def compiled_as(function: Function, other: Any) -> Function:
     if not isinstance(other, FunctionType):
         return function
 
+    _compiled_instead[function] = other
     # numba's type of these options has the documented ones only.
     options: Any = _options(other)
 
@@ -66,6 +69,11 @@ def compiled_as(function: Function, other: Any) -> Function:
         return other
 
     return function
+
+
+def compiled_source(function: Any) -> Any:
+    """Return the Python function that compiled code calls where Python calls ``function``."""
+    return source_of(_compiled_instead.get(function, function))
 
 
 def _options(function: Any) -> dict[str, Any]:

@@ -70,6 +70,7 @@ class Expressions:
         variables: Kinds and bounds of the variables, as far as assignments have told them.
         bound: How often each name is bound.
         lines: The C so far.
+        fixed: Names that keep one value: parameters, and variables of loops around.
         depth: Depth of the block that is written.
         wanted: Name that the next array shall have.
         written: Names of the parameters that the function writes into.
@@ -92,6 +93,7 @@ class Expressions:
     def begin(self) -> None:
         """Begin to write, once more with what is known of the variables."""
         self.names: dict[str, Any] = {}
+        self.fixed: set[str] = set()
         self.lines: list[Line] = []
         self.depth = 0
         self.temporaries = 0
@@ -137,7 +139,7 @@ class Expressions:
             self.wanted = ""
             return name
         self.temporaries += 1
-        return f"t{self.temporaries}"
+        return f"t{self.temporaries}_"
 
     def number(self, value: Any, node: Any) -> Number:
         """Return a value as a number in C.

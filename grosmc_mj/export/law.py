@@ -198,7 +198,7 @@ class LawInC:
     def _step_body(self, law: Function) -> list[str]:
         """Lines of ``NAME_step``."""
         arguments = [parameter.name for parameter in law.parameters]
-        lines = [] if "t" in arguments else ["(void)t;"]
+        lines = [f"(void){name};" for name in ("t", "x") if name not in arguments]
         if law.needs_memory:
             arguments.append("memory")
         lines += [f"{law.name}({', '.join(arguments)});", "memory->begun = 1;"]

@@ -28,7 +28,7 @@ from grosmc_mj.export.lines import Line, without_hidden_functions, without_unuse
 from grosmc_mj.export.statements import Statements
 from grosmc_mj.export.syntax import ExportError, where
 from grosmc_mj.export.values import Array, Known, Number, Record, signature
-from grosmc_mj.jitable import compiled_of, source_of
+from grosmc_mj.jitable import compiled_source
 
 # Writings of a function until kinds and bounds of its variables settle, and how many of them pass
 # before bounds that still grow are given up.
@@ -126,7 +126,7 @@ class Program:
         """The function that compiled code calls in place of a Python function."""
         if function in self.replacements:
             return self.replacements[function]
-        return source_of(compiled_of(function) or function)
+        return compiled_source(function)
 
     def _written(self, function: FunctionType, values: Mapping[str, Any]) -> Function:
         """Write a function, again and again until its variables keep their kinds and bounds."""
@@ -157,8 +157,8 @@ class Program:
             c = c_name(name)
             default = defaults[name].default
             if isinstance(value, Array):
-                inner = Array(c, value.shape, 0, c, value.constant)
-                writer.names[name] = inner
+                writer.names[name] = Array(c, value.shape, 0, c, value.constant)
+                writer.fixed.add(name)
                 text = f"{self.real} *{c}"
                 parameters.append(Parameter(name, place, c, text, True, default))
                 continue

@@ -242,6 +242,8 @@ class Statements(Expressions):
     ) -> None:
         """Give a name a value: a variable in C, or another name for what is there already."""
         name = target.id
+        if name in self.fixed:
+            self.refuse(statement, f"{name} has a value already: give this one another name")
         once = self.bound[name] == 1
         if once and not isinstance(value, Number):
             if isinstance(value, tuple):
@@ -322,30 +324,44 @@ class Statements(Expressions):
     def _for(self, statement: ast.For) -> bool:
         if statement.orelse or not isinstance(statement.target, ast.Name):
             self.refuse(statement, "has no C: write a loop over range(...) with one variable")
+        name = statement.target.id
         ends = self._range_of(statement)
-        if ends is None:
-            self._loop_over_entries(statement, statement.target.id)
-            return False
+        if name in self.fixed:
+            self.refuse(statement, f"{name} has a value already: give the loop another name")
+        fixed = set(self.fixed)
+        self.fixed.add(name)
+        try:
+            if ends is None:
+                self._loop_over_entries(statement, name)
+                return False
+            return self._loop_over_range(statement, name, *ends)
+        finally:
+            self.fixed = fixed
 
-        start, stop, step = ends
+    def _loop_over_range(
+        self, statement: ast.For, name: str, start: Any, stop: Any, step: int
+    ) -> bool:
+        """Write a loop over range: as one of C, or pass by pass if its rows must be known."""
         passes: range | None = None
         if isinstance(start, Known) and isinstance(stop, Known):
             passes = range(start.value, stop.value, step)
         jumps = any(isinstance(node, (ast.Break, ast.Continue)) for node in ast.walk(statement))
         if passes is not None and len(passes) <= 1 and not jumps:
-            return self._written_out(statement, statement.target.id, passes)
+            return self._written_out(statement, name, passes)
 
         before = list(self.lines), dict(self.names), dict(self.hoisted), set(self._declared)
         depth, blocks = self.depth, list(self._blocks)
+        fixed = set(self.fixed)
         try:
-            self._c_loop(statement, statement.target.id, start, stop, step)
+            self._c_loop(statement, name, start, stop, step)
         except UnknownIndexError:
             # Rows of records differ in what is known of them.
             if passes is None or jumps or len(passes) > _MOST_PASSES:
                 raise
             self.lines, self.names, self.hoisted, self._declared = before
             self.depth, self._blocks = depth, blocks
-            return self._written_out(statement, statement.target.id, passes)
+            self.fixed = fixed
+            return self._written_out(statement, name, passes)
         return False
 
     def _range_of(self, statement: ast.For) -> tuple[Any, Any, int] | None:
@@ -424,7 +440,7 @@ class Statements(Expressions):
         if not isinstance(over, Array) or len(over.shape) != 1:
             self.refuse(statement, "a loop is over range(...), or over an array with one axis")
         self.temporaries += 1
-        index = f"k{self.temporaries}"
+        index = f"k{self.temporaries}_"
         place = f"{over.offset} + {index}" if over.offset else index
         self.names[name] = Number(f"{over.code}[{place}]")
         self._inner(

@@ -46,7 +46,7 @@ def measure_with_tests(
 
 
 def _disagreement(margins: Margins, half: Margins) -> str:
-    """How the margins at half the amplitude differ; empty if they agree."""
+    """Difference of the margins at half the amplitude, in words; empty if they agree."""
     whole = margins.delay
     other = half.delay
     if np.isinf(whole) or np.isinf(other):

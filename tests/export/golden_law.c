@@ -118,8 +118,8 @@ static double row_times_2(const double *K, const double *z)
 static double norm(const double *z)
 {
     double total = 0.0;
-    for (int k1 = 0; k1 < 2; k1++) {
-        total += z[k1] * z[k1];
+    for (int k1_ = 0; k1_ < 2; k1_++) {
+        total += z[k1_] * z[k1_];
     }
     return sqrt(total);
 }

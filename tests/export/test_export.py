@@ -261,6 +261,18 @@ def _refused_remainder(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = x[0] % 1.0
 
 
+def _refused_loop(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    for i in range(2):
+        i = i + 1
+        u[0] = x[i - 1]
+
+
+def _refused_name(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    if t > 1.0:
+        x = memory.past
+    u[0] = x[0]
+
+
 def of_ones_own(law: Callable[..., Any]) -> LawInC:
     experiment = Experiment.load("servo/case1")
     like = experiment.law("physics", "lqr")
@@ -272,6 +284,28 @@ def of_ones_own(law: Callable[..., Any]) -> LawInC:
 @needs_compiler
 def test_a_law_of_ones_own_in_c_is_the_python_one(tmp_path: Path) -> None:
     law = of_ones_own(own_law)
+    assert differing_samples(law, compiled(law, tmp_path), states_about_start("servo/case1")) == 0
+
+
+def constant_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    """A law that reads nothing."""
+    u[0] = p.most
+
+
+def returning_law(t: float, x: Any, memory: Any, p: Any) -> float:
+    """A law that returns its input."""
+    t1 = x[0] * 2.0
+    for k1 in memory.past:
+        t1 += k1
+    return t1 if t > 0.05 else -t1
+
+
+@needs_compiler
+@pytest.mark.parametrize("own", [constant_law, returning_law])
+def test_short_laws_of_ones_own_are_the_python_ones(
+    own: Callable[..., Any], tmp_path: Path
+) -> None:
+    law = of_ones_own(own)
     assert differing_samples(law, compiled(law, tmp_path), states_about_start("servo/case1")) == 0
 
 
@@ -295,6 +329,8 @@ def test_a_whole_power_is_a_product_as_in_compiled_laws(tmp_path: Path) -> None:
         (_refused_field, "there is no 'nothing': name a field of memory or of the numbers"),
         (_refused_recursion, "calls itself: write a loop"),
         (_refused_function, "gamma has no C: write a loop, or use functions of math"),
+        (_refused_loop, "i has a value already: give this one another name"),
+        (_refused_name, "x has a value already: give this one another name"),
         (_refused_remainder, "is for whole numbers: write math.fmod or math.floor"),
     ],
 )

@@ -60,7 +60,7 @@ def test_an_exact_log_of_the_pendulum_is_predicted_exactly(
 @pytest.mark.parametrize("log", ["20ms.csv", "held20_1ms.csv"])
 def test_a_pendulum_that_is_too_heavy_leaves_no_white_residual(log: str, tmp_path: Path) -> None:
     CASE = CASES / "always_white"
-    arguments = (CASE / log, CASE / "heavier.toml", "--fit", "joint.pivot.armature")
+    arguments = (CASE / log, CASE / "heavier.toml", "--fit", "edit.pivot.armature")
     assert run("identify", *arguments, "--out", tmp_path) == cli.DONE
     (path,) = tmp_path.glob("identification*.json")
     (row,) = json.loads(path.read_text())["held_out"]

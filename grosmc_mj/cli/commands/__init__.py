@@ -72,7 +72,7 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
 # Summaries of the groups of commands.
 GROUPS = {
     "claims": "Judge the chapter's claims; or sweep, premises.",
-    "study": f"Measure one thing: {', '.join(STUDIES)}.",
+    "study": "Measure tolerances, margins, the worst disturbance ...",
 }
 
 ABOUT = (
