@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -60,7 +60,6 @@ from grosmc_mj.units import in_units
 _shared_designs: dict[str, dict[Any, Controller]] = {}
 # Attributes of a case that stand in its file.
 _OF_FILE = (
-    "title",
     "x0",
     "duration",
     "edits",
@@ -108,20 +107,32 @@ class Experiment(Case):
         content = deepcopy(self.file.content)
         for path, value in changes.items():
             set_number(content, path, in_units(value))
+        owners = {re.split(r"[.\[]", path)[0] for path in changes}
         try:
-            before = case_file_of(self.file.content, self.path)
-            after = case_file_of(content, self.path)
-            old = experiment_without_designs(before, self.path)
-            new = experiment_without_designs(after, self.path)
+            return self._with_content(content, owners)
         except GrosmcError as error:
             raise ArgumentError(str(error)) from error
 
-        # Whatever else was varied stays.
+    def _with_content(self, content: dict[str, Any], owners: Set[str]) -> Experiment:
+        """Return a copy with tables of a file's content; all else that was varied stays.
+
+        Args:
+            content: The whole content.
+            owners: Names of its tables that differ from those of the case's own file.
+
+        Raises:
+            GrosmcError: If a file could not have the content.
+        """
+        before = case_file_of(self.file.content, self.path)
+        after = case_file_of(content, self.path)
+        old = experiment_without_designs(before, self.path)
+        new = experiment_without_designs(after, self.path)
+
         values: dict[str, Any] = {}
         for name in _OF_FILE:
             if getattr(new, name) != getattr(old, name):
                 values[name] = getattr(new, name)
-        if any(path.startswith(("edit", "plant")) for path in changes):
+        if owners & {"edit", "plant", "design"}:
             values["nominal"] = new.nominal
         settings = {
             name: value
@@ -129,7 +140,6 @@ class Experiment(Case):
             if value != getattr(old.settings, name)
         }
         # A file with further laws, or of a campaign, keeps its other tables.
-        owners = {re.split(r"[.\[]", path)[0] for path in changes}
         file = self.file.model_copy(update={owner: getattr(after, owner) for owner in owners})
         file._content = content
         return replace(

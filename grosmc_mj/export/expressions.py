@@ -1,7 +1,7 @@
 """Expressions of a Python function as C.
 
-What is known is computed here; all else becomes code. A call that changes something, or that gives
-several numbers, becomes a line of its own before the statement that it stands in.
+Values that are known are computed here; all others become code. A call that changes something, or
+that gives several numbers, becomes a line of its own before the statement that it stands in.
 """
 
 from __future__ import annotations

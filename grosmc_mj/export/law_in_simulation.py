@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.extending import intrinsic
-from numba.np.arrayobj import make_array
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.jitable import compiled_as, jitable
+from grosmc_mj.numba_internals import make_array
 from grosmc_mj.records import pack, with_fields
 
 # int (double t, const double *x, double *memory, double *u), see ``CompiledLaw``.

@@ -28,7 +28,7 @@ _OF_SOFTWARE = ("sent", "sent_at", "seen", "predicted", "x", "mean", "own")
 
 @dataclass
 class LoopMemory:
-    """What law and software remember.
+    """Memory of the law and of the software around it.
 
     Attributes:
         law: Memory of the law.

@@ -115,7 +115,7 @@ def observe(k: int, measured: Any, software: Any) -> float:
     clock = int(measured.clock[0])
     t = k * setup.period
 
-    # What the model expects from the last sample on.
+    # Expectations of the design model for this sample.
     if k > 0 and setup.observes != 0.0:
         note_gains(k, clock, software)
     if k > 0 and setup.predicts != 0.0:

@@ -59,6 +59,11 @@ class Model(Protocol):
         ...
 
 
+def rate_unit(unit: str) -> str:
+    """Unit of the rate of a signal that has a unit."""
+    return f"{unit}/s".replace("/s/s", "/s^2")
+
+
 @dataclass(frozen=True)
 class Signal:
     """Name, symbol and unit of a state or an input."""
@@ -70,7 +75,7 @@ class Signal:
     @property
     def rate_unit(self) -> str:
         """Unit of its rate."""
-        return f"{self.unit}/s".replace("/s/s", "/s^2")
+        return rate_unit(self.unit)
 
 
 Names = Annotated[tuple[str, ...], Items(str, "a tuple of names")]

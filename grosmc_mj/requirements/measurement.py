@@ -1,4 +1,4 @@
-"""What is measured of a run."""
+"""The signals of a run, and the measurements that requirements take of them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NO_WINDOWS = Windows()
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What is measured of a run.
+    """The signals of a run, and the times and limits that its measurements need.
 
     Attributes:
         controller: Law with error coordinates and an optimum. In a loop the true state is measured

@@ -400,8 +400,23 @@ class InputDisturbance(_OfOneSignal):
         return system.inputs[self.place(system)].unit
 
 
+class _OfOneState(_OfOneSignal):
+    """A disturbance of one state, in its unit or that of its rate."""
+
+    state: str
+
+    @property
+    def of(self) -> str:
+        """Name of the state."""
+        return self.state
+
+    def place(self, system: System) -> int:
+        """Index of the state."""
+        return _index("state", self.state, [state.name for state in system.states])
+
+
 @checked(label="disturbance")
-class OutputDisturbance(_OfOneSignal):
+class OutputDisturbance(_OfOneState):
     """A value added to a state as it is measured: sensors measure x + d in place of x.
 
     A sensor that is late has the disturbance of the instant at which it measured; its scale, bias,
@@ -424,18 +439,9 @@ class OutputDisturbance(_OfOneSignal):
     label: str = ""
 
     @property
-    def of(self) -> str:
-        """Name of the state."""
-        return self.state
-
-    @property
     def title(self) -> str:
         """Its label, or the measured state."""
         return self.label or f"disturbance of measured {self.state}"
-
-    def place(self, system: System) -> int:
-        """Index of the state."""
-        return _index("state", self.state, [state.name for state in system.states])
 
     def unit(self, system: System) -> str:
         """Unit of the state."""
@@ -443,7 +449,7 @@ class OutputDisturbance(_OfOneSignal):
 
 
 @checked(label="disturbance")
-class RateDisturbance(_OfOneSignal):
+class RateDisturbance(_OfOneState):
     """A value added to the rate of a state, x' = f + g u + d; of plants given as equations only.
 
     Attributes:
@@ -461,18 +467,9 @@ class RateDisturbance(_OfOneSignal):
     label: str = ""
 
     @property
-    def of(self) -> str:
-        """Name of the state."""
-        return self.state
-
-    @property
     def title(self) -> str:
         """Its label, or the rate."""
         return self.label or f"disturbance of the rate of {self.state}"
-
-    def place(self, system: System) -> int:
-        """Index of the state."""
-        return _index("state", self.state, [state.name for state in system.states])
 
     def unit(self, system: System) -> str:
         """Unit of the rate of the state."""

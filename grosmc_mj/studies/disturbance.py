@@ -26,6 +26,7 @@ from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
 from grosmc_mj.plants import System
+from grosmc_mj.plants.system import rate_unit
 from grosmc_mj.requirements import KINDS
 from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.judging import of_laws
@@ -241,7 +242,7 @@ def bounded_disturbance(
         unit_disturbance=unit_disturbance,
         unit=unit,
         bound=size,
-        slew=_magnitude("--slew", slew, _rate_unit(unit)) if slew else math.inf,
+        slew=_magnitude("--slew", slew, rate_unit(unit)) if slew else math.inf,
         starts=_start_bounds(starts, system),
         own=own,
         own_index=own_index,
@@ -268,11 +269,6 @@ def _unit_on_body(bound: str) -> str:
     raise ArgumentError(
         f"--bound {value_text(bound)}: on a body it is a force or a torque, such as 2 N or 1 N m"
     )
-
-
-def _rate_unit(unit: str) -> str:
-    """Return the unit of a rate."""
-    return f"{unit}/s".replace("/s/s", "/s^2")
 
 
 def _magnitude(option: str, text: str, unit: str) -> float:

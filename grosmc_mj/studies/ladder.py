@@ -52,6 +52,7 @@ from grosmc_mj.results.result import (
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import (
+    MACHINE,
     UNDER_LOAD,
     Condition,
     StudiedLaw,
@@ -62,8 +63,6 @@ from grosmc_mj.studies.studied import (
     limits_in,
 )
 
-# The case of a system whose loop and machine are those that one can buy.
-MACHINE = "machine"
 # Stands for the requirement that breaks first of a run that ended early.
 ENDED = "the run ended"
 STANDS = "stands"

@@ -43,6 +43,8 @@ from grosmc_mj.results.tables import Table, names, number, numbers, phrases, tab
 from grosmc_mj.simulation.disturbances import Table as Injected
 from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import (
+    BENCH,
+    MACHINE,
     Condition,
     StudiedLaw,
     case_for,
@@ -54,8 +56,6 @@ from grosmc_mj.studies.studied import (
 )
 from grosmc_mj.units import number_in
 
-BENCH = "bench"
-MACHINE = "machine"
 IDEAL = "ideal loop"
 # Sizes of the injections, over the largest: half decades.
 LEVELS = 10 ** np.linspace(-2, 0, 5)

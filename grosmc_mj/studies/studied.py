@@ -19,6 +19,9 @@ from grosmc_mj.requirements.judging import decidable, of_laws, transient_of_runs
 from grosmc_mj.requirements.requirement import Requirement
 
 UNDER_LOAD = "under load"
+# Cases of a system: in a loop of equipment that one can buy, and with a machine of it, too.
+BENCH = "bench"
+MACHINE = "machine"
 # Laws that GROSMC is compared with; studied on request.
 _RIVALS = ("lqi", "pid", "adrc", "adaptive")
 # Cases whose edits and disturbances a target without any is studied under.

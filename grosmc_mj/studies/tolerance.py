@@ -44,6 +44,7 @@ from grosmc_mj.results.tables import (
     words,
 )
 from grosmc_mj.studies.studied import (
+    BENCH,
     Condition,
     StudiedLaw,
     case_for,
@@ -57,8 +58,6 @@ from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.search import Search
 
-# The case of a system whose loop is that of equipment that one can buy.
-BENCH = "bench"
 # Name of all imperfections at once, in the bench's proportions.
 ALL = "all"
 # The grid: factors on an amount, each twice the one before.

@@ -107,7 +107,7 @@ class ExportCommand(Command):
             if applied is None:
                 raise ArgumentError(f"{experiment.path}: --loop: the case has no loop")
             law = LoopInC(**common, loop=applied)
-        # What has no C is refused before anything runs.
+        # A law that cannot be written in C is refused here, before anything runs.
         _ = law.source
         return law
 
