@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, StudiedLaws, Target, command
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Flag,
+    Out,
+    StudiedLaws,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
@@ -43,6 +52,8 @@ class LadderCommand(Command):
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
+        draws: Runs of a rung with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep it.
         resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
             run is written, of the same file and versions.
         film: A law to film around where it breaks.
@@ -55,6 +66,7 @@ class LadderCommand(Command):
     laws: StudiedLaws = ()
     rivals: Flag = False
     loaded: Flag = False
+    draws: WholeNumber = 10
     resume: Flag = False
     film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
     gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
@@ -64,7 +76,9 @@ class LadderCommand(Command):
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
         from grosmc_mj.studies.ladder import cells_of
+        from grosmc_mj.studies.studied import require_draws
 
+        require_draws(self.draws)
         studied = self._studied()
         laws = {law.name: law for law in studied.laws}
         if self.film:
@@ -93,7 +107,13 @@ class LadderCommand(Command):
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.studies.ladder import ladder
 
-        studied = ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
+        studied = ladder(
+            self.target,
+            self.laws,
+            loaded=self.loaded,
+            rivals=self.rivals,
+            draws=self.draws,
+        )
         claims = cited_claims(studied.machine)
         statements = {name: claim.statement for name, claim in claims.items()}
         return replace(studied, statements=statements)
@@ -136,15 +156,15 @@ class LadderCommand(Command):
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies import ladder_answer
 
         if not rows:
             return ()
         path = self._path(studied)
-        write_json(path, ladder.ladder_document(studied, rows, complete=complete))
+        write_json(path, ladder_answer.ladder_document(studied, rows, complete=complete))
         title = f"{studied.target}: where each law breaks"
-        charts = list(ladder.charts(studied, rows).values())
-        figure = write_cells(path.with_suffix(".png"), title, charts, ladder.NOTE)
+        charts = list(ladder_answer.charts(studied, rows).values())
+        figure = write_cells(path.with_suffix(".png"), title, charts, ladder_answer.NOTE)
         return path, figure
 
     def _film(
@@ -155,7 +175,7 @@ class LadderCommand(Command):
     ) -> Path:
         """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
-        from grosmc_mj.studies.ladder import ladder_film
+        from grosmc_mj.studies.ladder_answer import ladder_film
 
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
         film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
@@ -165,24 +185,26 @@ class LadderCommand(Command):
 
     def _print_answer(self, studied: Ladder, rows: list[RungResult]) -> None:
         """Print which laws pass, where each breaks, and on request every table."""
-        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies import ladder_answer
 
         console = screen.console()
         for condition in studied.conditions:
-            console.print(ladder.verdict(studied, rows, condition.name), style="bold", markup=False)
-            console.print(ladder.answer_table(studied, rows, condition))
-            claims = ladder.claims_table(studied, rows, condition.name)
+            console.print(
+                ladder_answer.verdict(studied, rows, condition.name), style="bold", markup=False
+            )
+            console.print(ladder_answer.answer_table(studied, rows, condition))
+            claims = ladder_answer.claims_table(studied, rows, condition.name)
             if claims:
                 console.print(claims.model_copy(update={"legend": ""}))
 
         if self.verbose:
             wide_console = screen.wide_console()
-            for sheet in ladder.sheets(studied, rows):
+            for sheet in ladder_answer.sheets(studied, rows):
                 if not sheet.table.legend:
                     wide_console.print(sheet.table)
 
-        assumed = ladder.assumed_text(studied)
+        assumed = ladder_answer.assumed_text(studied)
         if assumed:
             console.print(assumed, style="dim", markup=False)
         if self.verbose:
-            console.print(ladder.LEGEND, style="dim", markup=False)
+            console.print(ladder_answer.LEGEND, style="dim", markup=False)
