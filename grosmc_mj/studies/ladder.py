@@ -198,6 +198,12 @@ class Ladder:
         """Return the numbers of the draws of a rung: one where nothing is drawn."""
         return range(self.draws if rung.loop.drawn else 1)
 
+    def varied_rungs_of(self, rung: Rung, condition: Condition) -> Mapping[str, Rung]:
+        """Return the rung by each change of an assumed number; under the first condition alone."""
+        if condition is not self.conditions[0]:
+            return {}
+        return self.varied.get(rung.name, {})
+
     @property
     def target(self) -> str:
         """SYSTEM/CASE."""
@@ -276,9 +282,9 @@ def ladder(
     )
 
 
-def cells_of(studied: Ladder, folder: Path) -> Cells[RungResult]:
-    """Return the finished rows of a ladder in a folder."""
-    return Cells(folder, RungResult, study_key(studied.configuration(), studied.conditions))
+def cells_of(studied: Ladder, condition: Condition, folder: Path) -> Cells[RungResult]:
+    """Return the finished rows of a ladder under a condition, in a folder."""
+    return Cells(folder, RungResult, study_key(studied.configuration(), [condition]))
 
 
 # Runs: each gives a row
@@ -350,7 +356,7 @@ def run_rung(
     }
     if together:
         worst_first = sorted(range(len(draws)), key=lambda i: draws[i].share, reverse=True)
-        changed = studied.varied.get(rung.name, {})
+        changed = studied.varied_rungs_of(rung, condition)
         measured["hangs_on"] = _turned_by(
             law, condition, limits, changed, worst_first, kept=worst.kept
         )

@@ -776,13 +776,13 @@ def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
 def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes(tmp_path: Path) -> None:
     """The load of case1 stands in no file of the ladder's own."""
     studied = ladder("servo", ["lqr"])
-    cells = study.cells_of(studied, tmp_path)
-    assert study.cells_of(studied, tmp_path) == cells
+    load = studied.conditions[-1]
+    cells = study.cells_of(studied, load, tmp_path)
+    assert study.cells_of(studied, load, tmp_path) == cells
 
-    *others, last = studied.conditions
-    heavier = last.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
-    changed = replace(studied, conditions=(*others, replace(last, experiment=heavier)))
-    assert study.cells_of(changed, tmp_path) != cells
+    heavier = load.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
+    changed = replace(load, experiment=heavier)
+    assert study.cells_of(studied, changed, tmp_path) != cells
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -83,7 +84,8 @@ class LadderCommand(Command):
         laws = {law.name: law for law in studied.laws}
         if self.film:
             require_known("law", self.film, laws)
-        cells = cells_of(studied, self._path(studied).with_suffix(""))
+        folder = self._path(studied).with_suffix("")
+        cells = {load.name: cells_of(studied, load, folder) for load in studied.conditions}
 
         rows: list[RungResult] = []
         with screen.partial_results_kept(
@@ -121,14 +123,14 @@ class LadderCommand(Command):
     def _climb(
         self,
         studied: Ladder,
-        cells: Cells[RungResult],
+        cells: Mapping[str, Cells[RungResult]],
         rows: list[RungResult],
     ) -> None:
         """Run every rung, or read it if it is finished and --resume is given.
 
         Args:
             studied: The ladder.
-            cells: Files of the finished rungs.
+            cells: Files of the finished rungs, by condition.
             rows: Filled rung by rung: an interrupt leaves the first ones.
         """
         from grosmc_mj.studies.ladder import run_rung
@@ -139,10 +141,10 @@ class LadderCommand(Command):
                 advance(law.name, 0)
                 row = None
                 if self.resume:
-                    row = cells.read(law.name, rung.name, condition.name, together)
+                    row = cells[condition.name].read(law.name, rung.name, condition.name, together)
                 if row is None:
                     row = run_rung(studied, law, rung, condition, together=together)
-                    cells.write(row)
+                    cells[condition.name].write(row)
                 rows.append(row)
                 advance(law.name, 1)
 

@@ -11,12 +11,9 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out, StudiedLaws, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
-
-_MOST_SEEDS = 1000
 
 
 @command
@@ -41,7 +38,8 @@ class ToleranceCommand(Command):
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         control_period: Search the longest control period too, in an otherwise ideal loop.
-        seeds: Runs that must all keep it where noise, jitter or missed samples are random.
+        draws: Runs of a loop with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep it.
         out: Folder for tolerance_NAME.json and the figure.
     """
 
@@ -50,16 +48,16 @@ class ToleranceCommand(Command):
     laws: StudiedLaws = ()
     rivals: Flag = False
     control_period: Flag = False
-    seeds: WholeNumber = 4
+    draws: WholeNumber = 10
     out: Out = Path("renders")
 
     def execute(self) -> int:
         """Search the tolerances, write, draw and print them."""
         from grosmc_mj.executors import executor_for
+        from grosmc_mj.studies.studied import require_draws
         from grosmc_mj.studies.tolerance import tolerance_study, tolerances_of_laws
 
-        if not 1 <= self.seeds <= _MOST_SEEDS:
-            raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
+        require_draws(self.draws)
         studied = tolerance_study(
             self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
         )
@@ -73,7 +71,7 @@ class ToleranceCommand(Command):
             screen.progress(len(studied.laws) * answers, "answers") as advance,
         ):
             executor = executor_for(len(studied.laws))
-            for index, rows in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
+            for index, rows in tolerances_of_laws(studied, self.draws, executor, screen.notice):
                 by_law[index] = rows
                 advance(studied.laws[index].name, answers)
 
@@ -92,12 +90,12 @@ class ToleranceCommand(Command):
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import tolerance as study
+        from grosmc_mj.studies import tolerance_answer as study
 
         if not rows:
             return ()
         path = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-        write_json(path, study.tolerance_document(studied, rows, self.seeds, complete=complete))
+        write_json(path, study.tolerance_document(studied, rows, self.draws, complete=complete))
         title = f"{studied.target}: what of the loop each law stands"
         charts = study.charts(studied, rows)
         figure = write_cells(path.with_suffix(".png"), title, charts, study.NOTE)
@@ -105,7 +103,7 @@ class ToleranceCommand(Command):
 
     def _print_answer(self, rows: list[Tolerance]) -> None:
         """Print which law breaks first, and how much each law stands."""
-        from grosmc_mj.studies import tolerance as study
+        from grosmc_mj.studies import tolerance_answer as study
 
         console = screen.console()
         console.print(study.verdict(rows), style="bold", markup=False)
