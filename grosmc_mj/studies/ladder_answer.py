@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import mujoco
@@ -18,7 +16,6 @@ from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -33,6 +30,13 @@ from grosmc_mj.results.result import (
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.studies.ladder import ENDED, Ladder, RungResult, run_of
+from grosmc_mj.studies.matrix import (
+    Cell,
+    conditions_document,
+    law_document,
+    verdict_chart,
+    verdict_table,
+)
 from grosmc_mj.studies.studied import Condition, StudiedLaw
 
 STANDS = "stands"
@@ -41,17 +45,11 @@ LEGEND = (
     "never: it does not settle; 7 of 10: kept in so many draws; ?: an assumed number decides; "
     "-: there is no such law."
 )
-NOTE = (
-    f"{LEGEND} Green: every requirement is met; the redder, the further beyond a limit. *: rests "
-    "on assumptions."
-)
 CLAIMS = "Rung on which each claim fails"
 _TITLES = {
     True: "Rungs added one by one",
     False: "Each alone on the sampled plant",
 }
-# Decades beyond a limit in a chart.
-_MOST = 2.0
 
 
 def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
@@ -149,38 +147,61 @@ def _answer_row(law: str, rungs: Sequence[RungResult], top: str) -> list[str]:
     return [law, every, machine, breaks, *swings]
 
 
-def _by_law(
-    title: str,
-    rows: Sequence[RungResult],
-    columns: Mapping[str, str],
-    column_of: Callable[[RungResult], str],
-    cell: Callable[[RungResult], str] = lambda row: row.cell,
-) -> Table:
-    """A row for each law, a column for each key of its header; a cell is the text of a row."""
-    texts = {(row.law, column_of(row)): cell(row) for row in rows}
-    laws = dict.fromkeys(row.law for row in rows)
-    cells = [[law, *(texts.get((law, key), "") for key in columns)] for law in laws]
-    return table(title, [*words("law"), *numbers(*columns.values())], cells)
+def cell_of(row: RungResult) -> Cell:
+    """Return the cell of a row in the matrix of laws and rungs."""
+    verdict = "failed"
+    broken = row.tightest
+    words = row.reason
+    if row.impossible:
+        verdict = ""
+    elif row.kept:
+        verdict = "kept"
+        broken = ""
+        words = f"{row.share_text} of the limit"
+    elif row.partly:
+        verdict = "partly"
+
+    marks = []
+    if row.partly:
+        marks.append(f"{row.kept_draws} of {row.draws}")
+    if row.hangs_on:
+        marks.append("?")
+        words += f"; turned by {', '.join(row.hangs_on)}"
+    return Cell(
+        law=row.law,
+        step=row.rung,
+        condition=row.condition,
+        verdict=verdict,
+        text=row.cell,
+        broken=broken,
+        mark=" ".join(marks),
+        words=words,
+    )
 
 
 def share_table(
     studied: Ladder, rows: Sequence[RungResult], condition: str, *, together: bool
 ) -> Table:
     """Return laws by rungs: the share of the tightest limit that is used."""
-    selected = [row for row in rows if (row.condition, row.together) == (condition, together)]
+    cells = [cell_of(row) for row in rows if (row.condition, row.together) == (condition, together)]
+    return verdict_table(_TITLES[together], cells, _headings(studied, together=together))
+
+
+def _headings(studied: Ladder, *, together: bool) -> dict[str, str]:
+    """Headings of the rungs, by their names."""
     rungs = studied.climbing if together else studied.alone
-    titles = {rung.name: rung.title for rung in rungs}
-    return _by_law(_TITLES[together], selected, titles, lambda row: row.rung)
+    return {rung.name: rung.title for rung in rungs}
 
 
 def load_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
     """Return laws by conditions: the share on the complete machine."""
     top = studied.climbing[-1].name
-    selected = [row for row in rows if row.together and row.rung == top]
     loads = "; ".join(f"{load.name}: {load.title}" for load in studied.conditions[1:])
     title = f"The complete machine, nominally and under load ({loads})"
-    columns = {condition.name: condition.name for condition in studied.conditions}
-    return _by_law(title, selected, columns, lambda row: row.condition)
+    at_the_top = [row for row in rows if row.together and row.rung == top]
+    cells = [cell_of(row)._replace(step=row.condition) for row in at_the_top]
+    headings = {condition.name: condition.name for condition in studied.conditions}
+    return verdict_table(title, cells, headings)
 
 
 def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
@@ -196,9 +217,21 @@ def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
         unit = f"m{unit}"
         scale = 1e3
     title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it"
-    rungs = {rung.name: rung.name for rung in studied.climbing}
-    cell = partial(_deviation_text, scale=scale)
-    return _by_law(title, selected, rungs, lambda row: row.rung, cell)
+    cells = [cell_of(row)._replace(text=_deviation_text(row, scale)) for row in selected]
+    return verdict_table(title, cells, {rung.name: rung.name for rung in studied.climbing})
+
+
+def assumed_table(rows: Sequence[RungResult]) -> Table | None:
+    """Return the assumed numbers that turn a verdict, with the change; None without any."""
+    cells = []
+    for row in rows:
+        if row.hangs_on:
+            verdict = "kept" if row.kept else "not kept"
+            cells.append([row.law, row.rung, verdict, ", ".join(row.hangs_on)])
+    if not cells:
+        return None
+    columns = [*names("law"), *words("rung", "verdict"), *text("turned by")]
+    return table("Verdicts that an assumed number turns", columns, cells)
 
 
 def _deviation_text(row: RungResult, scale: float) -> str:
@@ -250,51 +283,47 @@ def assumed_text(studied: Ladder) -> str:
 
 
 def charts(studied: Ladder, rows: Sequence[RungResult]) -> dict[str, CellChart]:
-    """Return a map for each condition, climbing and alone: below zero is kept, then decades."""
-    rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
-    cells = []
-    for row in rows:
-        if not row.impossible:
-            place = (_map_key(row.condition, row.together), row.law, rungs[row.rung])
-            cells.append((*place, _redness(row), row.cell, row.reason))
-
-    titles = {}
+    """Return the chart of each condition: laws by rungs, one added on top of the other."""
+    found = {}
     for condition in studied.conditions:
-        for together, title in _TITLES.items():
-            key = _map_key(condition.name, together)
-            titles[key] = f"{title} ({condition.name}: {condition.title})"
-    return cell_charts(titles, cells, _MOST)
+        cells = [cell_of(row) for row in rows if row.condition == condition.name and row.together]
+        if cells:
+            headings = _headings(studied, together=True)
+            title = f"{condition.name}: {condition.title}"
+            found[condition.name] = verdict_chart(title, cells, headings, climbing=True)
+    return found
 
 
-def _redness(row: RungResult) -> float:
-    """Colour of a row in a map: negative if it is kept, else by the decades beyond its limit."""
-    if row.kept:
-        return -0.5 * _MOST
-    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
-    return 0.1 * _MOST + 0.9 * min(beyond, _MOST)
-
-
-def _map_key(condition: str, together: bool) -> str:
-    return f"{condition}, {'climbing' if together else 'alone'}"
+def alone_chart(studied: Ladder, rows: Sequence[RungResult]) -> CellChart | None:
+    """Return the chart of laws by rungs, each alone on the sampled plant; None without any."""
+    cells = [cell_of(row) for row in rows if not row.together]
+    if not cells:
+        return None
+    headings = _headings(studied, together=False)
+    return verdict_chart(_TITLES[False], cells, headings, climbing=False)
 
 
 def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
     """Return every table with its charts: shares, the machine under load, distances, claims."""
-    maps = charts(studied, rows)
+    climbing = charts(studied, rows)
+    alone = alone_chart(studied, rows)
     first, *loads = studied.conditions
     parts: list[ReportTable] = []
-    for together in (True, False):
-        chart = maps.get(_map_key(first.name, together))
-        if chart is not None:
-            shares = share_table(studied, rows, first.name, together=together)
-            parts.append(ReportTable(table=shares, charts=[chart]))
+    if first.name in climbing:
+        shares = share_table(studied, rows, first.name, together=True)
+        parts.append(ReportTable(table=shares, charts=[climbing[first.name]]))
+    if alone is not None:
+        shares = share_table(studied, rows, first.name, together=False)
+        parts.append(ReportTable(table=shares, charts=[alone]))
 
     if loads:
-        keys = [_map_key(load.name, True) for load in loads]
-        under_load = [maps[key] for key in keys if key in maps]
+        under_load = [climbing[load.name] for load in loads if load.name in climbing]
         parts.append(ReportTable(table=load_table(studied, rows), charts=under_load))
 
     parts.append(ReportTable(table=deviation_table(studied, rows)))
+    assumed = assumed_table(rows)
+    if assumed is not None:
+        parts.append(ReportTable(table=assumed))
     for condition in studied.conditions:
         claims = claims_table(studied, rows, condition.name)
         if claims is not None:
@@ -358,8 +387,8 @@ def ladder_document(
         target=studied.target,
         title=case.title,
         units=studied.units,
-        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
-        laws=[_law_document(law) for law in studied.laws],
+        conditions=conditions_document(studied.conditions),
+        laws=[law_document(law) for law in studied.laws],
         climbing=[rung.document() for rung in studied.climbing],
         alone=[rung.document() for rung in studied.alone],
         assumed=assumed_text(studied),
@@ -386,10 +415,6 @@ def _document_answer(studied: Ladder, rows: Sequence[RungResult], *, complete: b
         judgement = OPEN
         answer += " Interrupted: not complete."
     return Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=answer)
-
-
-def _law_document(law: StudiedLaw) -> dict[str, Any]:
-    return {"name": law.name, "predicts": law.predict, "sampled": law.sampled}
 
 
 def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:

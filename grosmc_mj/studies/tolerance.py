@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
@@ -18,6 +20,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Loop
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.imperfections import Imperfection, LongerPeriod, imperfections
 from grosmc_mj.studies.studied import (
     BENCH,
@@ -237,6 +240,44 @@ class Tolerance:
 
     def _level(self, factor: float) -> dict[str, float]:
         return {"factor": factor, "shown": self.imperfection.amount(factor)}
+
+
+class LawTolerances(BaseModel):
+    """Finished answers of one law, as they are stored.
+
+    Attributes:
+        law: Name of the law.
+        answers: Fields of each ``Tolerance``, its imperfection by name.
+    """
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+    law: str
+    answers: tuple[dict[str, Any], ...]
+
+    @property
+    def key(self) -> tuple[str]:
+        """Key among all laws of the study."""
+        return (self.law,)
+
+    @classmethod
+    def of(cls, rows: Sequence[Tolerance]) -> LawTolerances:
+        """Return the answers of one law, to be stored."""
+        answers = [{**vars(row), "imperfection": row.imperfection.name} for row in rows]
+        return cls(law=rows[0].law, answers=tuple(answers))
+
+    def rows(self, studied: ToleranceStudy) -> list[Tolerance]:
+        """Return the answers that were stored."""
+        kinds = {kind.name: kind for kind in studied.imperfections}
+        return [
+            Tolerance(**{**answer, "imperfection": kinds[answer["imperfection"]]})
+            for answer in self.answers
+        ]
+
+
+def cells_of(studied: ToleranceStudy, draws: int, folder: Path) -> Cells[LawTolerances]:
+    """Return the finished laws of a study in a folder."""
+    configuration = [studied.bench_of, asdict(studied.bench), draws]
+    return Cells(folder, LawTolerances, study_key(configuration, studied.conditions))
 
 
 class Trial(NamedTuple):
@@ -477,20 +518,22 @@ class ToleranceSearch(Search):
 
 def tolerances_of_laws(
     studied: ToleranceStudy,
+    laws: Sequence[int],
     draws: int,
     executor: Executor,
     notice: Notice = lambda _: None,
 ) -> Iterator[tuple[int, list[Tolerance]]]:
-    """Yield the tolerances of each law, by its number, in the order in which laws finish.
+    """Yield the tolerances of laws, by their number, in the order in which they finish.
 
     Args:
         studied: The target.
+        laws: Numbers of the laws.
         draws: Runs of a loop in which something is drawn.
         executor: Executor of the processes; each reads the target again.
         notice: Called if a worker died and was replaced.
     """
     study_law = partial(tolerances, studied, draws=draws, threads=executor.threads_per_worker)
-    with closing(executor.run(study_law, range(len(studied.laws)), notice)) as answers:
+    with closing(executor.run(study_law, laws, notice)) as answers:
         for answer in answers:
             yield answer.index, answer.report
 

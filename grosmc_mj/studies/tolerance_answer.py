@@ -8,7 +8,6 @@ from typing import Any
 
 from rich.cells import cell_len
 
-from grosmc_mj.results.charts import cell_charts
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import (
     MEASURED,
@@ -22,6 +21,7 @@ from grosmc_mj.results.result import (
 )
 from grosmc_mj.results.tables import WIDTH, Table, number, numbers, table, words
 from grosmc_mj.studies.imperfections import ALL, LEAST, MOST, Imperfection
+from grosmc_mj.studies.matrix import Cell, conditions_document, law_document, verdict_chart
 from grosmc_mj.studies.studied import StudiedLaw
 from grosmc_mj.studies.tolerance import BEYOND, PER_OCTAVE, RESOLUTION, Tolerance, ToleranceStudy
 
@@ -30,11 +30,12 @@ LEGEND = (
     "without it; none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again "
     "beyond; !: MuJoCo differs from the equations, and counts."
 )
-NOTE = f"{LEGEND} Green: more than the bench has; red: less."
+NOTE = (
+    "Green: all requirements are kept with what the bench has of it. Orange: the named requirement "
+    "is not. !: MuJoCo differs from the equations, and counts."
+)
 # Letters in a line of a header.
 _LETTERS = 12
-# Range of a chart's colours, to both sides of the bench's amount [octaves].
-_OCTAVES = 6.0
 
 
 def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
@@ -138,29 +139,40 @@ def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
     return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), outside
 
 
-def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> list[CellChart]:
-    """Return a map for each condition: octaves below the bench's amount, blue for more of it."""
-    cells = []
-    for row in rows:
-        if not row.impossible:
-            reason = ""
-            if row.breaks:
-                reason = f"then breaks: {row.reason}"
-            place = (row.condition, row.law, row.imperfection.heading)
-            cells.append((*place, -_octaves(row), row.cell, reason))
-    titles = {}
+def cell_of(row: Tolerance) -> Cell:
+    """Return the cell of a tolerance: kept if the law stands at least what the bench has."""
+    verdict = "failed"
+    if row.impossible:
+        verdict = ""
+    elif row.weakness > 1:
+        verdict = "kept"
+
+    words = ""
+    if row.breaks:
+        words = f"then breaks: {row.reason}"
+    mark = "!" if row.physics_agrees is False else ""
+    return Cell(
+        law=row.law,
+        step=row.imperfection.heading,
+        condition=row.condition,
+        verdict=verdict,
+        text=row.cell,
+        broken=row.breaks if verdict == "failed" else "",
+        mark=mark,
+        words=f"{row.cell}; {words}",
+    )
+
+
+def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> dict[str, CellChart]:
+    """Return the chart of each condition: laws by imperfections."""
+    found = {}
     for condition in studied.conditions:
-        titles[condition.name] = f"{condition.name}: {condition.title}"
-    return list(cell_charts(titles, cells, _OCTAVES).values())
-
-
-def _octaves(row: Tolerance) -> float:
-    """Octaves from the bench's amount to the largest that is kept, within the chart's colours."""
-    if math.isinf(row.weakness):
-        return _OCTAVES
-    if row.none or not row.kept_ideally:
-        return -_OCTAVES
-    return max(-_OCTAVES, min(_OCTAVES, math.log2(row.largest_kept)))
+        cells = [cell_of(row) for row in rows if row.condition == condition.name]
+        if cells:
+            title = f"{condition.name}: {condition.title}"
+            headings = {kind.heading: kind.name for kind in studied.imperfections}
+            found[condition.name] = verdict_chart(title, cells, headings, climbing=False)
+    return found
 
 
 def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:
@@ -210,7 +222,8 @@ def tolerance_document(
     target = studied.target
     checked, differing = confirmed(rows)
     sheet = ReportTable(
-        table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows)
+        table=least_table(rows, f"{target}: tolerances"),
+        charts=list(charts(studied, rows).values()),
     )
     return result(
         "tolerance",
@@ -222,7 +235,7 @@ def tolerance_document(
         sheets=[sheet],
         values=_values(target, rows),
         target=target,
-        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
+        conditions=conditions_document(studied.conditions),
         imperfections=[_imperfection_document(kind) for kind in studied.imperfections],
         laws=[_law_document(studied, law) for law in studied.laws],
         physics={"answers_checked": checked, "answers_that_differ": differing},
@@ -275,12 +288,7 @@ def _law_document(studied: ToleranceStudy, law: StudiedLaw) -> dict[str, Any]:
     for condition in studied.conditions:
         limits = studied.limits(law, condition)
         requirements[condition.name] = [limit.words for limit in limits]
-    return {
-        "name": law.name,
-        "predicts": law.predict,
-        "sampled": law.sampled,
-        "requirements": requirements,
-    }
+    return {**law_document(law), "requirements": requirements}
 
 
 def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:

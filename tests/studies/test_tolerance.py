@@ -278,6 +278,28 @@ def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> N
     assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)
 
 
+def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path) -> None:
+    studied = tolerance_study("servo", ["lqr"])
+    rows = [
+        Tolerance(
+            law="lqr",
+            imperfection=kind,
+            condition="nominal",
+            kept_ideally=True,
+            largest_kept=2.0,
+            smallest_failed=None,
+            kept_again=[(3.0, 4.0)],
+        )
+        for kind in studied.imperfections
+    ]
+    cells = tolerance.cells_of(studied, 10, tmp_path)
+    cells.write(tolerance.LawTolerances.of(rows))
+    finished = cells.read("lqr")
+    assert finished is not None
+    assert [row.document() for row in finished.rows(studied)] == [row.document() for row in rows]
+    assert tolerance.cells_of(studied, 20, tmp_path).read("lqr") is None
+
+
 @pytest.mark.parametrize("failing", [None, 0, 1, 3])
 def test_all_draws_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     def made(self: tolerance.Trials, *groups: Any) -> None:

@@ -159,15 +159,19 @@ class LadderCommand(Command):
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import ladder_answer
+        from grosmc_mj.studies.matrix import NOTE, chart_path
 
         if not rows:
             return ()
         path = self._path(studied)
         write_json(path, ladder_answer.ladder_document(studied, rows, complete=complete))
-        title = f"{studied.target}: where each law breaks"
-        charts = list(ladder_answer.charts(studied, rows).values())
-        figure = write_cells(path.with_suffix(".png"), title, charts, ladder_answer.NOTE)
-        return path, figure
+        first = studied.conditions[0].name
+        figures = []
+        for condition, chart in ladder_answer.charts(studied, rows).items():
+            figure = chart_path(path, condition, first)
+            title = f"{studied.target}: where each law fails"
+            figures.append(write_cells(figure, title, [chart], NOTE))
+        return path, *figures
 
     def _film(
         self,
