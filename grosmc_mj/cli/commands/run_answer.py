@@ -17,7 +17,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 
@@ -61,16 +61,30 @@ def judge(
     results: Sequence[RunResult],
     premises: Sequence[Audit],
     *,
+    draws: int,
     complete: bool,
 ) -> RunAnswer:
-    """Judge the runs of an experiment, and make their document."""
-    judgements = judge_runs(experiment.limits, results)
+    """Return the judged runs of an experiment with their document.
+
+    Args:
+        experiment: The experiment.
+        results: Its runs.
+        premises: Audits of the theorems' premises.
+        draws: Draws of a loop that the runs are judged over.
+        complete: Whether nothing was interrupted.
+    """
+    names = [limit.name for limit in experiment.limits]
+    judgements = [judgement for result in results for judgement in result.requirements]
+    judgements.sort(key=lambda judgement: names.index(judgement.requirement.name))
+    notes = notes_on(experiment, results)
+    if experiment.loop is not None and experiment.loop.drawn and draws > 1:
+        notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
     content = experiment_document(
         experiment,
         results,
         judgements,
         complete=complete,
-        notes=notes_on(experiment, results),
+        notes=notes,
         premises=[audit_document(audit) for audit in premises],
     )
     return RunAnswer(experiment, results, premises, judgements, content)

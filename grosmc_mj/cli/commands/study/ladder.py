@@ -77,7 +77,7 @@ class LadderCommand(Command):
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
         from grosmc_mj.studies.ladder import cells_of
-        from grosmc_mj.studies.studied import require_draws
+        from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
         studied = self._studied()
