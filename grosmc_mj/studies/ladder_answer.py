@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -445,26 +445,6 @@ def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:
         "under": claim.under,
         "of": list(claim.of or studied.machine.controllers),
     }
-
-
-def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
-    parts: list[str] = []
-    for document in documents:
-        tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
-        parts.append(f"**{document['target']}**: {document['title']}")
-        parts += [_titled(part) for part in tables if not part.legend]
-        if document["assumed"]:
-            # A star would begin a list.
-            parts.append(f"\\{document['assumed']}")
-        for part in tables:
-            if part.title == CLAIMS:
-                parts += [_titled(part), part.legend]
-    return "\n\n".join(parts)
-
-
-def _titled(part: Table) -> str:
-    return "\n".join([f"{part.title}:", "", *part.markdown()])
 
 
 def ladder_film(

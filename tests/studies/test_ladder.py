@@ -33,6 +33,7 @@ from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import cells as finished
 from grosmc_mj.studies import ladder as study
 from grosmc_mj.studies import ladder_answer as answer
+from grosmc_mj.studies import ladder_pages as pages
 from grosmc_mj.studies.cells import Cells
 from grosmc_mj.studies.ladder import ENDED, RungResult, ladder, run_rung
 from grosmc_mj.studies.rungs import Rung, rungs_of
@@ -452,7 +453,7 @@ def loaded_document() -> dict[str, Any]:
 @cache
 def page_parts() -> list[str]:
     """The paragraphs of the page of a ladder."""
-    return answer.ladders_text([loaded_document()]).split("\n\n")
+    return pages.ladders_text([loaded_document()]).split("\n\n")
 
 
 def table_under(title: str) -> list[str]:
