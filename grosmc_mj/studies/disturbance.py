@@ -28,10 +28,9 @@ from grosmc_mj.files import atomic_write
 from grosmc_mj.plants import System
 from grosmc_mj.plants.system import rate_unit
 from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.judging import of_laws
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.signals import named_units, signals_of, sliding_names
+from grosmc_mj.requirements.signals import named_units, signals_of
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import (
     KEPT,
@@ -557,22 +556,10 @@ class DisturbanceStudy:
 
 def _watched(limits: Sequence[Requirement], error: Any) -> list[str]:
     """Return the signals that requirements are about, whose responses tell signs."""
-    signals: dict[str, None] = {}
+    names: list[str] = []
     for limit in limits:
-        if isinstance(limit, Always):
-            watched = sorted(limit.watched)
-        elif limit.quantity == "sliding":
-            watched = sliding_names(error.inputs)
-        elif limit.quantity == "input":
-            watched = [signal.name for signal in error.system.inputs]
-        elif limit.signal and limit.signal not in error.names:
-            watched = [limit.signal]
-        elif limit.signal:
-            watched = [f"{limit.signal} error"]
-        else:
-            watched = [f"{error.names[row]} error" for row in error.output_rows]
-        signals.update(dict.fromkeys(watched))
-    return list(signals)
+        names += limit.watched(error)
+    return list(dict.fromkeys(names))
 
 
 # -- finished searches -----------------------------------------------------------------------------
