@@ -71,8 +71,8 @@ class Envelope(Always):
     def words(self) -> str:
         """The requirement in words."""
         words = f"{self.written} {self.bounds}"
-        if self.after:
-            words += f" from {self.after:g} s on"
         if math.isfinite(self.until):
-            words += f" to {self.until:g} s"
+            return f"{words} from {self.after:g} s to {self.until:g} s"
+        if self.after:
+            return f"{words} from {self.after:g} s on"
         return words

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import math
-import re
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,95 +12,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-
-# -- units -----------------------------------------------------------------------------------------
-
-# Factor and base units of each unit. A radian is a base unit here, so that no angle is taken for a
-# number without a unit; any other unit of a plant of the user's own is one of its own.
-_UNITS = {
-    "s": (1.0, "s"),
-    "ms": (1e-3, "s"),
-    "us": (1e-6, "s"),
-    "rad": (1.0, "rad"),
-    "mrad": (1e-3, "rad"),
-    "deg": (math.pi / 180, "rad"),
-    "Hz": (2 * math.pi, "rad/s"),
-    "m": (1.0, "m"),
-    "cm": (1e-2, "m"),
-    "mm": (1e-3, "m"),
-    "kg": (1.0, "kg"),
-    "g": (1e-3, "kg"),
-    "N": (1.0, "kg m/s^2"),
-    "mN": (1e-3, "kg m/s^2"),
-    "kN": (1e3, "kg m/s^2"),
-    "A": (1.0, "A"),
-    "mA": (1e-3, "A"),
-    "V": (1.0, "V"),
-    "mV": (1e-3, "V"),
-}
-_PART_OF_UNIT = re.compile(r"([ */]*)([^\W\d]+|1)(?:\^(\d))?")
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit in base units: a factor and the power of each of them."""
-
-    factor: float = 1.0
-    powers: tuple[tuple[str, int], ...] = ()
-
-    @classmethod
-    def of(cls, text: str) -> Unit:
-        """Read a unit such as ``N m/rad``."""
-        unit = Unit()
-        for separator, name, exponent in _PART_OF_UNIT.findall(text):
-            power = int(exponent or 1)
-            if "/" in separator:
-                power = -power
-            if name != "1":
-                unit = unit.times(_simple(name), power)
-        return unit
-
-    def times(self, other: Unit, power: int = 1) -> Unit:
-        """Return the product with a power of another unit."""
-        powers = Counter(dict(self.powers))
-        for name, exponent in other.powers:
-            powers[name] += power * exponent
-        present = [item for item in powers.items() if item[1]]
-        return Unit(self.factor * other.factor**power, tuple(sorted(present)))
-
-    def __str__(self) -> str:
-        """Write the base units."""
-        above = [_power_text(name, power) for name, power in self.powers if power > 0]
-        below = [f"/{_power_text(name, -power)}" for name, power in self.powers if power < 0]
-        return (" ".join(above) or "1") + "".join(below)
-
-
-def _simple(name: str) -> Unit:
-    """Return the unit of one name."""
-    if name not in _UNITS:
-        return Unit(1.0, ((name, 1),))
-    factor, base = _UNITS[name]
-    if base == name:
-        return Unit(1.0, ((name, 1),))
-    return Unit(factor, Unit.of(base).powers)
-
-
-def _power_text(name: str, power: int) -> str:
-    """Write a power of a base unit."""
-    return name if power == 1 else f"{name}^{power}"
-
-
-def unit_pattern(*units: str) -> str:
-    """Return a regular expression for the units above and further ones, alone or multiplied."""
-    names = set(_UNITS)
-    for unit in units:
-        names.update(name for _, name, _ in _PART_OF_UNIT.findall(unit))
-    longest_first = sorted(names - {"1"}, key=len, reverse=True)
-    one = rf"(?:{'|'.join(map(re.escape, longest_first))})(?:\^\d)?"
-    return rf"{one}(?:[ */]{one})*(?![\w^])"
-
-
-# -- expressions -----------------------------------------------------------------------------------
+from grosmc_mj.units import Unit
 
 
 @dataclass(frozen=True)

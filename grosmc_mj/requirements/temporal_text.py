@@ -14,9 +14,7 @@ from grosmc_mj.requirements.expressions import (
     Expression,
     Number,
     SignalValue,
-    Unit,
     comparisons_in,
-    unit_pattern,
 )
 from grosmc_mj.requirements.temporal import (
     Always,
@@ -28,6 +26,7 @@ from grosmc_mj.requirements.temporal import (
     Or,
     Until,
 )
+from grosmc_mj.units import Unit, unit_pattern
 
 _LONGEST = 1000
 _DEEPEST = 40

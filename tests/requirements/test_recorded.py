@@ -81,7 +81,7 @@ def test_an_envelope_holds_from_an_instant_to_another_one(tmp_path) -> None:
     counting = (run_of_it.time > 1 - 1e-9) & (run_of_it.time < 3 + 1e-9)
     (value,) = measured(experiment)
     assert 0.9 - value == pytest.approx(run_of_it.state[counting, 0].min() - 0.9, rel=1e-12)
-    assert experiment.limits[0].words == "rotor angle above 0.9 rad from 1 s on to 3 s"
+    assert experiment.limits[0].words == "rotor angle above 0.9 rad from 1 s to 3 s"
 
 
 # -- recovery --------------------------------------------------------------------------------------
