@@ -1,10 +1,9 @@
-"""Arithmetic of signals and numbers with units, read by Python's grammar and never executed."""
+"""Arithmetic of signals and numbers with units."""
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,78 +128,46 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "cos": (np.cos, 1),
 }
 _OF_ANGLE = ("sin", "cos")
-_SUMS: dict[type[ast.operator], Callable[..., Any]] = {ast.Add: np.add, ast.Sub: np.subtract}
-_PRODUCTS: dict[type[ast.operator], tuple[Callable[..., Any], int]] = {
-    ast.Mult: (np.multiply, 1),
-    ast.Div: (np.divide, -1),
+_SUMS: dict[str, Callable[..., Any]] = {"+": np.add, "-": np.subtract}
+_PRODUCTS: dict[str, tuple[Callable[..., Any], int]] = {
+    "*": (np.multiply, 1),
+    "/": (np.divide, -1),
 }
 
 
-def comparisons_in(
-    source: str, quantities: Mapping[str, Expression]
-) -> Iterator[tuple[ast.cmpop, Expression, Expression]]:
-    """Read comparisons such as ``q0 < q1 + 2`` or ``0 < q0 < q1``.
-
-    Args:
-        source: Text in Python's grammar.
-        quantities: Signals and numbers with a unit, by the names that they have in the text.
-
-    Yields:
-        Sign and sides of each comparison.
+def combined(sign: str, left: Expression, right: Expression) -> Expression:
+    """Return a sum, a difference, a product or a quotient.
 
     Raises:
-        ArgumentError: If it is no comparison of arithmetic, or units do not fit.
+        ArgumentError: If it is a sum of different units.
     """
-    try:
-        tree = ast.parse(source.strip(), mode="eval").body
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise ArgumentError("is no formula") from None
-    if not isinstance(tree, ast.Compare):
-        raise ArgumentError("has no comparison (<, <=, >, >=) where one must be")
-
-    sides = [_expression(node, quantities) for node in (tree.left, *tree.comparators)]
-    for sign, left, right in zip(tree.ops, sides[:-1], sides[1:], strict=True):
-        _common_unit("compares", left, right)
-        yield sign, left, right
+    if sign in _SUMS:
+        return Applied(common_unit("adds", left, right), _SUMS[sign], (left, right))
+    function, power = _PRODUCTS[sign]
+    unit = _without_factor(left).times(_without_factor(right), power)
+    return Applied(unit, function, (left, right))
 
 
-def _expression(node: ast.AST, quantities: Mapping[str, Expression]) -> Expression:
-    """Return a node of the tree, with all below it, as an expression."""
-    match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return Number.of(float(value))
-        case ast.Name(id=name) if name in quantities:
-            return quantities[name]
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = _expression(operand, quantities)
-            return Applied(inner.unit, np.negative, (inner,))
-        case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _SUMS:
-            sides = (_expression(left, quantities), _expression(right, quantities))
-            return Applied(_common_unit("adds", *sides), _SUMS[type(sign)], sides)
-        case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _PRODUCTS:
-            function, power = _PRODUCTS[type(sign)]
-            first = _expression(left, quantities)
-            second = _expression(right, quantities)
-            unit = _without_factor(first).times(_without_factor(second), power)
-            return Applied(unit, function, (first, second))
-        case ast.Call(func=ast.Name(id=name), args=nodes, keywords=[]) if name in FUNCTIONS:
-            arguments = tuple(_expression(argument, quantities) for argument in nodes)
-            return _called(name, arguments)
-    raise ArgumentError(f"is no formula: write comparisons of + - * / and {', '.join(FUNCTIONS)}")
+def applied(name: str, arguments: Sequence[Expression]) -> Expression:
+    """Return a function of arguments.
 
+    Args:
+        name: Its name in ``FUNCTIONS``.
+        arguments: The arguments.
 
-def _called(name: str, arguments: tuple[Expression, ...]) -> Expression:
-    """Return a function of arguments."""
+    Raises:
+        ArgumentError: If their number or units do not fit.
+    """
     function, count = FUNCTIONS[name]
     if len(arguments) != count:
         raise ArgumentError(f"gives {name} {len(arguments)} arguments in place of {count}")
     if name not in _OF_ANGLE:
-        return Applied(_common_unit(f"gives {name}", *arguments), function, arguments)
+        return Applied(common_unit(f"gives {name}", *arguments), function, tuple(arguments))
 
     unit = _without_factor(arguments[0])
     if str(unit) not in {"rad", "1"}:
         raise ArgumentError(f"gives {name} a number in {unit}, not in rad")
-    return Applied(Unit(), function, arguments)
+    return Applied(Unit(), function, tuple(arguments))
 
 
 def _without_factor(expression: Expression) -> Unit:
@@ -210,8 +177,12 @@ def _without_factor(expression: Expression) -> Unit:
     return Unit(1.0, expression.unit.powers)
 
 
-def _common_unit(verb: str, *expressions: Expression) -> Unit | None:
-    """Return the one unit of expressions in base units; None if all are zero."""
+def common_unit(verb: str, *expressions: Expression) -> Unit | None:
+    """Return the one unit of expressions in base units; None if all are zero.
+
+    Raises:
+        ArgumentError: If they have several, with the verb of what was tried.
+    """
     units = [_without_factor(item) for item in expressions if item.unit is not None]
     if len(set(units)) > 1:
         names = ["a number without a unit" if unit == Unit() else str(unit) for unit in units]
