@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.user_code import is_named, named_in
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.films.film import Film, Format
-from grosmc_mj.requirements.signals import named_units, signals_of
+from grosmc_mj.requirements.signals import DEVIATION, named_units, signals_of
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -131,7 +132,9 @@ def charts(study: DisturbanceStudy, found: Found) -> list[LineChart]:
     quantity = ""
     runs = recorded_runs(study.experiment, rows, study.plant)
     for (name, case), (run, law) in zip(cases.items(), runs, strict=True):
-        (signal, *_) = watched([limit], law.designed.error)
+        signal = DEVIATION
+        if limit.figure != DEVIATION:
+            (signal, *_) = watched([limit], law.designed.error)
         unit = named_units(law, law.designed.sliding_unit or "1")[signal]
         quantity = f"{signal} [{unit}]"
 
@@ -145,7 +148,7 @@ def charts(study: DisturbanceStudy, found: Found) -> list[LineChart]:
 
     seconds = "time [s]"
     place = f"{disturbance.place} [{disturbance.unit}]"
-    level = limit.number if limit.is_level and limit.figure in {"output", "input"} else None
+    level = limit.number if limit.figure and limit.is_level else None
     return [
         LineChart(name=f"{found.law}: disturbance", titles=(seconds, place), lines=signals),
         LineChart(
@@ -181,7 +184,8 @@ def disturbance_film(study: DisturbanceStudy, found: Found, form: Format | None 
     """Return a film of a law under the worst disturbance, beside the one it is compared with."""
     cases = _cases(study, found)
     runs = [case.run("physics", found.law) for case in cases.values()]
-    return film_of(runs, form, list(cases))
+    film = film_of(runs, form, list(cases))
+    return replace(film, title=f"{study.experiment.target}: {_title(study)} for {found.law}")
 
 
 # -- document --------------------------------------------------------------------------------------
@@ -260,7 +264,7 @@ def case_text(study: DisturbanceStudy, found: Found) -> str:
     case = disturbance.case_of(np.array(found.signal))
     content = read_content(study.experiment.path)
     content.pop("name", None)
-    title = f"worst {disturbance.bound:g} {disturbance.unit} on {disturbance.place}"
+    title = _title(study)
     content["title"] = f"{study.experiment.title}: {title} for {found.law}"
 
     states = study.experiment.nominal.system.states
@@ -276,6 +280,12 @@ def case_text(study: DisturbanceStudy, found: Found) -> str:
     tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
     share = f"{found.share!r} of {found.requirement}"
     return f"# {title} under {found.law}: {share}.\n{tomli_w.dumps(content)}"
+
+
+def _title(study: DisturbanceStudy) -> str:
+    """The worst disturbance in words."""
+    disturbance = study.disturbance
+    return f"worst {disturbance.bound:g} {disturbance.unit} on {disturbance.place}"
 
 
 def _disturbance_table(disturbance: BoundedDisturbance, worst: AnyDisturbance) -> dict[str, Any]:

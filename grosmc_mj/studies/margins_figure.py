@@ -14,10 +14,11 @@ from grosmc_mj.results.tables import number
 from grosmc_mj.studies.law_margins import LEVELS, LawMargins, shared_level
 from grosmc_mj.studies.margins import Setup
 
-# |L| up to which a Nyquist plot goes, and from which a Bode plot begins.
+# Largest |L| of a Nyquist plot.
 _NYQUIST = 3.0
-_LEAST = 0.01
-# Phase at which a Bode plot begins, at least [deg]: an integrator or two come before it.
+# Least |L| of a Bode plot: no margin depends on less, whose phase is that of noise.
+_LEAST = 0.03
+# Least phase at the lowest frequency of a Bode plot [deg]: that of three integrators.
 _LOWEST = -270.0
 
 
