@@ -58,8 +58,8 @@ class Envelope(Always):
             raise ArgumentError(f'give a bound, such as above = "1 {unit}", or below')
 
         begin = written["from"]
-        end = written["to"]
-        if end > duration and math.isfinite(end):
+        end = math.inf if written["to"] is None else written["to"]
+        if duration < end < math.inf:
             raise ArgumentError(f"to = {end:g} s is after the end of a run at {duration:g} s")
         last = min(end, duration)
         if not 0 <= begin < last:

@@ -338,7 +338,7 @@ class RequirementTable(_Limits):
     after: Seconds = 0.0
     above: Any = None
     below: Any = None
-    to: Seconds = math.inf
+    to: Seconds | None = None
 
     @model_validator(mode="before")
     @classmethod
