@@ -587,8 +587,8 @@ def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
         document = radius_document(declared, [radius])
         names |= {value["name"] for value in document["values"]}
     assert names == {
-        "servo/light lqr: no failure up to",
-        "servo/heavy lqr: no failure up to",
+        "servo/light lqr: no failure found up to",
+        "servo/heavy lqr: no failure found up to",
     }
 
 
