@@ -21,8 +21,9 @@ class CompassSearch:
     Each point moves to the worst of its 2 d neighbours, a step away along one coordinate and cut
     off at the faces; where none is worse, the step is halved. It needs no gradient, which the
     least of several margins does not have, reaches corners exactly, and draws nothing at random.
-    On the arm's family it finds worse plants than differential evolution with ten times the runs,
-    and than Nelder and Mead's, Powell's and COBYQA's methods, which try one plant at a time.
+    On the arm's family it finds a margin of -3.22 with 1,500 runs from eight starts; differential
+    evolution finds -3.21 with 7,800, and Nelder and Mead's, Powell's and COBYQA's methods, which
+    try one plant at a time, -3.00 at best from three of these starts.
 
     Attributes:
         point: The worst point so far, (d,).

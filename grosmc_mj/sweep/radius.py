@@ -261,11 +261,9 @@ class RadiusSearch:
         search.descend(self.points[worst], orders[worst], _MOST_RUNS)
         return search.point if search.order < 0 else None
 
-    @property
     def trials(self) -> tuple[ScaleTrial, ...]:
-        """All scales that were tried, in their order."""
-        scales = sorted(self._plants)
-        return tuple(self._trial(scale, self._plants[scale]) for scale in scales)
+        """Return all scales that were tried, in their order, each with all plants."""
+        return tuple(self._trial(scale, self._at(scale)) for scale in sorted(self._plants))
 
     def _trial(self, scale: float, plants: _Plants) -> ScaleTrial:
         """The plants of one scale in short."""
@@ -310,7 +308,7 @@ def radius(
     search.bisect("order")
     if promised.band is not None:
         search.bisect("room")
-    return Radius(controller, plants, search.trials, promised, campaign.largest_scale)
+    return Radius(controller, plants, search.trials(), promised, campaign.largest_scale)
 
 
 def _growth(runs: Outcomes, band: float) -> Array:
