@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -49,22 +49,64 @@ class ScaleTrial:
 
     Attributes:
         scale: Scale of the uncertainty; 1 is as declared.
-        least: Least margin of the worst plant, in parts of its limit.
-        failures: Number of plants that fail.
-        values: The uncertain numbers of the worst of them, (d,).
-        surface: Largest |s| - |s(0)| of all plants over what the promise allows; inf if one did
-            not complete, None where nothing is promised.
-        leaving: Number of plants that exceed it.
-        leaver: The uncertain numbers of the plant that exceeds it most, (d,).
+        values: Their uncertain numbers, (n, d).
+        relative: Least margins in parts of their limits, (n,).
+        order: By which a worse plant is told from a better one, negative of a failure, (n,).
+        growth: |s| - |s(0)| over what the promise allows, (n,): inf if one did not complete, NaN
+            where nothing is promised.
     """
 
     scale: float
-    least: float
-    failures: int
     values: Array
-    surface: float | None = None
-    leaving: int = 0
-    leaver: Array | None = None
+    relative: Array
+    order: Array
+    growth: Array
+
+    @property
+    def room(self) -> Array:
+        """Room of |s| below the bound of the promise, over the bound; negative beyond it, (n,)."""
+        return 1 - self.growth
+
+    @property
+    def failures(self) -> int:
+        """Number of plants that fail."""
+        return int((self.relative < 0).sum())
+
+    @property
+    def least(self) -> float:
+        """Least margin of the worst plant, in parts of its limit."""
+        return float(self.relative[self.order.argmin()])
+
+    @property
+    def worst(self) -> Array:
+        """The uncertain numbers of the worst plant, (d,)."""
+        return self.values[self.order.argmin()]
+
+    @property
+    def leaving(self) -> int:
+        """Number of plants whose |s| leaves its bound."""
+        return int((self.growth > 1).sum())
+
+    @property
+    def surface(self) -> float | None:
+        """The largest growth of |s|; None where nothing is promised."""
+        largest = float(self.growth.max())
+        return None if np.isnan(largest) else largest
+
+    @property
+    def leaver(self) -> Array:
+        """The uncertain numbers of the plant whose |s| grows most, (d,)."""
+        return self.values[self.growth.argmax()]
+
+    def with_more(self, other: ScaleTrial) -> ScaleTrial:
+        """Return the trial with further plants of the same scale."""
+        return ScaleTrial(
+            self.scale,
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.relative, other.relative]),
+            np.concatenate([self.order, other.order]),
+            np.concatenate([self.growth, other.growth]),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,37 +170,6 @@ class Radius:
         return max(scales, default=0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Plants:
-    """Runs of plants at one scale.
-
-    Attributes:
-        values: The uncertain numbers, (n, d).
-        relative: Least margins in parts of their limits, (n,).
-        order: By which a worse run is told from a better one, negative of a failure, (n,).
-        growth: Growth of |s| beyond |s(0)| over what is promised, (n,); 0 without a promise.
-    """
-
-    values: Array
-    relative: Array
-    order: Array
-    growth: Array
-
-    @property
-    def room(self) -> Array:
-        """Room of |s| below the bound of the promise, over the bound; negative beyond it, (n,)."""
-        return 1 - self.growth
-
-    def and_more(self, other: _Plants) -> _Plants:
-        """Return these runs and further ones."""
-        return _Plants(
-            np.concatenate([self.values, other.values]),
-            np.concatenate([self.relative, other.relative]),
-            np.concatenate([self.order, other.order]),
-            np.concatenate([self.growth, other.growth]),
-        )
-
-
 class RadiusSearch:
     """Search for the largest scale of the uncertainty at which no plant of one controller fails.
 
@@ -186,7 +197,7 @@ class RadiusSearch:
             advance: Called with the number of runs done.
         """
         self.points = _points(campaign)
-        self._plants: dict[float, _Plants] = {}
+        self._trials: dict[float, ScaleTrial] = {}
         self._campaign = campaign
         self._controller = controller
         self._band = band
@@ -222,27 +233,26 @@ class RadiusSearch:
         """Whether every plant at a scale keeps a condition."""
         return bool(np.all(getattr(self._at(scale), condition) >= 0))
 
-    def _at(self, scale: float) -> _Plants:
-        """The runs of all plants at a scale; those of plants that are new are made."""
-        plants = self._plants.get(scale)
-        made = 0 if plants is None else len(plants.order)
-        if made < len(self.points):
-            more = self._run(self.points[made:], scale)
-            plants = more if plants is None else plants.and_more(more)
-            self._plants[scale] = plants
-        assert plants is not None
-        return plants
+    def _at(self, scale: float) -> ScaleTrial:
+        """The trial of all plants at a scale; those of plants that are new are run."""
+        trial = self._trials.get(scale)
+        if trial is None:
+            trial = self._run(self.points, scale)
+        elif len(trial.order) < len(self.points):
+            trial = trial.with_more(self._run(self.points[len(trial.order) :], scale))
+        self._trials[scale] = trial
+        return trial
 
-    def _run(self, points: Array, scale: float) -> _Plants:
+    def _run(self, points: Array, scale: float) -> ScaleTrial:
         """Run plants at points of the unit cube, (n, d), at a scale."""
         family = self._campaign.family
         values = family.scaled(family.values(inside(points)), scale)
         runs = screened_search(self._campaign, self._controller, values, self._margins)
         self._advance(len(points))
-        growth = np.zeros(len(points))
+        growth = np.full(len(points), np.nan)
         if self._band is not None:
             growth = _growth(runs, self._band)
-        return _Plants(values, runs["relative"], runs["order"], growth)
+        return ScaleTrial(scale, values, runs["relative"], runs["order"], growth)
 
     def _margins(self, runs: Outcomes) -> Array:
         """Margins in parts of their limits, and the room of |s| below its bound, (k, n)."""
@@ -263,27 +273,7 @@ class RadiusSearch:
 
     def trials(self) -> tuple[ScaleTrial, ...]:
         """Return all scales that were tried, in their order, each with all plants."""
-        return tuple(self._trial(scale, self._at(scale)) for scale in sorted(self._plants))
-
-    def _trial(self, scale: float, plants: _Plants) -> ScaleTrial:
-        """The plants of one scale in short."""
-        worst = int(plants.order.argmin())
-        trial = ScaleTrial(
-            scale,
-            least=float(plants.relative[worst]),
-            failures=int((plants.relative < 0).sum()),
-            values=plants.values[worst],
-        )
-        if self._band is None:
-            return trial
-
-        most = int(plants.growth.argmax())
-        return replace(
-            trial,
-            surface=float(plants.growth[most]),
-            leaving=int((plants.growth > 1).sum()),
-            leaver=plants.values[most],
-        )
+        return tuple(self._at(scale) for scale in sorted(self._trials))
 
 
 def radius(
@@ -358,7 +348,7 @@ def _table_row(campaign: Campaign, search: Radius) -> tuple[str, ...]:
     failing_plant = "none was found"
     if search.outside is not None:
         fails_at = search.outside.scale
-        failing_plant = campaign.words(search.outside.values)
+        failing_plant = campaign.words(search.outside.worst)
     leaves_at = None
     if search.left is not None:
         leaves_at = search.left.scale
@@ -411,7 +401,7 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
         "found": search.found,
         "largest_looked_at": search.largest,
         "plants_at_each_scale": search.plants,
-        "outside": outside and campaign.named(outside.values),
+        "outside": outside and campaign.named(outside.worst),
         "outside_scale": outside and outside.scale,
         "promised": search.promised.scale,
         "promised_note": search.promised.note,

@@ -241,7 +241,7 @@ def test_of_plants_that_never_settle_the_largest_error_left_is_the_worst() -> No
 
 def test_the_worst_plant_of_a_scale_is_at_its_end() -> None:
     for trial in radius(campaign(NEVER_SETTLES, runs=4), "lqr").trials:
-        assert abs(trial.values[0]) == pytest.approx(trial.scale, rel=1e-12)
+        assert abs(trial.worst[0]) == pytest.approx(trial.scale, rel=1e-12)
 
 
 @cache
@@ -256,7 +256,7 @@ def test_the_radius_is_known_to_a_hundredth() -> None:
 
 
 def test_a_plant_outside_the_radius_fails() -> None:
-    assert relative(loads(1.0), *reached().outside.values) == reached().outside.least < 0
+    assert relative(loads(1.0), *reached().outside.worst) == reached().outside.least < 0
 
 
 def least_at_ends(scale: float) -> float:
@@ -375,7 +375,9 @@ def test_requirements_that_are_stricter_or_looser_are_another_failure() -> None:
 
 def trial(scale: float, failures: int, leaving: int) -> ScaleTrial:
     """A trial of one scale."""
-    return ScaleTrial(scale, 0.0, failures, np.zeros(1), 0.5, leaving, np.zeros(1))
+    margins = np.where(np.arange(4) < failures, -1.0, 1.0)
+    growth = np.where(np.arange(4) < leaving, 1.5, 0.5)
+    return ScaleTrial(scale, np.zeros((4, 1)), margins, margins, growth)
 
 
 # A requirement fails from the second scale on, and s leaves its bound at the third.
