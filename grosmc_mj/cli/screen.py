@@ -124,10 +124,10 @@ def brief_table(
     from grosmc_mj.results.tables import numbers, phrases, table
 
     headers = [*phrases(*columns[:words]), *numbers(*columns[words:])]
-    return _first_rows(table(title, headers, rows, styles=styles), most)
+    return first_rows(table(title, headers, rows, styles=styles), most)
 
 
-def _first_rows(table: Table, most: int) -> Table:
+def first_rows(table: Table, most: int) -> Table:
     """Return the first rows of a table; the caption says how many there are more."""
     more = len(table.rows) - most
     if more <= 0:
@@ -188,7 +188,7 @@ def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
         if brief is None:
             wide_console().print(table, "")
         else:
-            console().print(_first_rows(table, _MOST_ROWS))
+            console().print(first_rows(table, _MOST_ROWS))
 
 
 class _Lines:
