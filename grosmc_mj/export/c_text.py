@@ -71,7 +71,7 @@ _OTHER_NAME = {
     "acos": "acos",
     "atan": "atan",
     "atan2": "atan2",
-    "pow": "pow",
+    "pow": "pow_",
     "arcsin": "asin",
     "arccos": "acos",
     "arctan": "atan",
@@ -93,6 +93,10 @@ HELPERS = {
     "most_": "int64_t most_(int64_t a, int64_t b) {{ return b > a ? b : a; }}",
     "sign_": "{real} sign_({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
     "mod_": "int64_t mod_(int64_t a, int64_t b) {{ return (a % b + b) % b; }}",
+    # A volatile exponent, or the compiler would take products, which round otherwise.
+    "pow_": (
+        "{real} pow_({real} a, {real} b) {{ volatile {real} e = b; return pow{suffix}(a, e); }}"
+    ),
     "div_": "int64_t div_(int64_t a, int64_t b) {{ return (a - mod_(a, b)) / b; }}",
 }
 
@@ -162,22 +166,3 @@ def mentions(name: str, text: str) -> bool:
 def calls(name: str, text: str) -> bool:
     """Whether a text of C calls a function."""
     return re.search(rf"\b{re.escape(name)}\(", text) is not None
-
-
-def power_helper(exponent: int, real: str) -> str:
-    """Return the text of ``power_N``: x^N by squaring, as compiled laws compute it.
-
-    Args:
-        exponent: N, at least 1.
-        real: ``double`` or ``float``.
-    """
-    steps = []
-    first = True
-    while exponent:
-        if exponent & 1:
-            steps.append("power = x;" if first else "power *= x;")
-            first = False
-        exponent >>= 1
-        if exponent:
-            steps.append("x *= x;")
-    return f"{{ {real} power; {' '.join(steps)} return power; }}"

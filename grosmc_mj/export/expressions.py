@@ -306,16 +306,9 @@ class Expressions:
             self.refuse(node, f"{error}: change the numbers that it has")
 
     def _power(self, node: Any, left: Any, right: Any) -> Number:
-        """Value of left ** right: of a whole exponent by products, as compiled laws have it."""
+        """Value of left ** right, by the C library as in Python."""
         base = self.number(left, node)
-        exponent = right.value if isinstance(right, Known) else None
-        if type(exponent) is int and 0 < abs(exponent) <= 64:
-            name = self.program.power(abs(exponent))
-            code = f"{name}({base.code})"
-            if exponent > 0:
-                return Number(code)
-            return Number(f"1.0{self.suffix} / {code}", level=PRODUCT)
-        return Number(f"pow{self.suffix}({base.code}, {self.number(right, node).code})")
+        return Number(f"pow_({base.code}, {self.number(right, node).code})")
 
     def _division(self, node: Any, op: ast.operator, a: Number, b: Number) -> Number:
         """Value of a % b or a // b of whole numbers, rounded down as in Python."""
@@ -523,7 +516,8 @@ class Expressions:
         code = ", ".join(number.code for number in numbers)
         if library.startswith("is"):
             return Number(f"({library}({code}) != 0)", "bool", low=0, high=1)
-        return Number(f"{library}{self.suffix}({code})")
+        suffix = "" if library.endswith("_") else self.suffix
+        return Number(f"{library}{suffix}({code})")
 
     def _length(self, node: Any, value: Any) -> int:
         if isinstance(value, Array):

@@ -73,10 +73,6 @@ class Functions(Protocol):
         """Suffix of numbers and of library functions in this precision."""
         ...
 
-    def power(self, exponent: int) -> str:
-        """Return the name of the function for x^N."""
-        ...
-
     def table(self, numbers: Any) -> Array | None:
         """Return known floats as an array in C."""
         ...

@@ -19,7 +19,6 @@ from grosmc_mj.export.c_text import (
     comment,
     literal,
     mentions,
-    power_helper,
     wrapped,
 )
 from grosmc_mj.export.expressions import UnknownIndexError
@@ -56,19 +55,11 @@ class Program:
     _functions: dict[Any, Function | None] = field(default_factory=dict)
     _finished_functions: list[Function] = field(default_factory=list)
     _tables: dict[Any, tuple[str, str]] = field(default_factory=dict)
-    _powers: dict[str, str] = field(default_factory=dict)
 
     @property
     def suffix(self) -> str:
         """Suffix of numbers and of library functions in this precision."""
         return "f" if self.real == "float" else ""
-
-    def power(self, exponent: int) -> str:
-        """Return the name of the function for x^N with a whole N."""
-        name = f"power_{exponent}"
-        self._powers[name] = f"{self.real} {name}({self.real} x) "
-        self._powers[name] += power_helper(exponent, self.real)
-        return name
 
     def table(self, numbers: Any) -> Array | None:
         """Return an array of known floats as an array in C; None for any other value."""
@@ -246,12 +237,9 @@ class Program:
 
         code = "\n".join(line for item in functions for line in item.lines)
         parts: list[str] = []
-        for name, power in self._powers.items():
-            if calls(name, code):
-                parts.append(f"static inline {power}")
         for name, helper in HELPERS.items():
             if calls(name, code) or (name == "mod_" and calls("div_", code)):
-                parts.append(f"static inline {helper.format(real=self.real)}")
+                parts.append(f"static inline {helper.format(real=self.real, suffix=self.suffix)}")
         for name, table in self._tables.values():
             if mentions(name, code):
                 parts += wrapped(table, 0, len(INDENT))
