@@ -8,7 +8,7 @@ import operator
 import re
 import textwrap
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,60 +25,38 @@ AND = 5
 OR = 4
 CHOICE = 3
 
-
-class Operator(NamedTuple):
-    """A binary operator.
-
-    Attributes:
-        sign: Its sign in C.
-        level: How tightly it binds.
-        fold: The function that computes it in Python.
-    """
-
-    sign: str
-    level: int
-    fold: Callable[[Any, Any], Any]
-
-
-BINARY: Mapping[type, Operator] = {
-    ast.Add: Operator("+", SUM, operator.add),
-    ast.Sub: Operator("-", SUM, operator.sub),
-    ast.Mult: Operator("*", PRODUCT, operator.mul),
-    ast.Div: Operator("/", PRODUCT, operator.truediv),
-    ast.Mod: Operator("%", PRODUCT, operator.mod),
-    ast.FloorDiv: Operator("/", PRODUCT, operator.floordiv),
-    ast.Pow: Operator("", ATOM, operator.pow),
-    ast.LShift: Operator("<<", 11, operator.lshift),
-    ast.RShift: Operator(">>", 11, operator.rshift),
-    ast.BitAnd: Operator("&", 8, operator.and_),
-    ast.BitXor: Operator("^", 7, operator.xor),
-    ast.BitOr: Operator("|", 6, operator.or_),
-    ast.Lt: Operator("<", COMPARED, operator.lt),
-    ast.LtE: Operator("<=", COMPARED, operator.le),
-    ast.Gt: Operator(">", COMPARED, operator.gt),
-    ast.GtE: Operator(">=", COMPARED, operator.ge),
-    ast.Eq: Operator("==", COMPARED - 1, operator.eq),
-    ast.NotEq: Operator("!=", COMPARED - 1, operator.ne),
+# Binary operators: sign in C, how tightly it binds, function of Python.
+BINARY: Mapping[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
+    ast.Add: ("+", SUM, operator.add),
+    ast.Sub: ("-", SUM, operator.sub),
+    ast.Mult: ("*", PRODUCT, operator.mul),
+    ast.Div: ("/", PRODUCT, operator.truediv),
+    ast.Mod: ("%", PRODUCT, operator.mod),
+    ast.Pow: ("", ATOM, operator.pow),
+    ast.BitAnd: ("&", 8, operator.and_),
+    ast.Lt: ("<", COMPARED, operator.lt),
+    ast.LtE: ("<=", COMPARED, operator.le),
+    ast.Gt: (">", COMPARED, operator.gt),
+    ast.GtE: (">=", COMPARED, operator.ge),
+    ast.Eq: ("==", COMPARED - 1, operator.eq),
+    ast.NotEq: ("!=", COMPARED - 1, operator.ne),
 }
 
+# Names in C's library of functions of math, numpy and Python.
 _SAME_NAME = re.findall(
     r"\w+",
-    "sqrt sin cos tan sinh cosh tanh asinh acosh atanh exp expm1 log log1p log10 log2 fmod "
-    "copysign fabs isfinite isnan isinf",
+    "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
+    "log10 log2 fmod copysign fabs isfinite isnan isinf",
 )
 _OTHER_NAME = {
-    "asin": "asin",
-    "acos": "acos",
-    "atan": "atan",
-    "atan2": "atan2",
     "pow": "pow_",
     "arcsin": "asin",
     "arccos": "acos",
     "arctan": "atan",
     "arctan2": "atan2",
     "absolute": "fabs",
+    "sign": "sign_",
 }
-# Names in C's library of functions of math, numpy and Python.
 LIBRARY: dict[Any, str] = {abs: "fabs"}
 for _module in (math, np):
     for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
@@ -97,7 +75,6 @@ HELPERS = {
     "pow_": (
         "{real} pow_({real} a, {real} b) {{ volatile {real} e = b; return pow{suffix}(a, e); }}"
     ),
-    "div_": "int64_t div_(int64_t a, int64_t b) {{ return (a - mod_(a, b)) / b; }}",
 }
 
 # Names that a variable cannot have: words of C, functions that are called, and the records.

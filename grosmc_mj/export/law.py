@@ -11,6 +11,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.surface import integrate
 from grosmc_mj.export.c_text import INDENT, comment, wrapped
 from grosmc_mj.export.program import Function, Program
+from grosmc_mj.export.statements import function_in_c
 from grosmc_mj.export.structures import definition, initial
 from grosmc_mj.export.syntax import ExportError
 from grosmc_mj.export.values import Array, Number, record_at
@@ -72,12 +73,12 @@ class LawInC:
         program = self._program()
         arguments = [
             Number("t"),
-            Array("x", (len(self.system.states),), constant=True),
+            Array("x", (len(self.system.states),)),
             record_at("memory->", self.remembered),
-            record_at("p->", self.controller.parameters, constant=True),
+            record_at("p->", self.controller.parameters),
             Array("u", (len(self.system.inputs),)),
         ]
-        return program, program.root(self.controller.law, arguments)
+        return program, function_in_c(program, *program.bound(self.controller.law, arguments, {}))
 
     @property
     def remembered(self) -> Any:
@@ -197,7 +198,7 @@ class LawInC:
 
     def _step_body(self, law: Function) -> list[str]:
         """Lines of ``NAME_step``."""
-        arguments = [parameter.name for parameter in law.parameters]
+        arguments = list(law.parameters)
         lines = [f"(void){name};" for name in ("t", "x") if name not in arguments]
         if law.needs_memory:
             arguments.append("memory")

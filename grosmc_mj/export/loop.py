@@ -14,6 +14,7 @@ from grosmc_mj.control.memory import Memory
 from grosmc_mj.export.c_text import INDENT, comment
 from grosmc_mj.export.law import LawInC, listed
 from grosmc_mj.export.program import Function, Program
+from grosmc_mj.export.statements import function_in_c
 from grosmc_mj.export.values import Array, Known, Number, Record, record_at
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.loop.sent import keep_output
@@ -137,28 +138,29 @@ class LoopInC(LawInC):
         count = len(self.measured)
         arguments = [
             Number("clock"),
-            Array("y", (count,), constant=True),
-            Array("fresh", (count,), constant=True),
+            Array("y", (count,)),
+            Array("fresh", (count,)),
             memory,
             software,
             p,
             Array("u", (len(self.system.inputs),)),
         ]
         sample = _sample_of(self.controller.law, tuple(self.measured))
-        return program, program.root(sample, arguments)
+        return program, function_in_c(program, *program.bound(sample, arguments, {}))
 
     @cached_property
     def _records(self) -> tuple[Record, Record, Record]:
         """Memory, numbers of the law, and software."""
         memory = record_at("memory->", self.remembered)
-        p = record_at("p->", self.controller.parameters, constant=True)
+        p = record_at("p->", self.controller.parameters)
         return memory, p, self._software_at(memory, p)
 
     @property
     def _further_functions(self) -> Mapping[str, Function]:
         program, _ = self._law
         memory, _, software = self._records
-        return {self._missed: program.root(_hold_output, [memory, software])}
+        bound = program.bound(_hold_output, [memory, software], {})
+        return {self._missed: function_in_c(program, *bound)}
 
     @property
     def _missed(self) -> str:
@@ -241,7 +243,7 @@ class LoopInC(LawInC):
         )
 
     def _step_body(self, law: Function) -> list[str]:
-        arguments = [parameter.name for parameter in law.parameters]
+        arguments = list(law.parameters)
         unused = [name for name in ("clock", "y", "fresh") if name not in arguments]
         lines = [f"(void){name};" for name in unused]
         lines.append(f"{law.name}({', '.join([*arguments, 'memory'])});")

@@ -64,10 +64,10 @@ static void transformation(const double *x, double out[2])
 /* [symbolic.py:92] */
 static void error_state(const double *x, double *z)
 {
-    double T[2];
-    transformation(x, T);
-    z[0] = -1.0 * (T[0] - 1.0);
-    z[1] = -1.0 * (T[1] - 0.0);
+    double transformation1_[2];
+    transformation(x, transformation1_);
+    z[0] = -1.0 * (transformation1_[0] - 1.0);
+    z[1] = -1.0 * (transformation1_[1] - 0.0);
 }
 
 /* Bring the integral of memory.rate up to the sample at t [s]. [surface.py:48] */

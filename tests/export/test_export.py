@@ -346,7 +346,7 @@ def test_a_robots_law_is_refused() -> None:
 @pytest.mark.slow
 def test_c_and_python_law_make_the_same_runs(tmp_path: Path) -> None:
     law = law_of("servo/case1", "grosmc")
-    proof = prove(Experiment.load("servo/case1"), law.controller, compiled(law, tmp_path), plants=3)
+    proof = prove(Experiment.load("servo/case1"), law, compiled(law, tmp_path), plants=3)
     assert proof.equal
     assert (proof.runs, proof.random_plants) == (2, 3)
     assert [verdict.python.measured for verdict in proof.verdicts] == [
@@ -358,7 +358,7 @@ def test_c_and_python_law_make_the_same_runs(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_single_precision_differs_by_its_rounding(tmp_path: Path) -> None:
     law = law_of("servo/case1", "lqr", "float")
-    proof = prove(Experiment.load("servo/case1"), law.controller, compiled(law, tmp_path), plants=0)
+    proof = prove(Experiment.load("servo/case1"), law, compiled(law, tmp_path), plants=0)
     assert not proof.equal
     assert proof.largest is not None
     # 2^-24 of an input of 1 A, which the loop hardly amplifies.

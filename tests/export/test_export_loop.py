@@ -10,7 +10,7 @@ from test_export import COMPILER, compiled, needs_compiler
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.proof import prove_loop
+from grosmc_mj.export.proof import prove
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
 ANGLE = Sensor(of="rotor angle", resolution=1.534e-3)
@@ -70,7 +70,7 @@ def test_software_in_c_is_the_python_one_to_the_last_bit(
     name: str, predict: bool, tmp_path: Path
 ) -> None:
     experiment, law = law_in(name, predict=predict)
-    proof = prove_loop(experiment, law, compiled(law, tmp_path, COMPILER), plants=0)
+    proof = prove(experiment, law, compiled(law, tmp_path, COMPILER), plants=0)
     assert proof.equal, proof.words
     assert proof.samples == 300
 
@@ -83,7 +83,7 @@ def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> N
     loop = experiment.applied_loop("physics", law)
     assert loop is not None
     in_c = LoopInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)
-    proof = prove_loop(experiment, in_c, compiled(in_c, tmp_path), plants=1)
+    proof = prove(experiment, in_c, compiled(in_c, tmp_path), plants=1)
     assert proof.equal, proof.words
 
 
@@ -100,5 +100,5 @@ def test_a_wrong_number_of_the_software_is_noticed(tmp_path: Path) -> None:
     experiment, law = law_in("filtered", predict=False)
     _, other = law_in("difference", predict=False)
     # The C of another estimator: the comparison can fail.
-    proof = prove_loop(experiment, law, compiled(other, tmp_path), plants=0)
+    proof = prove(experiment, law, compiled(other, tmp_path), plants=0)
     assert not proof.equal

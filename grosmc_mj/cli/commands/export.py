@@ -121,8 +121,7 @@ class ExportCommand(Command):
     def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
         """Run the law beside the Python law; None without a compiler."""
         from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
-        from grosmc_mj.export.loop import LoopInC
-        from grosmc_mj.export.proof import RANDOM_LOOPS, prove, prove_loop, uncertain_experiment
+        from grosmc_mj.export.proof import RANDOM_LOOPS, prove, uncertain_experiment
 
         compiler = find_compiler()
         if compiler is None:
@@ -136,9 +135,7 @@ class ExportCommand(Command):
             write_law(law, Path(folder))
             compiled = compile_law(law, Path(folder), compiler)
             with screen.progress(len(experiment.plant_names) + plants) as advance:
-                if isinstance(law, LoopInC):
-                    return prove_loop(experiment, law, compiled, plants, advance)
-                return prove(experiment, law.controller, compiled, plants, advance)
+                return prove(experiment, law, compiled, plants, advance)
 
 
 def _exit_code(law: LawInC, proof: Proof | None) -> int:
