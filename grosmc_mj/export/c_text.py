@@ -127,12 +127,10 @@ def wrapped(text: str, indent: int, further: int = 8) -> list[str]:
     )
 
 
-def comment(text: str, indent: int = 0) -> list[str]:
-    """Return a comment as lines; none for an empty text."""
+def comment(text: str, indent: int = 0) -> str:
+    """Return a text as a comment; empty for an empty text."""
     words = " ".join(text.split()).replace("``", "").replace("*/", "* /").replace("/*", "/ *")
-    if not words:
-        return []
-    return wrapped(f"/* {words} */", indent, 3)
+    return "\n".join(wrapped(f"/* {words} */", indent, 3)) if words else ""
 
 
 def mentions(name: str, text: str) -> bool:

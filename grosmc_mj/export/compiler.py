@@ -16,6 +16,7 @@ from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.loop import LoopInC
 from grosmc_mj.export.structures import size_of
+from grosmc_mj.export.templates import rendered
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
 FLAGS = (
@@ -28,75 +29,6 @@ FLAGS = (
     "-ffp-contract=off",
 )
 _COMPILERS = ("cc", "gcc", "clang")
-
-# The export with memory and signals in double precision, as simulations have them.
-_CALL = """\
-#include "{name}.h"
-
-#include <string.h>
-
-int step_of_doubles(double time, const double *x, const double *fresh, double *memory, double *u)
-{{
-    {real} numbers[{size}];
-    {real} signals[2][{n}] = {{{{0}}, {{0}}}};
-    {real} input[{m}] = {{0}};
-    struct {name}_memory own;
-    for (int i = 0; i < {n}; i++) {{
-        signals[0][i] = ({real})x[i];
-        signals[1][i] = ({real})fresh[i];
-    }}
-    for (int i = 0; i < {size}; i++) {{
-        numbers[i] = ({real})memory[i];
-    }}
-    memcpy(&own, numbers, sizeof own);
-    const int answer = {name}_step(({real})time, {signals}, &own, input);
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-    for (int i = 0; i < {m}; i++) {{
-        u[i] = input[i];
-    }}
-    return answer;
-}}
-
-int law_of_doubles(double t, const double *x, double *memory, double *u)
-{{
-    return step_of_doubles(t, x, x, memory, u);
-}}
-
-void begin_of_doubles(double *memory, const double *start)
-{{
-    {real} numbers[{size}];
-    {real} state[{states}];
-    struct {name}_memory own;
-    for (int i = 0; i < {states}; i++) {{
-        state[i] = ({real})start[i];
-    }}
-    (void)state;
-    {name}_init({begin});
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-}}
-"""
-_MISSED = """
-void missed_of_doubles(double *memory)
-{{
-    {real} numbers[{size}];
-    struct {name}_memory own;
-    for (int i = 0; i < {size}; i++) {{
-        numbers[i] = ({real})memory[i];
-    }}
-    memcpy(&own, numbers, sizeof own);
-    {name}_missed(&own);
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-}}
-"""
 
 
 def find_compiler() -> str | None:
@@ -192,27 +124,9 @@ def compile_law(
     Raises:
         SetupError: If it does not compile.
     """
+    signals = len(law.measured) if isinstance(law, LoopInC) else len(law.system.states)
+    text = rendered("call.c", law=law, size=size_of(law.remembered), signals=signals)
     call = folder / f"{law.name}_call.c"
-    states = len(law.system.states)
-    signals = states
-    arguments = "signals[0]"
-    begin = "&own"
-    calls = _CALL
-    if isinstance(law, LoopInC):
-        calls += _MISSED
-        signals = len(law.measured)
-        arguments = "signals[0], signals[1]"
-        begin = "&own, state"
-    text = calls.format(
-        name=law.name,
-        real=law.real,
-        size=size_of(law.remembered),
-        n=signals,
-        m=len(law.system.inputs),
-        states=states,
-        signals=arguments,
-        begin=begin,
-    )
     call.write_text(text, encoding="utf-8")
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"

@@ -255,7 +255,8 @@ class Expressions(ABC):
         try:
             return Known(fold(*arguments))
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-            raise self.refusal(node, f"{error}: change the numbers that it has")
+            reason = f"{error}: change the numbers that it has"
+            raise self.refusal(node, reason) from None
 
     def _compare(self, node: ast.Compare) -> Any:
         values = [self.value(item) for item in (node.left, *node.comparators)]

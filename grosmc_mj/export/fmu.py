@@ -9,16 +9,14 @@ import uuid
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from string import Template
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.loop import LoopInC
+from grosmc_mj.export.templates import rendered
 from grosmc_mj.plants import Signal
 from grosmc_mj.versions import versions
-
-_TEMPLATE = Path(__file__).with_name("fmu.c")
 
 
 class _Variable(NamedTuple):
@@ -80,25 +78,19 @@ def _signals(signals: Sequence[Signal], causality: str) -> list[_Variable]:
 
 def _source(law: LawInC, variables: Sequence[_Variable], guid: str) -> str:
     """C of the FMU's functions."""
-    outputs = len(law.system.inputs)
-    settable = len(variables) - outputs
-    time = f"({law.real})(me->begin + me->k * period), me->value"
-    init = "&me->memory"
+    measured = 0
+    ticks = 0
     if isinstance(law, LoopInC):
-        count = len(law.measured)
+        measured = len(law.measured)
         ticks = round(law.period / law.loop.timestep)
-        time = f"({law.real})(me->k * {ticks}), me->value, me->value + {count}"
-        init = f"&me->memory, me->value + {2 * count}"
-    return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
-        name=law.name,
-        real=law.real,
+    return rendered(
+        "fmu.c",
+        law=law,
         guid=guid,
-        period=law.period,
-        settable=settable,
-        variables=len(variables),
-        start=", ".join(repr(float(variable.start)) for variable in variables),
-        init=f"{law.name}_init({init})",
-        step=f"{law.name}_step({time}, &me->memory, me->value + {settable})",
+        variables=variables,
+        settable=len(variables) - len(law.system.inputs),
+        measured=measured,
+        ticks=ticks,
     )
 
 

@@ -14,10 +14,6 @@ from grosmc_mj.export.program import Function, Program
 from grosmc_mj.export.syntax import ExportError, where
 from grosmc_mj.export.values import Array, Known, Number, signature, union
 
-# Writings of a function until kinds and bounds of its variables settle, and how many of them pass
-# before bounds that still grow are given up.
-_MOST_WRITINGS = 20
-_BEFORE_WIDENING = 4
 # Assignments that C has, too.
 _COMPOUND = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 # Modules whose loops run over rows, or indices, of which different numbers are known.
@@ -56,9 +52,11 @@ class Statements(Expressions):
         hoisted: Names of variables that are declared before all lines.
         declared: Names of all variables so far.
         changed: Whether this writing told more of a variable than the one before.
-        widening: Whether bounds that still grow are given up.
         repeats: Number of loops around that are written pass by pass.
     """
+
+    # Whether bounds of whole numbers that still grow are given up.
+    widening = False
 
     def begin(self) -> None:
         """Begin to write, once more with what is known of the variables."""
@@ -69,7 +67,6 @@ class Statements(Expressions):
         self.hoisted: list[str] = []
         self.declared: set[str] = set()
         self.changed = False
-        self.widening = False
         self.repeats = 0
 
     def called(self, function: FunctionType, values: Mapping[str, Any]) -> Function:
@@ -81,15 +78,15 @@ class Statements(Expressions):
         body: Any = self.tree.body
         if isinstance(self.tree, ast.Lambda):
             body = [ast.copy_location(ast.Return(self.tree.body), self.tree)]
-        for writing in range(_MOST_WRITINGS):
+        while True:
             self.begin()
-            self.widening = writing >= _BEFORE_WIDENING
             for name, value in values.items():
                 self._parameter(name, value)
             self._block(body)
             if not self.changed:
                 return self._finished()
-        raise self.refusal(self.tree, "its variables change their kind: give them other names")
+            # Bounds that still grow are given up.
+            self.widening = True
 
     def _parameter(self, name: str, value: Any) -> None:
         """Give a parameter its value: an argument in C, or what is known."""
@@ -142,7 +139,7 @@ class Statements(Expressions):
             returns=self.returns,
             written=written | ({program.memory} & self.written),
             needs_memory=needs_memory,
-            lines=[*about, *wrapped(head, 0), "{", *body, "}", ""],
+            lines=[about, *wrapped(head, 0), "{", *body, "}", ""],
         )
         program.finished.append(finished)
         return finished

@@ -4,7 +4,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdint.h>
-#include <string.h>
 
 #ifdef __FAST_MATH__
 #error "-ffast-math changes the law: leave it out"
@@ -200,12 +199,16 @@ void law_in_c_init(struct law_in_c_memory *memory)
     };
 }
 
-int law_in_c_step(double t, const double x[2], struct law_in_c_memory *memory, double u[1])
+int law_in_c_step(double t, const double x[2],
+        struct law_in_c_memory *memory, double u[1])
 {
     law(t, x, u, memory);
     memory->begun = 1;
     if (memory->undefined != 0) {
         return 1;
     }
-    return isfinite(u[0]) ? 0 : 2;
+    if (!isfinite(u[0])) {
+        return 2;
+    }
+    return 0;
 }

@@ -1,40 +1,47 @@
-/* $name as an FMU for co-simulation, FMI 2.0. */
+/* {{ law.name }} as an FMU for co-simulation, FMI 2.0. */
 #include <string.h>
 
 #include "fmi2Functions.h"
 
-#include "$name.h"
+#include "{{ law.name }}.h"
 
-enum { SETTABLE = $settable, VARIABLES = $variables };
+enum { SETTABLE = {{ settable }}, VARIABLES = {{ variables | length }} };
 
 /* The law is sampled at the begin of each control period [s], and its output is held. */
-static const fmi2Real period = $period;
+static const fmi2Real period = {{ law.period }};
 
 struct instance {
     const fmi2CallbackFunctions *functions;
     fmi2Real begin; /* time at which the simulation begins [s] */
     fmi2Real k;     /* number of the next sample */
-    $real value[VARIABLES];
-    struct ${name}_memory memory;
+    {{ law.real }} value[VARIABLES];
+    struct {{ law.name }}_memory memory;
 };
 
 static void begin_run(struct instance *me)
 {
     me->k = 0;
-    $init;
+    {{ law.name }}_init(&me->memory{{ ", me->value + %d" % (2 * measured) if law.in_loop }});
 }
 
 static int sample(struct instance *me)
 {
-    return $step;
+{% if law.in_loop %}
+    return {{ law.name }}_step(({{ law.real }})(me->k * {{ ticks }}), me->value, me->value + {{ measured }},
+            &me->memory, me->value + SETTABLE);
+{% else %}
+    const fmi2Real t = me->begin + me->k * period;
+    return {{ law.name }}_step(({{ law.real }})t, me->value, &me->memory, me->value + SETTABLE);
+{% endif %}
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
         const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logs)
 {
-    static const $real start[VARIABLES] = {$start};
+    static const {{ law.real }} start[VARIABLES] = {
+            {{ variables | map(attribute="start") | join(", ") }}};
     (void)name, (void)resources, (void)visible, (void)logs;
-    if (type != fmi2CoSimulation || strcmp(guid, "$guid") != 0) {
+    if (type != fmi2CoSimulation || strcmp(guid, "{{ guid }}") != 0) {
         return NULL;
     }
     struct instance *me = functions->allocateMemory(1, sizeof *me);
@@ -95,7 +102,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference which[], size_t
         if (which[i] >= SETTABLE) {
             return fmi2Error;
         }
-        me->value[which[i]] = ($real)from[i];
+        me->value[which[i]] = ({{ law.real }})from[i];
     }
     return fmi2OK;
 }
@@ -109,7 +116,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean no_re
         const int answer = sample(me);
         me->k += 1;
         if (answer != 0) {
-            me->functions->logger(me->functions->componentEnvironment, "$name", fmi2Error, "error",
+            me->functions->logger(me->functions->componentEnvironment, "{{ law.name }}", fmi2Error, "error",
                 answer == 1 ? "the law is not defined here" : "an input of the plant is not finite");
             return fmi2Error;
         }
