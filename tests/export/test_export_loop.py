@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_export import COMPILER, compiled, needs_compiler
+from test_export import COMPILER, IN_LOOP, compiled, needs_compiler, run_sanitized
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.loop import LoopInC
@@ -87,12 +87,30 @@ def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> N
     assert proof.equal, proof.words
 
 
+@needs_compiler
+@pytest.mark.parametrize("name", ["slow sensor", "levant", "kalman", "delay"])
+def test_sanitizers_find_nothing_in_a_loop(name: str, tmp_path: Path) -> None:
+    _, law = law_in(name, predict=True)
+    run_sanitized(law, len(law.measured), IN_LOOP, tmp_path)
+
+
 def test_the_step_takes_the_signals_that_are_needed() -> None:
     _, law = law_in("eso", predict=False)
     assert law.measured == [0]
     assert "y[0] rotor angle [rad]" in " ".join(law.header.split())
     _, ideal = law_in("limit", predict=False, law="lqr")
     assert ideal.measured == [0]
+
+
+@needs_compiler
+def test_single_precision_in_a_loop_is_judged_by_each_requirement(tmp_path: Path) -> None:
+    experiment, law = law_in("eso", predict=True)
+    law = replace(law, real="float")
+    proof = prove(experiment, law, compiled(law, tmp_path), plants=0)
+    assert not proof.equal
+    judged = [verdict.in_c.requirement for verdict in proof.verdicts]
+    assert judged == list(experiment.limits)
+    assert proof.overturned == []
 
 
 @needs_compiler
