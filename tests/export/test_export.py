@@ -257,6 +257,15 @@ def _refused_function(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = math.gamma(x[0])
 
 
+def _counted(memory: Any) -> float:
+    memory.k += 1
+    return memory.k
+
+
+def _refused_order(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = memory.k + _counted(memory)
+
+
 def _refused_remainder(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = x[0] % 1.0
 
@@ -293,8 +302,9 @@ def constant_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
 
 
 def returning_law(t: float, x: Any, memory: Any, p: Any) -> float:
-    """A law that returns its input."""
-    t1 = x[0] * 2.0
+    """A law that remembers, and returns its input."""
+    memory.k += 1
+    t1 = x[0] * memory.k
     for k1 in memory.past:
         t1 += k1
     return t1 if t > 0.05 else -t1
@@ -326,6 +336,7 @@ def test_short_laws_of_ones_own_are_the_python_ones(
         (_refused_function, "gamma has no C: write a loop, or use functions of math"),
         (_refused_loop, "i has a value already: give this one another name"),
         (_refused_name, "x has a value already: give this one another name"),
+        (_refused_order, "changes something: give it a line of its own before"),
         (_refused_remainder, "is for whole numbers: write math.fmod or math.floor"),
     ],
 )
