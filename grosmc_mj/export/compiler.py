@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
@@ -135,30 +133,3 @@ def compile_law(
     if done.returncode:
         raise SetupError(f"{compiler} does not compile {source}: {one_line(done.stderr)}")
     return CompiledLaw(ctypes.CDLL(str(library)))
-
-
-def differing_samples(law: LawInC, compiled: CompiledLaw, x: Array) -> int:
-    """Count the samples in which C and Python law differ in any bit of inputs or memory.
-
-    Args:
-        law: The law.
-        compiled: The same, compiled.
-        x: States at the samples, (N, n).
-    """
-    from grosmc_mj.records import pack
-
-    controller = law.controller
-    memory = controller.memory()
-    in_c = pack(memory)
-    m = len(law.system.inputs)
-    different = 0
-    for k, state in enumerate(x):
-        t = k * law.period
-        expected = np.zeros(m)
-        written = np.zeros(m)
-        controller.law(t, state, memory, controller.parameters, expected)
-        memory.begun = 1.0
-        compiled.step(t, state, in_c, written)
-        same = np.array_equal(expected, written, equal_nan=True)
-        different += not (same and np.array_equal(pack(memory), in_c, equal_nan=True))
-    return different

@@ -47,6 +47,7 @@ class Expressions(ABC):
         names: Values of parameters, of loops' variables, and of names that are bound once to
             something else than a number.
         variables: Kinds and bounds of the variables, as far as assignments have told them.
+        declared: Names of the variables that have a value.
         bound: How often each name is bound.
         lines: The C so far.
         depth: Depth of the block that is written.
@@ -69,6 +70,7 @@ class Expressions(ABC):
     def begin(self) -> None:
         """Begin to write, once more with what is known of the variables."""
         self.names: dict[str, Any] = {}
+        self.declared: set[str] = set()
         self.lines: list[Line] = []
         self.depth = 0
         self.temporaries = 0
@@ -162,7 +164,7 @@ class Expressions(ABC):
         name = node.id
         if name in self.names:
             return self.names[name]
-        if name in self.variables:
+        if name in self.declared:
             known = self.variables[name]
             return Number(c_name(name), known.whole, low=known.low, high=known.high)
         if self.bound[name]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
@@ -22,11 +19,17 @@ from grosmc_mj.jitable import compiled_as, jitable
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.loop.ring import ring_row
 from grosmc_mj.loop.start import LoopRun
-from grosmc_mj.numba_internals import make_array
 from grosmc_mj.records import pack, with_fields
+from grosmc_mj.structures import pointer, structure_at, structure_of
 
-# int (double t, const double *x, double *memory, double *u), see ``CompiledLaw``.
-_STEP = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 3)
+
+class _Step(NamedTuple):
+    """Address of ``int (double t, const double *x, double *memory, double *u)``, as a structure."""
+
+    step: Annotated[Any, types.FunctionType(types.int32(types.float64, *[types.uintp] * 3))]
+
+
+_step_at = structure_at(_Step)
 
 
 def in_simulation(law: LawInC, compiled: CompiledLaw) -> tuple[Controller, AppliedLoop | None]:
@@ -40,9 +43,9 @@ def in_simulation(law: LawInC, compiled: CompiledLaw) -> tuple[Controller, Appli
         The controller; and for a law with its loop that loop, whose software is the export's.
     """
     if not isinstance(law, LoopInC):
-        # The address stands in the memory of a run, so that code in the disk cache has none.
-        memory = partial(_memory, law.controller, compiled.address)
-        return replace(law.controller, law=_law, memory=memory), None
+        step = structure_of(_Step(compiled.address))
+        memory = partial(_memory, law.controller, step)
+        return replace(law.controller, law=_sampled_alone(compiled), memory=memory), None
 
     sampler = _Sampler(law, compiled)
     parts = {item.name: getattr(law.loop, item.name) for item in fields(law.loop)}
@@ -52,49 +55,27 @@ def in_simulation(law: LawInC, compiled: CompiledLaw) -> tuple[Controller, Appli
 # A law by itself, in compiled code and in Python.
 
 
-def _call(typing_context: Any, address: Any, t: Any, x: Any, memory: Any, u: Any) -> Any:
-    """Type and code of ``call_step``."""
+def _sampled_alone(compiled: CompiledLaw) -> Any:
+    """Law that samples the C."""
 
-    def generate(
-        context: Any,
-        builder: Any,
-        signature: Any,
-        arguments: Any,
-    ) -> Any:
-        pointer = ir.IntType(8).as_pointer()
-        step = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), pointer, pointer, pointer])
-        number = builder.fptoui(arguments[0], ir.IntType(64))
-        function = builder.inttoptr(number, step.as_pointer())
-        state = make_array(signature.args[2])(context, builder, arguments[2]).data
-        inputs = make_array(signature.args[4])(context, builder, arguments[4]).data
-        places = [builder.bitcast(place, pointer) for place in (state, arguments[3], inputs)]
-        return builder.call(function, [arguments[1], *places])
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        numbers = pack(memory)
+        compiled.step(t, np.ascontiguousarray(x, float), numbers, u)
+        _unpack(numbers, memory)
 
-    return types.int32(address, t, x, memory, u), generate
+    return compiled_as(law, _compiled_law)
 
 
-# Inside compiled code: call a step at an address that a float holds, (address, t, x, memory, u).
-_call_step: Any = intrinsic(_call)
-
-
+@jitable
 def _compiled_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-    _call_step(memory.step, t, x, memory, u)
+    # The address stands in memory, so that code in the disk cache has none; v comes first in it.
+    step = _step_at(pointer(int(memory.step))).step
+    step(t, x.ctypes.data, memory.v.ctypes.data, u.ctypes.data)
 
 
-def _law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-    """Call the step at the address in memory, by way of a flat copy of memory."""
-    numbers = pack(memory)
-    state = np.ascontiguousarray(x, float)
-    _STEP(int(memory.step))(t, state.ctypes.data, numbers.ctypes.data, u.ctypes.data)
-    _unpack(numbers, memory)
-
-
-compiled_as(_law, jitable(_compiled_law))
-
-
-def _memory(controller: Controller, address: int) -> Any:
-    """Memory of a run, with the address of the step behind what the law remembers."""
-    return with_fields(controller.memory(), step=float(address))
+def _memory(controller: Controller, step: Array) -> Any:
+    """Memory of a run, with the address of the step's structure behind what the law remembers."""
+    return with_fields(controller.memory(), step=float(step.ctypes.data))
 
 
 def _unpack(numbers: Array, memory: Any) -> None:

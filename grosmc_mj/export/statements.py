@@ -50,7 +50,6 @@ class Statements(Expressions):
         fixed: Names that keep one value: parameters, and variables of loops around.
         parameters: Declarations in C of the parameters, without ``const``, by their names.
         hoisted: Names of variables that are declared before all lines.
-        declared: Names of all variables so far.
         changed: Whether this writing told more of a variable than the one before.
         repeats: Number of loops around that are written pass by pass.
     """
@@ -65,7 +64,6 @@ class Statements(Expressions):
         self.fixed: set[str] = set()
         self.parameters: dict[str, str] = {}
         self.hoisted: list[str] = []
-        self.declared: set[str] = set()
         self.changed = False
         self.repeats = 0
 
@@ -358,7 +356,7 @@ class Statements(Expressions):
                 statement, "has no C: write a loop over range(...) with one variable"
             )
         name = statement.target.id
-        if name in self.fixed:
+        if name in self.fixed or name in self.declared:
             raise self.refusal(statement, f"{name} has a value already: give the loop another name")
         call = statement.iter
         self.fixed.add(name)

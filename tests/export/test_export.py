@@ -17,17 +17,11 @@ from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.export.compiler import (
-    FLAGS,
-    CompiledLaw,
-    compile_law,
-    differing_samples,
-    find_compiler,
-    write_law,
-)
+from grosmc_mj.export.compiler import FLAGS, CompiledLaw, compile_law, find_compiler, write_law
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
 from grosmc_mj.export.proof import prove
 from grosmc_mj.export.syntax import ExportError
+from grosmc_mj.records import pack
 
 SAMPLES = 200
 COMPILER = find_compiler()
@@ -91,6 +85,25 @@ def states_about_start(target: str) -> Array:
     x0 = np.array(Experiment.load(target).x0)
     random = np.random.default_rng(1)
     return x0 + 0.3 * random.normal(size=(SAMPLES, len(x0)))
+
+
+def differing_samples(law: LawInC, compiled: CompiledLaw, x: Array) -> int:
+    """Number of samples in which C and Python law differ in any bit of inputs or memory."""
+    controller = law.controller
+    memory = controller.memory()
+    in_c = pack(memory)
+    m = len(law.system.inputs)
+    different = 0
+    for k, state in enumerate(x):
+        t = k * law.period
+        expected = np.zeros(m)
+        written = np.zeros(m)
+        controller.law(t, state, memory, controller.parameters, expected)
+        memory.begun = 1.0
+        compiled.step(t, state, in_c, written)
+        same = np.array_equal(expected, written, equal_nan=True)
+        different += not (same and np.array_equal(pack(memory), in_c, equal_nan=True))
+    return different
 
 
 # Equality.
@@ -276,6 +289,13 @@ def _refused_loop(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         u[0] = x[i - 1]
 
 
+def _refused_variable(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    i = 7
+    for i in range(2):  # noqa: B007
+        u[0] = x[0]
+    u[0] = i
+
+
 def _refused_name(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     if t > 1.0:
         x = memory.past
@@ -335,6 +355,7 @@ def test_short_laws_of_ones_own_are_the_python_ones(
         (_refused_recursion, "calls itself: write a loop"),
         (_refused_function, "gamma has no C: write a loop, or use functions of math"),
         (_refused_loop, "i has a value already: give this one another name"),
+        (_refused_variable, "i has a value already: give the loop another name"),
         (_refused_name, "x has a value already: give this one another name"),
         (_refused_order, "changes something: give it a line of its own before"),
         (_refused_remainder, "is for whole numbers: write math.fmod or math.floor"),
