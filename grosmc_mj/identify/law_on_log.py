@@ -1,0 +1,113 @@
+"""A law asked for the commands of a log: is it the law that the machine ran?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.logs.log import Log
+from grosmc_mj.results.tables import number
+from grosmc_mj.simulation.law_inputs import write_inputs
+
+# A logged command may stand so many rows after the states that it was computed from, at most.
+_MOST_ROWS = 3
+# Share of a command's span that the digits of a log are worth, at most.
+_ROUNDING = 1e-3
+
+
+class LawOnLog(NamedTuple):
+    """Commands of a law on the states of a log, beside the logged ones.
+
+    Attributes:
+        rows: Rows of the log from the states to the command that was computed from them.
+        largest: Largest difference of a command, in its unit.
+        unit: The unit of that input.
+        first: Instant of the first states whose command differs by more than rounding [s]; None
+            for none.
+        asked: Command of the law there.
+        logged: Command of the log there.
+    """
+
+    rows: int
+    largest: float
+    unit: str
+    first: float | None = None
+    asked: float = 0.0
+    logged: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The finding in a sentence."""
+        if self.first is None:
+            late = ""
+            if self.rows:
+                rows = "row" if self.rows == 1 else "rows"
+                late = f", {self.rows} {rows} after its states"
+            return f"reproduces the logged command to {self.largest:.1e} {self.unit}{late}"
+        return (
+            f"differs from the logged command by up to {number(self.largest)} {self.unit}, first "
+            f"at {self.first:.4g} s: {number(self.asked)}, logged {number(self.logged)} {self.unit}"
+        )
+
+
+def law_on_log(law: Controller, log: Log, limits: Array) -> LawOnLog:
+    """Ask a law for every command of a log, on the logged states.
+
+    A command may be logged with the states that it was computed from, or some rows later: the
+    number of rows is that of the least difference.
+
+    Args:
+        law: The law, at the period of the log.
+        log: The log, from the first sample of the law on.
+        limits: Least and largest of each input, (2, m).
+
+    Raises:
+        ArgumentError: If the log does not measure each state, or the law fails on one.
+    """
+    system = law.designed.error.system
+    missing = [state.name for state in system.states if state.name not in log.states]
+    if missing:
+        raise ArgumentError(f"{log.name} does not measure {', '.join(missing)}")
+
+    asked = np.clip(_commands(law, log), *limits)
+    differences = [_difference(asked, log, rows) for rows in range(_MOST_ROWS + 1)]
+    rows = min(range(len(differences)), key=lambda k: float(np.square(differences[k]).mean()))
+
+    difference = np.abs(differences[rows])
+    spans = np.maximum(np.ptp(log.inputs, axis=0), 1e-12)
+    _, worst = np.unravel_index((difference / spans).argmax(), difference.shape)
+    finding = LawOnLog(
+        rows=rows,
+        largest=float(difference[:, worst].max()),
+        unit=system.inputs[worst].unit,
+    )
+    beyond = np.flatnonzero(difference[:, worst] > _ROUNDING * spans[worst])
+    if not len(beyond):
+        return finding
+
+    first = int(beyond[0])
+    return finding._replace(
+        first=float(log.time[first]),
+        asked=float(asked[first, worst]),
+        logged=float(log.inputs[first + rows, worst]),
+    )
+
+
+def _commands(law: Controller, log: Log) -> Array:
+    """The law's commands on the states of a log, (N, m)."""
+    system = law.designed.error.system
+    states = np.column_stack([log.states[state.name] for state in system.states])
+    commands = np.zeros(log.inputs.shape)
+    memory, _workspace = law.begin()
+    for t, x, u in zip(log.time, states, commands, strict=True):
+        write_inputs(law, float(t), x, memory, u)
+    return commands
+
+
+def _difference(asked: Array, log: Log, rows: int) -> Array:
+    """Commands of the law less those that are logged so many rows later, (N - rows, m)."""
+    return asked[: len(asked) - rows] - log.inputs[rows:]

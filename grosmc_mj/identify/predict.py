@@ -1,0 +1,341 @@
+"""A closed loop predicted beside its log: the law on the fitted machine, over seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
+from grosmc_mj.identify.logged_run import logged_run
+from grosmc_mj.identify.model import LogModel
+from grosmc_mj.identify.replay import Predictor
+from grosmc_mj.identify.starts import fitted_starts
+from grosmc_mj.logs.log import Log
+from grosmc_mj.loop import Loop, Sensor
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+
+# The start is fitted to so much of the log [s].
+_LEAD = 0.1
+# Metrics that are compared beside the requirements.
+_REPORTED = ("max_input", "total_variation")
+
+
+class Quantity(NamedTuple):
+    """A number of the measured run beside those of the predicted ones.
+
+    Attributes:
+        name: Words for it, unlike those of any other.
+        label: Short words.
+        unit: Its unit.
+        required: Whether a requirement asks for it.
+        measured: Value of the log; infinite for never.
+        predicted: Values of the predicted runs, (seeds,); infinite for never.
+    """
+
+    name: str
+    label: str
+    unit: str
+    required: bool
+    measured: float
+    predicted: Array
+
+    @property
+    def median(self) -> float:
+        """Median of the predicted values."""
+        return float(np.median(self.predicted))
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Least and largest predicted value."""
+        return float(self.predicted.min()), float(self.predicted.max())
+
+    def contains(self, value: float) -> bool:
+        """Whether a value lies within the spread."""
+        low, high = self.spread
+        return low <= value <= high
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Runs of one machine, as its own logs show them, beside the measured log.
+
+    Attributes:
+        log: The measured log.
+        runs: Recorded runs, one for each seed.
+        logs: What the machine would have logged.
+        quantities: Measured and predicted numbers.
+        misfits: RMS distance of each predicted log from the measured one, (seeds,).
+    """
+
+    log: Log
+    runs: Sequence[Trajectory]
+    logs: Sequence[Log]
+    quantities: Sequence[Quantity]
+    misfits: Array
+
+    @property
+    def nearest(self) -> int:
+        """Seed of the run that is nearest to the log."""
+        return int(self.misfits.argmin())
+
+
+class Question(NamedTuple):
+    """A law on a machine, whose closed loop a log is of.
+
+    Attributes:
+        experiment: The machine, with the start and the sensors of the log.
+        law: Name of the law.
+        log: The log, from the first sample of its first piece on.
+        law_on_log: Commands of the law on the logged states; None where it cannot be asked.
+        notes: What may be wrong, in lines.
+    """
+
+    experiment: Experiment
+    law: str
+    log: Log
+    law_on_log: LawOnLog | None
+    notes: Sequence[str]
+
+
+def question_of(experiment: Experiment, law: str, log: Log, noise_log: Log) -> Question:
+    """Bring start, length and sensors of a log into the case of its machine.
+
+    Args:
+        experiment: The case of the machine, with its law and requirements.
+        law: Name of the law.
+        log: The log.
+        noise_log: The log that noise and resolution of the sensors are taken from.
+
+    Raises:
+        ArgumentError: If there is no such law or no requirement, or the machine cannot start there.
+    """
+    plant = experiment.nominal.truest
+    controller = experiment.law(plant, law)
+    notes = list(log.notes)
+    begun = _first_piece(log)
+    if len(log.pieces) > 1:
+        notes.append(
+            f"{log.name} has {len(log.pieces)} pieces: the first one, {begun.time[-1]:.3g} s, is "
+            "predicted"
+        )
+
+    experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
+    asked = None
+    rows = 0
+    try:
+        limits = experiment.plant(plant).input_limits
+        asked = law_on_log(controller, begun, limits)
+        rows = asked.rows
+    except ArgumentError as error:
+        notes.append(f"the law is not asked for the logged commands: {error}")
+
+    start = _start(experiment, begun, rows * begun.sampling)
+    experiment = experiment.varied(x0=start, duration=float(begun.time[-1]))
+    _require_judged(experiment)
+    return Question(experiment, law, begun, asked, notes)
+
+
+def _require_judged(experiment: Experiment) -> None:
+    """Refuse a case without a requirement that a run can be judged by.
+
+    Raises:
+        ArgumentError: With the reasons.
+    """
+    if experiment.limits:
+        return
+    reasons = "; ".join(experiment.not_judged) or (
+        "it has none: write [[requirement]] with reaches_within, band and so on"
+    )
+    raise ArgumentError(f"{experiment.path}: no requirement that can be predicted: {reasons}")
+
+
+def _first_piece(log: Log) -> Log:
+    """Return the first piece of a log, its time from 0 on."""
+    piece = log.pieces[0]
+    return replace(
+        log,
+        time=log.time[piece] - log.time[piece.start],
+        inputs=log.inputs[piece],
+        states={name: values[piece] for name, values in log.states.items()},
+        pieces=[slice(0, piece.stop - piece.start)],
+    )
+
+
+def _instrumented(experiment: Experiment, log: Log) -> Loop:
+    """Return the loop with the noise and the resolution that a log shows.
+
+    A state that the case estimates stays estimated: its logged values are those of the estimator.
+    """
+    loop = experiment.loop or Loop()
+    estimated = {name for table in experiment.file.estimator for name in table.of}
+    sensors = {sensor.of: sensor for sensor in loop.sensors}
+    for name in log.states:
+        if name in estimated:
+            continue
+        resolution = log.resolution(name)
+        # Rounding of a moving state is a part of the noise.
+        noise = math.sqrt(max(log.noise(name) ** 2 - resolution**2 / 12, 0.0))
+        sensor = sensors.get(name, Sensor(name))
+        sensors[name] = replace(sensor, exact=False, resolution=resolution, noise=noise)
+
+    estimators = [part for part in loop.estimators if not sensors.keys() & set(part.of)]
+    return replace(loop, sensors=tuple(sensors.values()), estimators=tuple(estimators))
+
+
+def _start(experiment: Experiment, log: Log, logged_delay: float) -> tuple[float, ...]:
+    """Return the state at the first sample of a log, fitted to a short time after it.
+
+    Args:
+        experiment: The machine.
+        log: The log.
+        logged_delay: Delay of the computer that is in the log already, for a command stands beside
+            later states [s].
+    """
+    loop = experiment.loop
+    assert loop is not None
+    delay = max(loop.computing.delay - logged_delay, 0.0)
+    replayed = loop.changed("computing", "", delay=delay)
+    plant = experiment.plant(experiment.nominal.truest)
+    model = LogModel(plant, replayed, experiment.disturbances)
+
+    timestep = plant.step_length or experiment.settings.timestep
+    horizon = min(10 * _LEAD, float(log.time[-1]))
+    leads = Predictor.leading(log, horizon, timestep).leads
+    first = replace(leads, windows=leads.windows[:1])
+    (start,) = fitted_starts(first, model)
+    return tuple(start.tolist())
+
+
+def predict(question: Question, seeds: int, experiment: Experiment | None = None) -> Prediction:
+    """Simulate the closed loop over seeds, and measure each run as its log shows it.
+
+    Args:
+        question: The law, the machine and the log.
+        seeds: Number of runs; each has its own noise.
+        experiment: Another machine; by default that of the question.
+
+    Raises:
+        GrosmcError: If the law fails.
+    """
+    case = experiment or question.experiment
+    runs = _closed_loop(case, question.law, seeds)
+    logs = [_log_of(run, question.log) for run in runs]
+
+    measured = _values(question.experiment, question.log, question.law)
+    predicted = []
+    for run, log in zip(runs, logs, strict=True):
+        values = _values(question.experiment, log, question.law)
+        if run.status is not Status.COMPLETED:
+            values = {name: value._replace(number=math.inf) for name, value in values.items()}
+        predicted.append(values)
+
+    quantities = []
+    for name, value in measured.items():
+        numbers = np.array([values[name].number for values in predicted])
+        quantities.append(
+            Quantity(name, value.label, value.unit, value.required, value.number, numbers)
+        )
+    misfits = np.array([_misfit(case, log, question.log) for log in logs])
+    return Prediction(question.log, runs, logs, quantities, misfits)
+
+
+def _closed_loop(experiment: Experiment, law: str, seeds: int) -> Sequence[Trajectory]:
+    """Return recorded runs of an experiment, which differ in what its loop draws at random."""
+    name = experiment.nominal.truest
+    plant = experiment.plant(name)
+    controller = experiment.law(name, law)
+    loops = [
+        experiment.varied(run_number=number).applied_loop(name, law) for number in range(seeds)
+    ]
+    batch = simulate(
+        [plant] * seeds,
+        controller,
+        experiment.x0,
+        duration=experiment.duration,
+        loop=loops,
+        control_period=experiment.settings.control_period,
+        timestep=experiment.settings.timestep,
+        disturbances=experiment.disturbances,
+        engine=experiment.settings.engine_for(controller),
+    )
+    return [batch[number] for number in range(seeds)]
+
+
+def _log_of(run: Trajectory, like: Log) -> Log:
+    """Return the log of a simulated run: what its sensors told at the instants of another log."""
+    assert run.seen is not None
+    timestep = float(run.time[1])
+    rows = np.rint(like.time / timestep).astype(int).clip(0, len(run.seen) - 1)
+    names = [state.name for state in run.system.states]
+    commands = run.input.reshape(len(run.input), -1)
+    return replace(
+        like,
+        inputs=commands[rows],
+        states={name: run.seen[rows, names.index(name)] for name in like.states},
+    )
+
+
+class _Value(NamedTuple):
+    """A number of a run, with what ``Quantity`` says of it; infinite for never."""
+
+    number: float
+    label: str
+    unit: str
+    required: bool
+
+
+def _values(experiment: Experiment, log: Log, law: str) -> Mapping[str, _Value]:
+    """Return the numbers of a log by their names: those that requirements ask for first."""
+    run = logged_run(experiment, log, law)
+    values = {}
+    for judgement in run.requirements:
+        requirement = judgement.requirement
+        number = math.inf if judgement.measured is None else judgement.measured
+        label = requirement.key.removesuffix("_within").removesuffix("_below")
+        label = f"{requirement.signal} {label}".strip().replace("_", " ")
+        values[requirement.words] = _Value(number, label, requirement.unit, True)
+    for name in _REPORTED:
+        metric = run.metrics[name]
+        if metric.value is not None:
+            label = name.replace("_", " ")
+            values[label] = _Value(metric.value, label, metric.unit, False)
+    return values
+
+
+def _misfit(experiment: Experiment, log: Log, measured: Log) -> float:
+    """Return the RMS distance of a log from the measured one, over the controlled states."""
+    system = experiment.nominal.system
+    squares = []
+    for index in system.controlled:
+        name = system.states[index].name
+        if name in measured.states:
+            distance = log.states[name] - measured.states[name]
+            squares.append(np.square(_turned(experiment, name, distance)))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _turned(experiment: Experiment, state: str, distance: Array) -> Array:
+    """Return a distance of angles within half a turn, of a state that jumps by a turn in logs."""
+    table = experiment.file.log
+    if table is None or state not in table.columns or not table.columns[state].periodic:
+        return distance
+    return np.remainder(distance + math.pi, 2 * math.pi) - math.pi
+
+
+def deciding(complete: Prediction, lesser: Mapping[str, Prediction]) -> Sequence[str]:
+    """Return the properties without which a required number leaves the complete spread."""
+    decide = []
+    for name, prediction in lesser.items():
+        pairs = zip(complete.quantities, prediction.quantities, strict=True)
+        leaves = [not whole.contains(less.median) for whole, less in pairs if whole.required]
+        if any(leaves):
+            decide.append(name)
+    return decide
