@@ -13,7 +13,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
-from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.metrics import MeasuredSignal, Metric
 from grosmc_mj.requirements.run_metrics import metrics_of_record
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -31,7 +31,9 @@ class Requirement:
         key: Key of the kind in a file.
         quantity: The quantity whose unit the number has: ``output``, ``input``, ``sliding``, or
             the unit itself; empty for a kind that is asked for with ``true``.
-        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``.
+        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``,
+            ``periodic``.
+        needs_band: Whether it has no default for ``band``.
         figure: The quantity in whose figure it is shown; empty for none.
         is_level: Whether it is a line in that figure.
         of_actuators: Whether it is about the range of the actuators, not about the task.
@@ -44,6 +46,7 @@ class Requirement:
         name: Unique name among the requirements of a campaign.
         signal: Name of the state or output that it is about; empty for all outputs.
         after: Instant from which on it holds [s].
+        periodic: Whether an angle counts modulo a turn.
     """
 
     key: ClassVar[str] = ""
@@ -53,6 +56,7 @@ class Requirement:
     is_level: ClassVar[bool] = True
     of_actuators: ClassVar[bool] = False
     recorded: ClassVar[bool] = False
+    needs_band: ClassVar[bool] = False
 
     number: float
     unit: str = ""
@@ -62,6 +66,7 @@ class Requirement:
     name: str = ""
     signal: str = ""
     after: float = 0.0
+    periodic: bool = False
 
     # -- where it is defined -----------------------------------------------------------------------
 
@@ -108,6 +113,16 @@ class Requirement:
             ArgumentError: If it is a share of the error at the start, which is zero to rounding.
         """
 
+    def refuse_duration(self, duration: float) -> None:
+        """Refuse runs that are too short to decide it.
+
+        Args:
+            duration: Duration of a run [s].
+
+        Raises:
+            ArgumentError: If one that fails in it might be kept in a longer one.
+        """
+
     def why_undecidable(self, transient: float) -> str:
         """Return why no run can decide it, or nothing.
 
@@ -140,7 +155,8 @@ class Requirement:
     @property
     def windows(self) -> Windows:
         """Windows, bands and signals that the metric needs."""
-        signals = (self.signal,) if self.signal else ()
+        signal = MeasuredSignal(self.signal, self.periodic)
+        signals = (signal,) if signal != MeasuredSignal() else ()
         after = (self.after,) if self.after else ()
         return Windows(after=after, signals=signals)
 
@@ -153,6 +169,8 @@ class Requirement:
     def words(self) -> str:
         """The requirement in words."""
         words = f"{self.title} {self.written}"
+        if self.periodic:
+            words += " modulo a turn"
         if self.after and "after" in self.options:
             words += f" from {self.after:g} s on"
         return words
