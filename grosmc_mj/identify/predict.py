@@ -24,6 +24,8 @@ from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # The start is fitted to so much of the log [s].
 _LEAD = 0.1
+# Noise below this share of an encoder's step is not told apart from rounding, 1/sqrt(12) of it.
+_LEAST_NOISE = 0.4
 # Metrics that are compared beside the requirements.
 _REPORTED = ("max_input", "total_variation")
 
@@ -180,14 +182,22 @@ def _instrumented(experiment: Experiment, log: Log) -> Loop:
     for name in log.states:
         if name in estimated:
             continue
-        resolution = log.resolution(name)
-        # Rounding of a moving state is a part of the noise.
-        noise = math.sqrt(max(log.noise(name) ** 2 - resolution**2 / 12, 0.0))
         sensor = sensors.get(name, Sensor(name))
-        sensors[name] = replace(sensor, exact=False, resolution=resolution, noise=noise)
+        sensors[name] = replace(
+            sensor, exact=False, resolution=log.resolution(name), noise=_noise(log, name)
+        )
 
     estimators = [part for part in loop.estimators if not sensors.keys() & set(part.of)]
     return replace(loop, sensors=tuple(sensors.values()), estimators=tuple(estimators))
+
+
+def _noise(log: Log, state: str) -> float:
+    """Return the standard deviation of a sensor's noise beside its rounding."""
+    noise = log.noise(state)
+    resolution = log.resolution(state)
+    if noise < _LEAST_NOISE * resolution:
+        return 0.0
+    return math.sqrt(noise**2 - resolution**2 / 12)
 
 
 def _start(experiment: Experiment, log: Log, logged_delay: float) -> tuple[float, ...]:
@@ -323,11 +333,11 @@ def _misfit(experiment: Experiment, log: Log, measured: Log) -> float:
 
 
 def _turned(experiment: Experiment, state: str, distance: Array) -> Array:
-    """Return a distance of angles within half a turn, of a state that jumps by a turn in logs."""
-    table = experiment.file.log
-    if table is None or state not in table.columns or not table.columns[state].periodic:
-        return distance
-    return np.remainder(distance + math.pi, 2 * math.pi) - math.pi
+    """Return a distance, within half a turn of an angle that a requirement counts modulo a turn."""
+    for limit in experiment.limits:
+        if limit.periodic and limit.signal in ("", state):
+            return np.remainder(distance + math.pi, 2 * math.pi) - math.pi
+    return distance
 
 
 def deciding(complete: Prediction, lesser: Mapping[str, Prediction]) -> Sequence[str]:
