@@ -341,11 +341,10 @@ def _turned(experiment: Experiment, state: str, distance: Array) -> Array:
 
 
 def deciding(complete: Prediction, lesser: Mapping[str, Prediction]) -> Sequence[str]:
-    """Return the properties without which a required number leaves the complete spread."""
+    """Return the properties without which the first required number leaves the spread."""
+    whole = complete.quantities[0]
     decide = []
     for name, prediction in lesser.items():
-        pairs = zip(complete.quantities, prediction.quantities, strict=True)
-        leaves = [not whole.contains(less.median) for whole, less in pairs if whole.required]
-        if any(leaves):
+        if not whole.contains(prediction.quantities[0].median):
             decide.append(name)
     return decide

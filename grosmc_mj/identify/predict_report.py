@@ -146,15 +146,17 @@ def lesser_table(
     system = question.experiment.nominal.system
     unit = system.states[system.controlled[0]].unit
 
+    by_misfit = sorted(lesser.items(), key=lambda item: -item[1].misfits.min())
     rows = []
-    for name, prediction in {COMPLETE: complete, **lesser}.items():
+    for name, prediction in [(COMPLETE, complete), *by_misfit]:
         medians = [_shown(item.median) for item in prediction.quantities if item.required]
         rows.append((name, *medians, number(float(prediction.misfits.min()))))
     return table(
         "",
         [*phrases("without"), *numbers(*map(_headed, required), f"misfit [{unit}]")],
         rows,
-        legend="Medians over the seeds. Misfit: RMS distance of the nearest run from the log.",
+        legend="Medians over the seeds; misfit: RMS distance of the nearest run from the log. A "
+        f"property decides if without it {required[0].label} leaves its spread.",
     )
 
 
