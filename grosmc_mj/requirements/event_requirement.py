@@ -47,16 +47,16 @@ class EventRequirement(Requirement):
         return Windows(events=(self.event,))
 
     @property
-    def words(self) -> str:
-        """The requirement in words."""
+    def band_in_words(self) -> str:
+        """The band in words."""
         turn = " modulo a turn" if self.periodic else ""
-        return f"{self.title} {self.written} to {self.band_written}{turn}"
+        return f"{self.band_written}{turn}"
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the limited value of a run, or that the band is not reached."""
         value = self.replayed(run)
         if math.isinf(value):
-            return None, f"does not come to {self.band_written} and stay"
+            return None, f"does not come to {self.band_in_words} and stay"
         return value, ""
 
     def order_share(
@@ -68,6 +68,12 @@ class EventRequirement(Requirement):
 
 class SwingRequirement(EventRequirement):
     """A requirement on the swings of one state or output before the event."""
+
+    @property
+    def words(self) -> str:
+        """The requirement in words."""
+        number = f"{self.number:g}" if self.unit == "1" else self.written
+        return f"{self.title} {number} before it is within {self.band_in_words}"
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:

@@ -21,6 +21,11 @@ class ReachesWithin(EventRequirement):
     figure = "output"
 
     @property
+    def words(self) -> str:
+        """The requirement in words."""
+        return f"{self.title} {self.written} to {self.band_in_words}"
+
+    @property
     def metric(self) -> str:
         """Name of the instant at which the band is reached."""
         return reached_of(self.event)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, name_list
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import MeasuredSignal, Metric
@@ -140,6 +140,21 @@ class Requirement:
         """
         return ""
 
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Return why a log of the machine cannot decide it, or nothing.
+
+        Args:
+            law: The controller under which the log was made.
+            known: Names of the signals that the log has, see ``signals``.
+        """
+        if self.quantity == "input":
+            return ""
+        error = law.designed.error
+        needed = [error.names[row] for row in error.output_rows]
+        if self.signal:
+            needed = [self.signal]
+        return missing_signals(needed, known)
+
     # -- what is measured --------------------------------------------------------------------------
 
     @property
@@ -228,6 +243,14 @@ class Requirement:
         return share
 
 
+def missing_signals(needed: Iterable[str], known: Set[str]) -> str:
+    """Return a line on the signals that a log does not have, or nothing."""
+    missing = [name for name in needed if name not in known]
+    if not missing:
+        return ""
+    return f"the log does not have {name_list(missing)}"
+
+
 class SurfaceRequirement(Requirement):
     """A requirement on the sliding variable, which is asked of laws with a surface only."""
 
@@ -241,6 +264,10 @@ class SurfaceRequirement(Requirement):
         """Refuse laws without a surface."""
         if not laws:
             raise ArgumentError("no law that it is asked of has a surface")
+
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Say that s is a number of the law."""
+        return "a log does not have the sliding variable"
 
 
 # -- the error at the start ------------------------------------------------------------------------

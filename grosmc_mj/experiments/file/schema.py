@@ -653,6 +653,20 @@ class UncertainTable(_OwnersTable):
         return f"{self.of} {self.quantity.replace('_', ' ')}"
 
 
+class MeasuredTable(Table):
+    """``[[measured]]``: a log of the real machine, of which the requirements are asked too.
+
+    Attributes:
+        log: Path of the log, from the file's folder.
+        law: Controller under which it was made; the file's only one by default.
+        start: Instant of the log at which the run begins, from its first sample on [s].
+    """
+
+    log: str
+    law: str | None = None
+    start: Seconds = 0.0
+
+
 class CorrelationTable(Table):
     """``[[correlation]]``: two uncertain numbers that are not independent.
 
@@ -732,6 +746,7 @@ class CaseFile(_WithParts):
         uncertain: Numbers that a campaign varies; a single run has the nominal values.
         correlation: Pairs of them that vary together.
         log: Time and columns of a log of the machine.
+        measured: Logs of the machine that are judged like runs.
     """
 
     known_loop: KnownLoopTable | None = None
@@ -743,6 +758,7 @@ class CaseFile(_WithParts):
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
     log: LogTable | None = None
+    measured: list[MeasuredTable] = []
     # Values as they are written, from which the file with another number is read.
     _content: Content = PrivateAttr(default_factory=dict)
 
