@@ -27,17 +27,17 @@ def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:
     Raises:
         ArgumentError: If the plant does not run in MuJoCo, or a coordinate is not measured.
     """
-    require_filmable(rung.plant, log)
-    predictor = Predictor.leading(log, horizon, rung.plant.step_length)
+    plant = filmable(rung.plant, log)
+    predictor = Predictor.leading(log, horizon, plant.step_length)
     run = predictor.first_run(rung, fitted_starts(predictor.leads, rung))
-    return film_beside_log(rung.plant, run, log, predictor.windows[0].start, "simulated")
+    return film_beside_log(plant, run, log, predictor.windows[0].start, "simulated")
 
 
-def require_filmable(plant: Plant, log: Log) -> None:
-    """Refuse a plant that does not run in MuJoCo, and a log that does not measure a coordinate.
+def filmable(plant: Plant, log: Log) -> MujocoPlant:
+    """Return a plant in MuJoCo whose controlled coordinates a log measures.
 
     Raises:
-        ArgumentError: With the reason.
+        ArgumentError: If it is none, with the reason.
     """
     if not isinstance(plant, MujocoPlant):
         raise ArgumentError("--film: the case does not run in MuJoCo: there is no film of it")
@@ -45,19 +45,21 @@ def require_filmable(plant: Plant, log: Log) -> None:
         name = plant.system.states[index].name
         if name not in log.states:
             raise ArgumentError(f"--film: the log does not measure {name}: there is no ghost")
+    return plant
 
 
-def film_beside_log(plant: Plant, run: Trajectory, log: Log, start: float, label: str) -> Film:
+def film_beside_log(
+    plant: MujocoPlant, run: Trajectory, log: Log, start: float, label: str
+) -> Film:
     """Film of a run whose ghost is the measured machine.
 
     Args:
-        plant: A plant in MuJoCo.
+        plant: The plant.
         run: Its run.
         log: The log, which measures the controlled coordinates.
         start: Instant of the log at which the run starts [s].
         label: Name of the run.
     """
-    assert isinstance(plant, MujocoPlant)
     system = plant.system
     positions = [system.states[i].name for i in system.controlled]
     times = log.time - start

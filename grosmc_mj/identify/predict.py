@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,8 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.measured import run_of_log
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
-from grosmc_mj.identify.logged_run import logged_run
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
@@ -95,7 +96,7 @@ class Question(NamedTuple):
     Attributes:
         experiment: The machine, with the start and the sensors of the log.
         law: Name of the law.
-        log: The log, from the first sample of its first piece on.
+        log: The part of the log that is the run, its time from 0 on.
         law_on_log: Commands of the law on the logged states; None where it cannot be asked.
         notes: What may be wrong, in lines.
     """
@@ -107,42 +108,38 @@ class Question(NamedTuple):
     notes: Sequence[str]
 
 
-def question_of(experiment: Experiment, law: str, log: Log, noise_log: Log) -> Question:
-    """Bring start, length and sensors of a log into the case of its machine.
+def question_of(
+    experiment: Experiment, law: str, log: Log, noise_log: Log, start: float = 0.0
+) -> Question:
+    """Bring start and sensors of a log into the case of its machine.
 
     Args:
-        experiment: The case of the machine, with its law and requirements.
+        experiment: The case of the machine, with its law, requirements and duration.
         law: Name of the law.
         log: The log.
         noise_log: The log that noise and resolution of the sensors are taken from.
+        start: Earliest instant at which the run begins, from the log's first sample on [s].
 
     Raises:
-        ArgumentError: If there is no such law or no requirement, or the machine cannot start there.
+        ArgumentError: If there is no such law or no requirement, the log does not have the whole
+            run, or the machine cannot start there.
     """
-    plant = experiment.nominal.truest
-    controller = experiment.law(plant, law)
-    notes = list(log.notes)
-    begun = _first_piece(log)
-    if len(log.pieces) > 1:
-        notes.append(
-            f"{log.name} has {len(log.pieces)} pieces: the first one, {begun.time[-1]:.3g} s, is "
-            "predicted"
-        )
-
+    _require_judged(experiment)
+    measured = run_of_log(experiment, log, law, Path(log.name), start)
+    log = _part(log, measured.begin, experiment.duration)
+    notes = [*log.notes, *measured.not_judged]
     experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
+
     asked = None
     rows = 0
     try:
-        limits = experiment.plant(plant).input_limits
-        asked = law_on_log(controller, begun, limits)
+        asked = law_on_log(measured.controller, log, measured.input_limits)
         rows = asked.rows
     except ArgumentError as error:
         notes.append(f"the law is not asked for the logged commands: {error}")
 
-    start = _start(experiment, begun, rows * begun.sampling)
-    experiment = experiment.varied(x0=start, duration=float(begun.time[-1]))
-    _require_judged(experiment)
-    return Question(experiment, law, begun, asked, notes)
+    start_of_run = _start(experiment, log, rows * log.sampling)
+    return Question(experiment.varied(x0=start_of_run), law, log, asked, notes)
 
 
 def _require_judged(experiment: Experiment) -> None:
@@ -154,40 +151,51 @@ def _require_judged(experiment: Experiment) -> None:
     if experiment.limits:
         return
     reasons = "; ".join(experiment.not_judged) or (
-        "it has none: write [[requirement]] with reaches_within, band and so on"
+        "the case has none: write a [[requirement]], such as settles_within"
     )
     raise ArgumentError(f"{experiment.path}: no requirement that can be predicted: {reasons}")
 
 
-def _first_piece(log: Log) -> Log:
-    """Return the first piece of a log, its time from 0 on."""
-    piece = log.pieces[0]
+def _part(log: Log, begin: float, duration: float) -> Log:
+    """Return the samples of a log from an instant on, for some time, with their time from 0 on."""
+    half = 0.5 * log.sampling
+    first = int(np.searchsorted(log.time, begin - half))
+    stop = int(np.searchsorted(log.time, begin + duration + half))
+    part = slice(first, stop)
     return replace(
         log,
-        time=log.time[piece] - log.time[piece.start],
-        inputs=log.inputs[piece],
-        states={name: values[piece] for name, values in log.states.items()},
-        pieces=[slice(0, piece.stop - piece.start)],
+        time=log.time[part] - log.time[first],
+        inputs=log.inputs[part],
+        states={name: values[part] for name, values in log.states.items()},
+        pieces=[slice(0, stop - first)],
     )
 
 
 def _instrumented(experiment: Experiment, log: Log) -> Loop:
     """Return the loop with the noise and the resolution that a log shows.
 
-    A state that the case estimates stays estimated: its logged values are those of the estimator.
+    A logged rate is measured, not differenced. A state that the case estimates otherwise stays
+    estimated: its logged values are those of the estimator.
     """
     loop = experiment.loop or Loop()
-    estimated = {name for table in experiment.file.estimator for name in table.of}
+    estimators = []
+    estimated: set[str] = set()
+    for part in loop.estimators:
+        if part.law != "difference":
+            estimated.update(part.of)
+        elif log.states.keys() & set(part.of):
+            continue
+        estimators.append(part)
+
     sensors = {sensor.of: sensor for sensor in loop.sensors}
     for name in log.states:
-        if name in estimated:
-            continue
-        sensor = sensors.get(name, Sensor(name))
-        sensors[name] = replace(
-            sensor, exact=False, resolution=log.resolution(name), noise=_noise(log, name)
-        )
-
-    estimators = [part for part in loop.estimators if not sensors.keys() & set(part.of)]
+        if name not in estimated:
+            sensors[name] = replace(
+                sensors.get(name, Sensor(name)),
+                exact=False,
+                resolution=log.resolution(name),
+                noise=_noise(log, name),
+            )
     return replace(loop, sensors=tuple(sensors.values()), estimators=tuple(estimators))
 
 
@@ -304,7 +312,7 @@ class _Value(NamedTuple):
 
 def _values(experiment: Experiment, log: Log, law: str) -> Mapping[str, _Value]:
     """Return the numbers of a log by their names: those that requirements ask for first."""
-    run = logged_run(experiment, log, law)
+    run = run_of_log(experiment, log, law, Path(log.name))
     values = {}
     for judgement in run.requirements:
         requirement = judgement.requirement

@@ -38,8 +38,9 @@ class PredictCommand(Command):
     the predicted ones; 1 if one does not; 2 if log, case or law are wrong.
 
     Attributes:
-        log: CSV, Parquet, MCAP or MATLAB: time, commands and measured states.
-        case: SYSTEM, SYSTEM/CASE or FILE.toml of the fitted machine, with the law and requirements.
+        logs_and_case: Logs (CSV, Parquet, MCAP or MATLAB) with time, commands and measured states,
+            which are judged one by one; by default those of [[measured]]. Then SYSTEM, SYSTEM/CASE
+            or FILE.toml of the fitted machine, with law and requirements.
         law: The law that the machine ran.
         seeds: Number of runs, each with its own noise.
         noise_from: Another log of the machine to take noise and resolution of the sensors from.
@@ -47,8 +48,7 @@ class PredictCommand(Command):
         out: Folder for results.
     """
 
-    log: Path
-    case: str
+    logs_and_case: Annotated[tuple[str, ...], Parameter(metavar="[LOG...] CASE")]
     _: KW_ONLY
     law: Annotated[str, Parameter(metavar="NAME")]
     seeds: WholeNumber = 16
@@ -57,53 +57,80 @@ class PredictCommand(Command):
     out: Out = Path("renders")
 
     def execute(self) -> int:
-        """Ask the law, simulate, leave out, write and print the result."""
-        from grosmc_mj.identify.film import film_beside_log, require_filmable
-        from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
-        from grosmc_mj.results.result import KEPT
+        """Predict and judge one log after the other."""
+        from grosmc_mj.experiments.catalogue import find_experiments
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
-        question = self._question()
+        *paths, case = self.logs_and_case
+        experiment = find_experiments(case)[0].with_laws([self.law])
+        logs = {Path(path): 0.0 for path in paths} or self._measured(experiment)
+        # What is wrong with a log is told before the first one runs.
+        questions = {path: self._question(experiment, path, logs[path]) for path in logs}
+
+        inside = [self._judge(path, question) for path, question in questions.items()]
+        return DONE if all(inside) else DIFFERS
+
+    def _measured(self, experiment: Experiment) -> Mapping[Path, float]:
+        """Return the logs of the case that were made under the law, and where their runs begin [s].
+
+        Raises:
+            ArgumentError: If there is none.
+        """
+        logs = {}
+        for table in experiment.file.measured:
+            if table.law in (None, self.law):
+                logs[experiment.path.parent / table.log] = table.start
+        if not logs:
+            raise ArgumentError(
+                f"no log to predict: name one before {experiment.path}, or give the case a "
+                "[[measured]]"
+            )
+        return logs
+
+    def _question(self, experiment: Experiment, path: Path, start: float) -> Question:
+        """Read a log, and the one of the noise.
+
+        Raises:
+            ArgumentError: If one of them is wrong.
+        """
+        from grosmc_mj.identify.predict import question_of
+        from grosmc_mj.logs.read import read_log
+
+        system = experiment.nominal.system
+        gears = experiment.nominal.gears
+        table = experiment.file.log
+        log = read_log(path, system, table, gears, to_learn=False)
+        noise_log = log
+        if self.noise_from is not None:
+            noise_log = read_log(self.noise_from, system, table, gears, to_learn=False)
+        return question_of(experiment, self.law, log, noise_log, start)
+
+    def _judge(self, log: Path, question: Question) -> bool:
+        """Predict a log, write and print the result; return whether it lies within the spread."""
+        from grosmc_mj.identify.film import film_beside_log, filmable
+        from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
+        from grosmc_mj.results.result import KEPT
+
         experiment = question.experiment
-        plant = experiment.plant(experiment.nominal.truest)
+        film_of = None
         if self.film:
-            require_filmable(plant, question.log)
+            film_of = filmable(experiment.plant(experiment.nominal.truest), question.log)
 
         complete, lesser = self._predictions(question)
-        document = prediction_result(question, complete, lesser, self._configuration(experiment))
-        name = f"predict_{result_name(experiment.path)}_{self.log.stem}"
+        document = prediction_result(question, complete, lesser, self._configuration(question))
+        name = f"predict_{result_name(experiment.path)}_{log.stem}"
         path = self.out / f"{name}.json"
         self._print(question, document, path)
 
         figure = path.with_suffix(".png")
         draw_prediction(question, complete, figure)
         screen.say_files(screen.console(), figure)
-        if self.film:
+        if film_of is not None:
             run = complete.runs[complete.nearest]
-            film = film_beside_log(plant, run, question.log, 0.0, "predicted")
+            film = film_beside_log(film_of, run, question.log, 0.0, "predicted")
             write_film_of_log(film, self.out / FOLDER / f"{name}.mp4")
-        return DONE if document["answers"][0]["verdict"] == KEPT else DIFFERS
-
-    def _question(self) -> Question:
-        """Read case and logs.
-
-        Raises:
-            ArgumentError: If one of them is wrong.
-        """
-        from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.model import gears_of
-        from grosmc_mj.identify.predict import question_of
-        from grosmc_mj.logs.read import read_log
-
-        experiment = find_experiments(self.case)[0].with_laws([self.law])
-        system = experiment.nominal.system
-        gears = gears_of(experiment)
-        log = read_log(self.log, system, experiment.file.log, gears)
-        noise_log = log
-        if self.noise_from is not None:
-            noise_log = read_log(self.noise_from, system, experiment.file.log, gears)
-        return question_of(experiment, self.law, log, noise_log)
+        return document["answers"][0]["verdict"] == KEPT
 
     def _predictions(self, question: Question) -> tuple[Prediction, Mapping[str, Prediction]]:
         """Return the prediction of the machine, and those without each of its properties."""
@@ -120,12 +147,15 @@ class PredictCommand(Command):
                 advance(f"without {name}")
         return complete, lesser
 
-    def _configuration(self, experiment: Experiment) -> Mapping[str, Any]:
+    def _configuration(self, question: Question) -> Mapping[str, Any]:
         """Return the arguments, for the result."""
+        noise_log = question.log.name
+        if self.noise_from is not None:
+            noise_log = self.noise_from.name
         return {
-            "case": str(experiment.path),
-            "log": self.log.name,
-            "noise_from": (self.noise_from or self.log).name,
+            "case": str(question.experiment.path),
+            "log": question.log.name,
+            "noise_from": noise_log,
             "law": self.law,
             "seeds": self.seeds,
         }
