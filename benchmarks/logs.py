@@ -21,6 +21,8 @@ NOISE, SAMPLING, FINE, SECONDS = 1e-3, 2e-3, 1e-4, 4.0
 # Of the servo in closed loop: timestep [s], duration [s], frequency [rad/s] and damping ratio that
 # the law is designed for, time constant of its rate [s].
 FINEST, STEP_SECONDS, FREQUENCY, RATIO, RATE_FILTER = 5e-5, 3.2, 6.0, 0.7, 0.01
+# Viscous friction of the shipped servo [N m s/rad].
+NOMINAL_DAMPING = 0.0088
 
 
 def rate_of(q: float, rate: float, torque: float) -> float:
@@ -53,8 +55,8 @@ def arm() -> tuple[Array, Array, Array]:
 def servo_step() -> tuple[Array, Array, Array]:
     """Time, current and measured angle, (samples,) each, of a step of 1 rad under a PD law.
 
-    The law is designed for the shipped servo, the servo is machine 0 of ``coverage``. The law has
-    the measured angle, and its rate by a filtered difference.
+    The law is computed torque of the shipped servo; the servo is machine 0 of ``coverage``. The
+    law has the measured angle, and its rate by a filtered difference.
     """
     (scale, damping, delay), _ = coverage.machine(0)
     inertia = scale * coverage.INERTIA
@@ -73,7 +75,8 @@ def servo_step() -> tuple[Array, Array, Array]:
             difference = (angles[i] - angles[i - 1]) / SAMPLING
             seen_rate += SAMPLING / RATE_FILTER * (difference - seen_rate)
         wanted = FREQUENCY**2 * (1.0 - angles[i]) - 2 * RATIO * FREQUENCY * seen_rate
-        currents[i] = coverage.INERTIA * wanted / coverage.TORQUE
+        torque = coverage.INERTIA * wanted + NOMINAL_DAMPING * seen_rate
+        currents[i] = torque / coverage.TORQUE
 
         # Exact while the current is held.
         for _ in range(round(SAMPLING / FINEST)):

@@ -130,15 +130,14 @@ def test_the_swing_up_of_the_pendulum_has_its_measured_events(swing_up: Measured
     assert events["last_peak"].value == pytest.approx(1.95, abs=0.005)
 
 
-def test_the_error_of_the_pendulum_that_stands_is_measured(swing_up: MeasuredResult) -> None:
-    """17 mrad on average from 6 s on; the final error is the largest one of the last 0.7 s."""
+def test_the_final_error_of_the_pendulum_is_its_largest_one_in_the_last_tenth(
+    swing_up: MeasuredResult,
+) -> None:
     run = swing_up.trajectory
     event = Event("pivot", 0.2, periodic=True)
     events = event_metrics(run, swing_up.controller, swing_up.comparison, event)
     late = np.abs(run.state[run.time >= 6.3, 0] + np.pi)
     assert events["final_error"].value == pytest.approx(late.max(), abs=1e-4)
-    from_six = np.abs(run.state[run.time >= 6.0, 0] + np.pi)
-    assert from_six.mean() == pytest.approx(0.017, abs=0.0005)
 
 
 @pytest.mark.parametrize(("periodic", "note"), [(True, ""), (False, "not reached")])
