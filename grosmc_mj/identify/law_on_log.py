@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.logs.log import Log
+from grosmc_mj.loop import AppliedLoop
+from grosmc_mj.loop.sent import keep_output
+from grosmc_mj.loop.software import observe
 from grosmc_mj.results.tables import number
 from grosmc_mj.simulation.law_inputs import write_inputs
 
@@ -17,6 +20,8 @@ from grosmc_mj.simulation.law_inputs import write_inputs
 _MOST_ROWS = 3
 # Share of a command's span that the digits of a log are worth, at most.
 _ROUNDING = 1e-3
+# Periods of law and log that differ by less are the same; clocks are not exact.
+_SAME_PERIOD = 0.02
 
 
 class LawOnLog(NamedTuple):
@@ -54,26 +59,25 @@ class LawOnLog(NamedTuple):
         )
 
 
-def law_on_log(law: Controller, log: Log, limits: Array) -> LawOnLog:
+def law_on_log(applied: AppliedLoop, log: Log, start: Array, limits: Array) -> LawOnLog:
     """Ask a law for every command of a log, on the logged states.
 
-    A command may be logged with the states that it was computed from, or some rows later: the
-    number of rows is that of the least difference.
+    Rates that are not logged are estimated as in the loop. A command may be logged with the states
+    that it was computed from, or some rows later: the number of rows is that of the least
+    difference.
 
     Args:
-        law: The law, at the period of the log.
+        applied: The loop around the law.
         log: The log, from the first sample of the law on.
+        start: State at the start of the log, (n,), from which estimators begin.
         limits: Least and largest of each input, (2, m).
 
     Raises:
-        ArgumentError: If the log does not measure each state, or the law fails on one.
+        ArgumentError: If the log does not have what the law needs, or the law fails.
     """
-    system = law.designed.error.system
-    missing = [state.name for state in system.states if state.name not in log.states]
-    if missing:
-        raise ArgumentError(f"{log.name} does not measure {', '.join(missing)}")
-
-    asked = np.clip(_commands(law, log), *limits)
+    _require_samples(applied, log)
+    system = applied.system
+    asked = np.clip(_commands(applied, log, start), *limits)
     differences = [_difference(asked, log, rows) for rows in range(_MOST_ROWS + 1)]
     rows = min(range(len(differences)), key=lambda k: float(np.square(differences[k]).mean()))
 
@@ -97,14 +101,39 @@ def law_on_log(law: Controller, log: Log, limits: Array) -> LawOnLog:
     )
 
 
-def _commands(law: Controller, log: Log) -> Array:
+def _require_samples(applied: AppliedLoop, log: Log) -> None:
+    """Refuse a log that has other samples than those of the law, or lacks a state."""
+    if not math.isclose(log.sampling, applied.period, rel_tol=_SAME_PERIOD):
+        raise ArgumentError(
+            f"{log.name} has a row every {1e3 * log.sampling:.4g} ms, the law runs every "
+            f"{1e3 * applied.period:.4g} ms"
+        )
+    estimated = {name for part in applied.loop.estimators for name in part.of}
+    names = [state.name for state in applied.system.states]
+    missing = [name for name in names if name not in log.states and name not in estimated]
+    if missing:
+        raise ArgumentError(f"{log.name} does not measure {', '.join(missing)}")
+
+
+def _commands(applied: AppliedLoop, log: Log, start: Array) -> Array:
     """The law's commands on the states of a log, (N, m)."""
-    system = law.designed.error.system
-    states = np.column_stack([log.states[state.name] for state in system.states])
+    law = applied.controller
+    system = applied.system
     commands = np.zeros(log.inputs.shape)
     memory, _workspace = law.begin()
-    for t, x, u in zip(log.time, states, commands, strict=True):
-        write_inputs(law, float(t), x, memory, u)
+    x = np.zeros(len(system.states))
+    loop = applied.begin_uncompiled(start, memory, np.zeros(len(x)), x)
+    measured = loop.measured
+    measured.fresh[:] = 1.0
+
+    for k in range(len(log.time)):
+        for j, state in enumerate(system.states):
+            if state.name in log.states:
+                measured.y[j] = log.states[state.name][k]
+        measured.clock[0] = log.time[k] // applied.timestep
+        t = observe(k, measured, loop.software)
+        write_inputs(law, t, x, memory, commands[k])
+        keep_output(k, log.inputs[k], True, measured, loop.software)
     return commands
 
 

@@ -131,15 +131,20 @@ def question_of(
     experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
 
     asked = None
-    rows = 0
+    start_of_run = _start(experiment, log, 0.0)
     try:
-        asked = law_on_log(measured.controller, log, measured.input_limits)
-        rows = asked.rows
+        asked = _asked(experiment, law, log, start_of_run, measured.input_limits)
+        start_of_run = _start(experiment, log, asked.rows * log.sampling)
     except ArgumentError as error:
         notes.append(f"the law is not asked for the logged commands: {error}")
+    return Question(experiment.varied(x0=tuple(start_of_run.tolist())), law, log, asked, notes)
 
-    start_of_run = _start(experiment, log, rows * log.sampling)
-    return Question(experiment.varied(x0=start_of_run), law, log, asked, notes)
+
+def _asked(experiment: Experiment, law: str, log: Log, start: Array, limits: Array) -> LawOnLog:
+    """Ask the law of an experiment for the commands of a log, see ``law_on_log``."""
+    applied = experiment.applied_loop(experiment.nominal.truest, law)
+    assert applied is not None
+    return law_on_log(applied, log, start, limits)
 
 
 def _require_judged(experiment: Experiment) -> None:
@@ -208,8 +213,8 @@ def _noise(log: Log, state: str) -> float:
     return math.sqrt(noise**2 - resolution**2 / 12)
 
 
-def _start(experiment: Experiment, log: Log, logged_delay: float) -> tuple[float, ...]:
-    """Return the state at the first sample of a log, fitted to a short time after it.
+def _start(experiment: Experiment, log: Log, logged_delay: float) -> Array:
+    """Return the state at the first sample of a log, (n,), fitted to a short time after it.
 
     Args:
         experiment: The machine.
@@ -229,7 +234,7 @@ def _start(experiment: Experiment, log: Log, logged_delay: float) -> tuple[float
     leads = Predictor.leading(log, horizon, timestep).leads
     first = replace(leads, windows=leads.windows[:1])
     (start,) = fitted_starts(first, model)
-    return tuple(start.tolist())
+    return start
 
 
 def predict(question: Question, seeds: int, experiment: Experiment | None = None) -> Prediction:

@@ -13,6 +13,7 @@ from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
 from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
 from grosmc_mj.logs.log import Log
+from grosmc_mj.loop import Loop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 CASE = """
@@ -43,6 +44,7 @@ law = "lqr"
 reaches_within = "2.5 s"
 band = "0.1 rad"
 """
+SYSTEM = MujocoPlant.load("servo").system
 FREE = np.array([[-np.inf], [np.inf]])
 
 
@@ -69,9 +71,11 @@ def log_of(machine: Experiment) -> Log:
     )
 
 
-def found(machine: Experiment, log: Log, law: str = "lqr") -> LawOnLog:
+def found(machine: Experiment, log: Log) -> LawOnLog:
     """The law of a machine beside a log."""
-    return law_on_log(machine.law("physics", law), log, FREE)
+    applied = machine.applied_loop("physics", "lqr")
+    assert applied is not None
+    return law_on_log(applied, log, np.array(machine.x0), FREE)
 
 
 # -- the law on logged states ----------------------------------------------------------------------
@@ -98,11 +102,24 @@ def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> N
     assert finding.logged == pytest.approx(1.1 * finding.asked)
 
 
-def test_a_law_is_not_asked_on_states_that_nobody_measured(machine: Experiment) -> None:
+def test_a_rate_that_is_not_logged_is_differenced_as_in_the_loop(machine: Experiment) -> None:
+    loop = machine.loop
+    assert loop is not None
+    differencing = machine.varied(loop=Loop(loop.computing, loop.sensors[:1]).completed(SYSTEM))
+    log = log_of(differencing)
+    angle = {"rotor angle": log.states["rotor angle"]}
+    finding = found(differencing, replace(log, states=angle))
+    assert finding.first is None
+    assert finding.largest < 1e-12
+
+
+def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment) -> None:
     log = log_of(machine)
     angle = {"rotor angle": log.states["rotor angle"]}
     with pytest.raises(ArgumentError, match="does not measure rotor speed"):
         found(machine, replace(log, states=angle))
+    with pytest.raises(ArgumentError, match="a row every 10 ms, the law runs every 5 ms"):
+        found(machine, replace(log, time=2 * log.time))
 
 
 # -- what is left out ------------------------------------------------------------------------------
