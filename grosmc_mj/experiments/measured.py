@@ -94,8 +94,13 @@ def measured_results(experiment: Experiment) -> list[MeasuredResult]:
     Raises:
         ArgumentError: If a log cannot be read or is too short, or its law is not clear.
     """
-    laws = (None, *experiment.controllers)
-    tables = [table for table in experiment.file.measured if table.law in laws]
+    declared = [controller.called for controller in experiment.file.controller]
+    tables = []
+    for table in experiment.file.measured:
+        if table.law is not None:
+            require_known("law", table.law, declared, f"{experiment.path}: measured: ")
+        if table.law is None or table.law in experiment.controllers:
+            tables.append(table)
     return results_of_logs(experiment, tables)
 
 

@@ -285,6 +285,15 @@ def test_a_log_of_one_of_several_laws_needs_its_name(case, folder: Path, capsys:
         measured(two_laws, folder / "good.csv", law="lqg")
 
 
+def test_an_unknown_law_of_a_log_is_refused(folder: Path, capsys: Screen) -> None:
+    text = (folder / "two.toml").read_text().replace('law = "pd"\n[[', 'law = "pid"\n[[')
+    (folder / "wrong.toml").write_text(text)
+    assert run("run", folder / "wrong.toml", "--no-figures") == cli.WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "measured: unknown law 'pid'" in error
+
+
 def test_logs_of_a_system_are_refused(folder: Path, capsys: Screen) -> None:
     assert run("run", "servo", "--log", folder / "good.csv") == cli.WRONG
     assert "cases: name one" in capsys.readouterr().err

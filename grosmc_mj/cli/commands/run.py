@@ -146,7 +146,7 @@ class RunCommand(Command):
         measured = results_of_logs(experiment, tables)
         for result in measured:
             if experiment.limits and not result.requirements:
-                reasons = "; ".join(result.not_judged)
+                reasons = "; ".join(result.not_judged) or "none is asked of the truest plant"
                 raise ArgumentError(f"{result.log}: no requirement can be judged: {reasons}")
         return measured
 
