@@ -33,11 +33,15 @@ def prediction_result(
         lesser: Predictions without each property of the machine.
         configuration: Arguments of the command.
     """
-    inside = all(item.contains(item.measured) for item in complete.quantities if item.required)
+    required = [item for item in complete.quantities if item.required]
+    outside = [item.label for item in required if not item.contains(item.measured)]
+    words = f"Predicted: {_headline(required[0])}"
+    if outside:
+        words += f"; outside the spread: {', '.join(outside)}"
     answer = Answer(
         question=f"Is {question.log.name} what {question.law} does on this machine",
-        verdict=KEPT if inside else NOT_KEPT,
-        words=f"Predicted: {_headline(complete.quantities[0])}",
+        verdict=NOT_KEPT if outside else KEPT,
+        words=words,
         more=_deciding_words(complete, lesser),
         notes=[law_words(question), *question.notes],
     )

@@ -194,6 +194,14 @@ def test_without_its_friction_the_machine_is_another_one(question: Question) -> 
     assert lesser["shaft friction"].misfits.min() > 5 * complete.misfits.min()
 
 
+def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:
+    """Until the first command arrives nothing acts: the first one did not act before the log."""
+    log = log_of(machine)
+    late = without_each(machine)["rotor speed noise"]
+    start = question_of(late, "lqr", log, log).experiment.x0
+    assert start[1] == pytest.approx(0.0, abs=0.02)
+
+
 def test_seeds_differ_by_their_noise_alone(question: Question) -> None:
     """Without noise all runs are one."""
     quiet = without_each(question.experiment)["rotor speed noise"]
