@@ -16,7 +16,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.logs.log import Log
-from grosmc_mj.logs.read import read_log
 from grosmc_mj.plants import System
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.requirements.metrics import DEFINITIONS, Metric, largest_of
@@ -173,6 +172,9 @@ def _result_of_log(
     experiment: Experiment, path: Path, table: MeasuredTable, plant: str
 ) -> MeasuredResult:
     """Return a log as a run."""
+    # Imported here: runs without a log need no pyarrow.
+    from grosmc_mj.logs.read import read_log
+
     system = experiment.nominal.system
     law = _law_of(experiment, path, table.law)
     log = read_log(path, system, experiment.file.log, experiment.nominal.gears, to_learn=False)

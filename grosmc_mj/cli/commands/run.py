@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, Out, Target, command
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Figures,
+    Flag,
+    Laws,
+    Out,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
@@ -46,6 +56,8 @@ class RunCommand(Command):
             the case's requirements. CSV, Parquet, MCAP or MATLAB, its columns as [log] of the
             file says; it begins where the run begins. With several laws, --laws names the one
             that made it.
+        draws: Runs in a loop with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep what is required.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet,
             --save csv for CSV. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
         film: Film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
@@ -57,6 +69,7 @@ class RunCommand(Command):
     log: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default=False)] = ()
     out: Out = Path("renders")
     figures: Figures = True
+    draws: WholeNumber = 10
     save: Annotated[
         Literal["parquet", "csv"] | None,
         Parameter(metavar="[FORMAT]", group=OUTPUT),
@@ -66,7 +79,9 @@ class RunCommand(Command):
     def execute(self) -> int:
         """Run, judge, write, print and draw one experiment after the other."""
         from grosmc_mj.experiments.catalogue import find_experiments
+        from grosmc_mj.sweep.draws import require_draws
 
+        require_draws(self.draws)
         experiments = find_experiments(self.target)
         if self.laws:
             experiments = [experiment.with_laws(self.laws) for experiment in experiments]
@@ -89,6 +104,7 @@ class RunCommand(Command):
         """
         from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.cli.commands.run_answer import judge
+        from grosmc_mj.sweep.draws import judged_over_draws
 
         name = "_".join([result_name(experiment.path), *[log.stem for log in self.log]])
         measured = self._measured(experiment)
@@ -102,7 +118,7 @@ class RunCommand(Command):
                 steps = len(experiment.plant_names) * len(experiment.controllers)
                 with screen.progress(steps) as advance:
                     for result in experiment.runs():
-                        results.append(result)
+                        results.append(judged_over_draws(result, self.draws))
                         advance(result.key)
                 premises = audits(results)
             results += measured
@@ -110,7 +126,7 @@ class RunCommand(Command):
         finally:
             # Results are kept and shown, whatever happened since.
             if results:
-                answer = judge(experiment, results, premises, complete=complete)
+                answer = judge(experiment, results, premises, draws=self.draws, complete=complete)
                 kept = answer.kept
                 self._write(answer, path, alone=alone)
 

@@ -19,7 +19,7 @@ from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 
@@ -63,16 +63,29 @@ def judge(
     results: Sequence[RunResult],
     premises: Sequence[Audit],
     *,
+    draws: int,
     complete: bool,
 ) -> RunAnswer:
-    """Judge the runs of an experiment, and make their document."""
+    """Return the judged runs of an experiment with their document.
+
+    Args:
+        experiment: The experiment.
+        results: Its runs and its logs.
+        premises: Audits of the theorems' premises.
+        draws: Draws of a loop that the runs are judged over.
+        complete: Whether nothing was interrupted.
+    """
+    asked = [limit.words for limit in experiment.limits]
+    judgements = [judgement for result in results for judgement in result.requirements]
+    judgements.sort(key=lambda judgement: asked.index(judgement.requirement.words))
+
     simulated = [result for result in results if result.simulated]
-    measured = [result for result in results if isinstance(result, MeasuredResult)]
-    judgements = judge_runs(experiment.limits, simulated)
     notes = notes_on(experiment, simulated) if simulated else list(experiment.not_judged)
-    for result in measured:
-        judgements += result.requirements
-        notes += result.not_judged
+    if simulated and experiment.loop is not None and experiment.loop.drawn and draws > 1:
+        notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
+    for result in results:
+        if isinstance(result, MeasuredResult):
+            notes += result.not_judged
     notes += disagreements(experiment, judgements)
     content = experiment_document(
         experiment,
