@@ -13,7 +13,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.measured import run_of_log
+from grosmc_mj.experiments.measured import MeasuredResult, run_of_log
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -124,8 +124,8 @@ def question_of(
         ArgumentError: If there is no such law or no requirement, the log does not have the whole
             run, or the machine cannot start there.
     """
-    _require_judged(experiment)
     measured = run_of_log(experiment, log, law, Path(log.name), start)
+    _require_judged(measured)
     log = _part(log, measured.begin, experiment.duration)
     notes = [*log.notes, *measured.not_judged]
     experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
@@ -147,18 +147,19 @@ def _asked(experiment: Experiment, law: str, log: Log, start: Array, limits: Arr
     return law_on_log(applied, log, start, limits)
 
 
-def _require_judged(experiment: Experiment) -> None:
-    """Refuse a case without a requirement that a run can be judged by.
+def _require_judged(measured: MeasuredResult) -> None:
+    """Refuse a log of which no requirement of its case can be judged.
 
     Raises:
         ArgumentError: With the reasons.
     """
-    if experiment.limits:
+    if measured.requirements:
         return
-    reasons = "; ".join(experiment.not_judged) or (
-        "the case has none: write a [[requirement]], such as settles_within"
-    )
-    raise ArgumentError(f"{experiment.path}: no requirement that can be predicted: {reasons}")
+    case = measured.case
+    reasons = "; ".join([*case.not_judged, *measured.not_judged])
+    if not reasons:
+        reasons = f"there is none of {measured.controller.name}: write a [[requirement]]"
+    raise ArgumentError(f"{case.path}: no requirement that can be predicted: {reasons}")
 
 
 def _part(log: Log, begin: float, duration: float) -> Log:

@@ -148,6 +148,13 @@ def test_a_machine_without_its_fitted_masses_has_those_of_the_model(machine: Exp
     assert plant.model.dof_frictionloss.tolist() == [0.02]
 
 
+def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> None:
+    log = log_of(machine)
+    asking_nothing = machine.varied(file=machine.file.model_copy(update={"requirement": []}))
+    with pytest.raises(ArgumentError, match="no requirement that can be predicted: there is none"):
+        question_of(asking_nothing, "lqr", log, log)
+
+
 # -- prediction ------------------------------------------------------------------------------------
 
 
