@@ -17,6 +17,8 @@ from grosmc_mj.results.tables import Table, number, numbers, phrases, table
 
 # Name of the row of the machine with all its properties.
 COMPLETE = "(complete)"
+# Medians over noisy runs repeat within this share on another machine.
+_NOISE = 0.05
 
 
 def prediction_result(
@@ -48,13 +50,16 @@ def prediction_result(
     values = []
     for item in complete.quantities:
         median = finite(item.median)
-        values.append(Value(name=f"predicted {item.name}", value=median, unit=item.unit))
+        values.append(
+            Value(name=f"predicted {item.name}", value=median, unit=item.unit, relative=_NOISE)
+        )
 
     finding = question.law_on_log
+    loop = question.experiment.loop
     return result(
         "predict",
         configuration,
-        seed=0,
+        seed=None if loop is None else loop.seed,
         answers=[answer],
         sheets=[
             ReportTable(table=quantities_table(complete)),

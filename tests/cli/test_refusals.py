@@ -46,7 +46,7 @@ REFUSALS = [
     ("claims premises arm --laws grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
     ("predict log.csv servo", "--law"),
-    ("predict log.csv servo --law mpc", "law: unknown 'mpc'"),
+    ("predict log.csv servo --law mpc", "unknown law 'mpc'"),
     ("predict log.csv servo --law lqr --seeds 0", "--seeds 0 must be from 1 to 1000"),
     ("predict log.csv servo --law lqr", "log.csv"),
     ("predict servo --law lqr", "no log to predict: name one before"),
