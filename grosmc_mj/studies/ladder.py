@@ -17,7 +17,8 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
-from grosmc_mj.requirements.judging import judge_run, margins_of
+from grosmc_mj.experiments.measured import MEASURED, measured_results
+from grosmc_mj.requirements.judging import judge_run, margins_of, of_laws
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.tables import number
 from grosmc_mj.studies.cells import Cells, study_key
@@ -410,6 +411,42 @@ def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[
         "deviation": deviation,
         "optimum_settles": optimum_settles,
     }
+
+
+def measured_rows(studied: Ladder) -> list[RungResult]:
+    """Judge the logs of the real machine that the case names: a row for each law of a log.
+
+    Raises:
+        ArgumentError: If a log cannot be read or is too short.
+    """
+    laws = {law.name for law in studied.laws}
+    draws_of: dict[str, list[_Draw]] = {}
+    for result in measured_results(studied.machine):
+        if result.controller.name in laws:
+            judged = result.requirements
+            limits = of_laws([item.requirement for item in judged], laws)
+            shares = {limit.name: item.share for limit, item in zip(limits, judged, strict=True)}
+            tightest = max(shares, key=lambda name: shares[name], default="")
+            draw = _Draw(shares.get(tightest, 0.0), tightest, shares)
+            draws_of.setdefault(result.controller.name, []).append(draw)
+
+    rows = []
+    for law, logs in draws_of.items():
+        worst = max(logs, key=lambda log: log.share)
+        rows.append(
+            RungResult(
+                law=law,
+                rung=MEASURED,
+                together=True,
+                condition=studied.conditions[0].name,
+                draws=len(logs),
+                kept_draws=sum(log.kept for log in logs),
+                share_of_the_tightest_limit=worst.share,
+                tightest=worst.tightest,
+                shares=worst.shares,
+            )
+        )
+    return rows
 
 
 # Runs of a rung: the recorded one, further draws, other assumed numbers

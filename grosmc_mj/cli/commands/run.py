@@ -52,12 +52,12 @@ class RunCommand(Command):
         laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
+        draws: Runs in a loop with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep what is required.
         log: Logs of the real machine that are judged in place of simulations, one by one, by
             the case's requirements. CSV, Parquet, MCAP or MATLAB, its columns as [log] of the
             file says; it begins where the run begins. With several laws, --laws names the one
             that made it.
-        draws: Runs in a loop with an encoder, noise, jitter or missed samples: each has random
-            numbers of its own and other phases of the encoders, and all must keep what is required.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet,
             --save csv for CSV. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
         film: Film its laws side by side in MuJoCo: DIR/films/NAME.mp4.

@@ -20,6 +20,7 @@ from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 
@@ -70,22 +71,21 @@ def judge(
 
     Args:
         experiment: The experiment.
-        results: Its runs and its logs.
+        results: Its runs.
         premises: Audits of the theorems' premises.
         draws: Draws of a loop that the runs are judged over.
         complete: Whether nothing was interrupted.
     """
-    asked = [limit.words for limit in experiment.limits]
-    judgements = [judgement for result in results for judgement in result.requirements]
-    judgements.sort(key=lambda judgement: asked.index(judgement.requirement.words))
-
     simulated = [result for result in results if result.simulated]
+    measured = [result for result in results if isinstance(result, MeasuredResult)]
+
+    judgements = by_requirement(experiment.limits, simulated)
     notes = notes_on(experiment, simulated) if simulated else list(experiment.not_judged)
     if simulated and experiment.loop is not None and experiment.loop.drawn and draws > 1:
         notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
-    for result in results:
-        if isinstance(result, MeasuredResult):
-            notes += result.not_judged
+    for result in measured:
+        judgements += result.requirements
+        notes += result.not_judged
     notes += disagreements(experiment, judgements)
     content = experiment_document(
         experiment,
@@ -96,6 +96,17 @@ def judge(
         premises=[audit_document(audit) for audit in premises],
     )
     return RunAnswer(experiment, results, premises, judgements, content)
+
+
+def by_requirement(
+    requirements: Iterable[Requirement], results: Sequence[RunResult]
+) -> list[Judgement]:
+    """Return the judgements of all runs, requirement by requirement."""
+    judgements = [judgement for result in results for judgement in result.requirements]
+    ordered: list[Judgement] = []
+    for requirement in requirements:
+        ordered += [item for item in judgements if item.requirement is requirement]
+    return ordered
 
 
 def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
