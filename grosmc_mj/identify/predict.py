@@ -308,14 +308,13 @@ def _log_of(run: Trajectory, like: Log) -> Log:
 
 
 def _after_rest(log: Log, delay: float) -> Log:
-    """Return a log whose inputs are zero for a delay [s] before it: no output arrives sooner."""
-    gap = delay + log.sampling
+    """Return a log whose inputs are zero for a delay [s] before 0: no output arrives sooner."""
     states = {}
     for name, values in log.states.items():
         states[name] = np.concatenate([values[:1], values])
     return replace(
         log,
-        time=np.concatenate([[0.0], log.time + gap]),
+        time=np.concatenate([[-delay - log.sampling], log.time]),
         inputs=np.vstack([0 * log.inputs[:1], log.inputs]),
         states=states,
         pieces=[slice(1, len(log.time) + 1)],
