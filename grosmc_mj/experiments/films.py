@@ -214,6 +214,7 @@ def write_case_film(
         "ffmpeg": {"version": written.ffmpeg.version},
     }
     document = {
+        "kind": "film",
         **origin(seed_of(case)),
         "configuration": configuration,
         "frames": written.frames,
