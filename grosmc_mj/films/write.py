@@ -123,7 +123,7 @@ def _write(
             part = files.enter_context(atomic_write(small))
             writer = mediapy.VideoWriter(part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF)
             encoders.append(_Encoder(small, writer, program))
-        still = _write_frames(pool.frames(board), encoders, len(board.times) // 2, advance)
+        still = _write_frames(pool.frames(board), encoders, film.poster_frame, advance)
         try:
             mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:
