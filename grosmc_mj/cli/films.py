@@ -110,13 +110,14 @@ def _write_missing(
 ) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
-    from grosmc_mj.films.pool import open_pool
+    from grosmc_mj.films.pool import NO_GRAPHICS, open_pool
 
     missing = {path: item for path, item in films.items() if not is_current(item[1], path)}
 
     try:
         if missing:
-            with open_pool() as pool:
+            pictures = any(film.model is not None for _, film in missing.values())
+            with open_pool(None if pictures else NO_GRAPHICS) as pool:
                 for path, (case, film) in missing.items():
                     write_with_progress(console, case, film, path, settings, pool=pool)
     except SetupError as error:

@@ -28,6 +28,7 @@ from shipped import find_case, run_case
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
@@ -291,6 +292,16 @@ def test_one_pool_draws_one_film_after_another_as_each_alone(backend: str) -> No
         for number in (0, 1, 0):
             together = list(pool.frames(boards[number]))
             np.testing.assert_array_equal(together, alone[number])
+
+
+def test_a_film_of_equations_needs_no_graphics(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "no such backend")
+    (experiment,) = find_experiments("maglev/warm")
+    result = experiment.run(experiment.plant_names[-1], "lqr")
+    written = write_film(film_of([result], TINY), tmp_path / "a.mp4")
+    assert written.film.stat().st_size > 0
 
 
 def tiny_film() -> Film:
