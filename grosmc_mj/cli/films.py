@@ -126,3 +126,12 @@ def _write_missing(
     kept = len(films) - len(missing)
     if kept:
         console.print(f"Kept {kept} films drawn from the same data")
+
+
+def write_film_of_log(film: Film, path: Path) -> None:
+    """Write the film of a log, and print the paths of its files."""
+    from grosmc_mj.films.write import write_film
+
+    with screen.progress(len(film.times), "frames") as advance:
+        written = write_film(film, path, advance=lambda: advance("film"))
+    screen.say_files(screen.console(), written.film, written.poster)

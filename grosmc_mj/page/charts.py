@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.results.palette import (
     BLUE,
+    CELLS,
     COLOURS,
     FAILED,
     GREEN,
@@ -55,8 +56,8 @@ INK = "ink"
 _GREY = "#888888"
 _SHADES = (BLUE, VERMILION, GREEN, *OTHERS)
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down")
-# Colours of cells: kept, at the limit, and not kept.
-_CELL_COLOURS = [[0, "#7fceb9"], [0.5, "#f4f4f4"], [1, "#f0925a"]]
+# Colours of cells: kept, kept in part, and not kept.
+_CELL_COLOURS = [[0, CELLS[0]], [0.5, CELLS[1]], [1, CELLS[2]]]
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
 

@@ -32,7 +32,7 @@ _TITLE = 34
 _TIME_AXIS = 42
 _GREY = "#888888"
 _GREY_LAW = "#9a9a9a"
-_DASHES = {"corrected": "dash", "printed": "dot"}
+_DASHES = {"corrected": "dash", "printed": "dot", "measured": "longdashdot"}
 # Name of the curve of a state as a law is given it.
 _SEEN = "seen"
 

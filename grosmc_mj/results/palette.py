@@ -61,17 +61,21 @@ LINES: Mapping[str, Mapping[str, Any]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
     "corrected": {"lw": 1.1, "ls": "--"},
     "printed": {"lw": 1.1, "ls": ":"},
+    "measured": {"lw": 1.3, "ls": "-"},
 }
 # Names of plants for people.
 PLANTS: Mapping[str, str] = {
     "physics": "MuJoCo",
     "corrected": "corrected equations",
     "printed": "printed equations",
+    "measured": "measured",
 }
 
 # Colours of requirements: kept, not kept, or not decided.
 KEPT = GREEN
 FAILED = VERMILION
+# Cells of a chart: kept, kept in part, not kept; light, for dark letters.
+CELLS = ("#7fceb9", "#f5e6a0", "#f0925a")
 OPEN = ORANGE
 # Colours of words that are verdicts, in lower case.
 VERDICT_COLOURS = {
