@@ -22,8 +22,6 @@ from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.ledger import CLAIMS
-from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.result import Result
 from grosmc_mj.sweep import agreement
 
@@ -359,20 +357,6 @@ def test_damping_of_the_servo_goes_with_the_root_of_the_inertia(
     assert f"{zeta:.3g} under 3J" in note
 
 
-def test_servo_under_an_unmatched_drift_is_its_linear_loop(
-    ledger: dict[str, dict[str, Any]],
-) -> None:
-    """z2' = -(Kt k1 z1 + (B + Kt k2) z2)/J, z1' = z2 - 0.05.
-
-    1 ms of chatter moves the value by half a percent of itself: it is extrapolated from that at
-    half the period.
-    """
-    drifting = response(loop(J), [0, 0], [-0.05, 0.0], np.linspace(0, 5, 501))
-    largest = 100 * np.abs(drifting).max()
-    at_T, at_half = ledger["servo-unmatched"]["plants"]["corrected"]["evidence"]["values"]
-    assert 2 * at_half - at_T == pytest.approx(largest, rel=2e-3)
-
-
 def test_servo_s_gain_without_the_switching_term_is_a_third(
     ledger: dict[str, dict[str, Any]], value: Callable[..., float]
 ) -> None:
@@ -407,18 +391,6 @@ def test_epsilon_falls_short_by_what_the_optimal_run_asks_for(value: Callable[..
     M = 0.1 + 0.06 * np.sin(np.sin(np.pi * time) + e)
     needed = np.abs(0.5 * np.sin(2 * np.pi * time) / M).max()
     assert value("arm-epsilon") == pytest.approx(6 / needed, rel=0.02)
-
-
-def test_cart_coasts_with_the_momentum_that_the_force_gave_it(value: Callable[..., float]) -> None:
-    """(M + m) p' - m L cos(theta) theta' is the force's impulse: nothing else is horizontal."""
-    lab = RunCache(Settings())
-    trajectory = lab.case("cart_pendulum", "case2", "physics", "grosmc").trajectory
-    impulse = np.cumsum(trajectory.input * np.diff(trajectory.time))
-    row = int(np.searchsorted(trajectory.time, 7.0))
-    _, theta, speed, rate = trajectory.state[row]
-    momentum = 1.2 * speed - 0.2 * 0.5 * math.cos(theta) * rate
-    assert momentum == pytest.approx(impulse[row - 1], rel=1e-6)
-    assert value("pendulum-cart") == pytest.approx(abs(impulse[row - 1]) / 1.2, rel=0.01)
 
 
 # theta'' = (g sin + ...)/(L (4/3 - a m)) about upright, a = 1/1.2.
