@@ -481,7 +481,7 @@ def test_a_sweep_finds_where_the_answer_changes(
     (swept,) = sweep(stub, [with_choice(values, meant)])
     assert [trial["holds"] for trial in swept["values"]] == holds
 
-    content = Result.model_validate(sweeps_result([swept], LAB))
+    content = Result.model_validate(sweeps_result([swept], LAB.settings))
     words = content.answers[0].words
     if flip is None:
         assert swept["flips"] == ""
@@ -604,7 +604,7 @@ def test_no_quote_is_a_part_of_another() -> None:
 
 
 def test_the_document_has_every_sentence_with_its_verdict() -> None:
-    content = claims_result(EXPECTED, LAB)
+    content = claims_result(EXPECTED, LAB.settings)
     tables = {sheet["table"]["title"]: sheet["table"]["rows"] for sheet in content["sheets"]}
     rows = [(quote, verdict) for quote, _, verdict in tables[Kind.CLAIM.value]]
     assert rows == [(sentence.quote, sentence.verdict.value) for sentence in SENTENCES]
@@ -642,7 +642,7 @@ def test_the_page_tells_every_claim_that_is_not_supported() -> None:
 def result_of_misprint(verdict: Verdict | None) -> dict[str, Any]:
     """The document of a claim without a number: with its expected verdict, or another one."""
     misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
-    return json.loads(json_text(claims_result([misprint], LAB)))
+    return json.loads(json_text(claims_result([misprint], LAB.settings)))
 
 
 @pytest.mark.parametrize("verdict", [None, SUPPORTED])
