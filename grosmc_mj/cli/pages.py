@@ -15,9 +15,9 @@ from typing import Any
 from grosmc_mj.chapter.validation import results_markdown
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.results.markdown import replace_marked
-from grosmc_mj.studies.ladder import ladders_text
+from grosmc_mj.studies.ladder_answer import ladders_text
 from grosmc_mj.studies.rivals import SYSTEMS, rivals, rivals_table
-from grosmc_mj.studies.tolerance import tolerances_text
+from grosmc_mj.studies.tolerance_answer import tolerances_text
 
 
 def _results(documents: Sequence[Any]) -> str:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.fields import Items, Range, checked
 from grosmc_mj.loop.actuators import Actuator
+from grosmc_mj.loop.counter import uniform
 from grosmc_mj.loop.delay import Computing
 from grosmc_mj.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.loop.sensors import Sensor
@@ -22,6 +23,8 @@ LARGEST_SEED = 2**53
 Part = Computing | Sensor | Estimator | Actuator
 # Numbers of parts by which runs draw random numbers.
 RANDOM = ("noise", "jitter", "missed")
+# First of the random signals that set the phases of encoders; noise and timing have those below.
+_PHASES = 128
 # Kinds of parts of which a loop may have several, in ``sensors`` and so on.
 _LISTS = ("sensor", "estimator", "actuator")
 
@@ -58,6 +61,27 @@ class Loop:
     def random(self) -> bool:
         """Whether anything in it is drawn at random."""
         return any(getattr(part, name, 0.0) for _, part in self.parts for name in RANDOM)
+
+    @property
+    def drawn(self) -> bool:
+        """Whether its runs differ by draws: something is random, or an encoder has steps."""
+        return self.random or any(sensor.resolution for sensor in self.sensors)
+
+    def draw(self, number: int) -> Loop:
+        """Return the loop of a draw: draw 0 is the loop itself, another one has other phases.
+
+        Args:
+            number: Number of the draw; it is also the number of the run for what is random.
+        """
+        if number == 0:
+            return self
+        sensors = []
+        for index, sensor in enumerate(self.sensors):
+            if sensor.resolution:
+                phase = uniform(self.seed, number, _PHASES + index, 0) - 0.5
+                sensor = replace(sensor, phase=phase)
+            sensors.append(sensor)
+        return replace(self, sensors=tuple(sensors))
 
     @property
     def not_known_exactly(self) -> set[str]:

@@ -19,11 +19,14 @@ _EXACT = 2.0**52
 
 @checked()
 class Sensor:
-    """Measurement of a state: y = q round((scale x + bias + drift t + noise) / q).
+    """Measurement of a state: y = q round(v / q - phase) + q phase.
+
+    v = scale x + bias + drift t + noise.
 
     Attributes:
         of: Name of the state.
         resolution: Step q of an encoder; 0 for none.
+        phase: Where its steps lie: the middle of one is at q times the phase; 0 for one at 0.
         scale: Factor of the state; 1 of a sensor that is calibrated.
         noise: Standard deviation of a sample.
         bias: Constant error.
@@ -37,6 +40,7 @@ class Sensor:
 
     of: Name
     resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    phase: Annotated[float, Range(-0.5, 0.5), "phase of {value:.4g} steps"] = 0.0
     scale: Annotated[float, Range(), "scale of {value:.4g}"] = 1.0
     noise: Annotated[float, Range(0, unit="{}"), "noise of {value:.4g} {unit}"] = 0.0
     bias: Annotated[float, Range(unit="{}"), "bias of {value:.4g} {unit}"] = 0.0
@@ -90,7 +94,8 @@ def measure(i: int, k: int, world: Any, measured: Any) -> None:
         value = sensor.scale * value + (sensor.bias + sensor.drift * (a * q.timestep))
         if sensor.noise > 0.0:
             value += sensor.noise * normal(q.seed, q.run, j, a)
-        measured.y[j] = quantized(value, sensor.resolution)
+        middle = sensor.phase * sensor.resolution
+        measured.y[j] = quantized(value - middle, sensor.resolution) + middle
         measured.fresh[j] = _new_measurements(a, k, sensor)
         sensor.at = a
 

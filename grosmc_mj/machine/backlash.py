@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.fields import Flag, Name, checked
-from grosmc_mj.machine.bounces import TEETH, solref, spring_and_damper
+from grosmc_mj.fields import Flag, Name, Range, checked
+from grosmc_mj.machine.bounces import solref, spring_and_damper
 from grosmc_mj.machine.part import (
     ANGLE,
     DAMPING,
@@ -51,6 +51,8 @@ class Transmission(MachinePart):
         damping: [N m s/rad or N s/m]; it acts within the backlash too.
         backlash: The whole play [rad or m].
         friction: Dry friction of the motor, at the joint [N m or N].
+        restitution: Speed after a bounce of rigid teeth over that before it, from 0 to below 1.
+        duration: Duration of a bounce of rigid teeth [s]: the shorter, the harder.
         added: True if the inertia comes on top of the model's; else it is a part of that, of the
             joint's armature or of a body whose centre the joint moves along or turns about.
     """
@@ -61,6 +63,8 @@ class Transmission(MachinePart):
     damping: Annotated[float, not_negative(DAMPING)] = 0.0
     backlash: Annotated[float, not_negative(ANGLE)] = 0.0
     friction: Annotated[float, not_negative(FORCE)] = 0.0
+    restitution: Annotated[float, Range(0, 1, below=True)] = 0.1
+    duration: Annotated[float, positive("s")] = 4e-3
     added: Flag = True
 
     kind = "transmission"
@@ -132,7 +136,7 @@ class Transmission(MachinePart):
         else:
             tendon.limited = mujoco.mjtLimited.mjLIMITED_TRUE
             tendon.range = [-half, half]
-            tendon.solref_limit = solref(*TEETH)
+            tendon.solref_limit = solref(self.restitution, self.duration)
             tendon.solimp_limit = STIFFEST
 
     def _take_off(self, spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> None:
@@ -172,7 +176,9 @@ class Transmission(MachinePart):
     def oscillation(self, model: mujoco.MjModel) -> Oscillation:
         """Motion of motor and joint against each other."""
         if math.isinf(self.stiffness):
-            return Oscillation(*spring_and_damper(*TEETH), constrained=True)
+            return Oscillation(
+                *spring_and_damper(self.restitution, self.duration), constrained=True
+            )
         weight = float(model.tendon_invweight0[model.tendon(_tendon(self.joint)).id])
         return Oscillation(self.stiffness * weight, self.damping * weight)
 

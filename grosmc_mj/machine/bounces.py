@@ -8,9 +8,6 @@ from typing import Any
 # A damping ratio from which a bounce is none: 1 % of the speed comes back.
 _DEAD = 5.0
 
-# Restitution and duration [s] of teeth that do not give way.
-TEETH = (0.1, 4e-3)
-
 
 def restitution_of(ratio: float) -> float:
     """Coefficient of restitution of a contact: speed after a bounce over that before it.

@@ -7,7 +7,17 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from grosmc_mj.page.reading import Curve, CurvePanel, Curves, Line, Window
-from grosmc_mj.results.palette import BLUE, COLOURS, FAILED, GREEN, KEPT, OTHERS, PLANTS, VERMILION
+from grosmc_mj.results.palette import (
+    BLUE,
+    CELLS,
+    COLOURS,
+    FAILED,
+    GREEN,
+    KEPT,
+    OTHERS,
+    PLANTS,
+    VERMILION,
+)
 from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart, Series
 
 # Plotly's figure: data, and layout with its height.
@@ -19,8 +29,8 @@ _GREY = "#888888"
 _DASHES = {"physics": "solid", "corrected": "dash", "printed": "dot"}
 _SHADES = (BLUE, VERMILION, GREEN, *OTHERS)
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down")
-# Colours of cells: kept, at the limit, and not kept.
-_CELL_COLOURS = [[0, "#7fceb9"], [0.5, "#f4f4f4"], [1, "#f0925a"]]
+# Colours of cells: kept, kept in part, and not kept.
+_CELL_COLOURS = [[0, CELLS[0]], [0.5, CELLS[1]], [1, CELLS[2]]]
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
 

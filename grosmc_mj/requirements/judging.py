@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.requirements.measured_run import MeasuredRun
@@ -165,7 +166,7 @@ def windows_of(requirements: Iterable[Requirement]) -> Windows:
 
 
 def margins_of(
-    requirements: Iterable[Requirement], metrics: Mapping[str, Array], completed: Array
+    requirements: Iterable[Requirement], metrics: Mapping[str, Array], completed: NDArray[np.bool_]
 ) -> dict[str, Array]:
     """Return allowed less measured value of n runs by name, (n,) each; -inf if one ended early.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,8 @@ from grosmc_mj.results.figure import figure_written, in_lines
 from grosmc_mj.results.palette import (
     BLACK,
     BLUE,
-    FAILED,
+    CELLS,
     GREEN,
-    KEPT,
     ORANGE,
     PURPLE,
     SKY,
@@ -33,45 +32,20 @@ from grosmc_mj.results.palette import (
 from grosmc_mj.results.result import CellChart, GridChart, LineChart, Series
 
 # Width and height of a cell, and of a panel of curves or of a map; width of the rows' names [inch].
-_CELL = (1.12, 0.36)
+_CELL = (0.66, 0.32)
 _PANEL = (3.8, 3.1)
-_ROW_NAMES = 2.8
+_ROW_NAMES = 1.9
 # Letters in a line of a column's name.
-_COLUMN_NAME = 13
+_COLUMN_NAME = 12
 _NOTE = {"fontsize": 9, "x": 0.01, "ha": "left", "color": "#444444"}
 _COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY, BLACK, "#888888")
 _MARKERS = "osDv^P"
-# Colours of cells: white is the limit.
-_CELL_COLOURS = LinearSegmentedColormap.from_list("kept", [KEPT, "#ffffff", FAILED])
-# Beyond this share of the scale the colour is too dark for black letters.
-_DARK = 0.6
+# Colours of cells: kept, in some draws, and not kept.
+_CELL_COLOURS = LinearSegmentedColormap.from_list("kept", CELLS)
 # Values along an axis that each get a tick, at most.
 _MOST_TICKS = 12
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
-
-
-def cell_charts(
-    titles: Mapping[str, str],
-    cells: Iterable[tuple[str, str, str, float, str, str]],
-    most: float,
-) -> dict[str, CellChart]:
-    """Return a chart for each title that has cells, by its key.
-
-    Args:
-        titles: Titles of the charts, by key.
-        cells: Key of the chart, row, column, value, text and explanation of each cell.
-        most: Largest value of the colour scale.
-    """
-    cells_of: dict[str, dict[tuple[str, str], tuple[float, str, str]]] = {}
-    for key, row, column, value, text, why in cells:
-        cells_of.setdefault(key, {})[row, column] = (value, text, why)
-
-    charts = {}
-    for key, title in titles.items():
-        if key in cells_of:
-            charts[key] = CellChart.of(title, cells_of[key], most)
-    return charts
 
 
 def write_cells(
@@ -120,18 +94,15 @@ def _draw_cells(panel: Axes, chart: CellChart, columns: int) -> None:
     values = np.full((len(chart.rows), columns), np.nan)
     for i, row in enumerate(chart.values):
         for j, value in enumerate(row):
-            colour = BLACK
             if value is not None:
                 values[i, j] = value
-                if abs(value) > _DARK * chart.most:
-                    colour = "white"
-            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", color=colour)
+            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", fontsize=8)
     panel.imshow(values, cmap=_CELL_COLOURS, vmin=-chart.most, vmax=chart.most, aspect="auto")
     panel.set_facecolor("#eeeeee")
 
     names = _column_names(chart)
     panel.set_yticks(range(len(chart.rows)), chart.rows)
-    panel.set_xticks(range(len(names)), names)
+    panel.set_xticks(range(len(names)), names, fontsize=8.5)
     panel.set_xlim(-0.5, max(len(names), 1) - 0.5)
 
     # White lines between the cells, on minor ticks.

@@ -67,6 +67,8 @@ PLANTS: Mapping[str, str] = {
 # Colours of requirements: kept, not kept, or not decided.
 KEPT = GREEN
 FAILED = VERMILION
+# Cells of a chart: kept, kept in part, not kept; light, for dark letters.
+CELLS = ("#7fceb9", "#f5e6a0", "#f0925a")
 OPEN = ORANGE
 # Colours of words that are verdicts, in lower case.
 VERDICT_COLOURS = {

@@ -1,56 +1,27 @@
-"""The rung on which each law breaks, from its equations up to the machine as built."""
+"""Ladder of a machine: each law at each rung, judged over draws of what is random."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
-import mujoco
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
-from grosmc_mj.experiments.films import film_of
-from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.films.film import MOST_TAKES, Film, Format
-from grosmc_mj.loop import Computing, Loop
-from grosmc_mj.machine import (
-    DriveFriction,
-    LuGre,
-    MachinePart,
-    Motor,
-    SlidingLoad,
-    Stop,
-    SwingingLoad,
-    Transmission,
-    Wall,
-)
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.results.charts import cell_charts
-from grosmc_mj.results.result import (
-    KEPT,
-    NOT_KEPT,
-    OPEN,
-    Answer,
-    CellChart,
-    ReportTable,
-    StudyVerdict,
-    Value,
-    finite,
-    result,
-)
-from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.requirements.judging import judge_run, margins_of
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.results.tables import number
 from grosmc_mj.studies.cells import Cells, study_key
+from grosmc_mj.studies.rungs import Rung, rungs_of, varied_rungs
 from grosmc_mj.studies.studied import (
     MACHINE,
     UNDER_LOAD,
@@ -62,42 +33,14 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
 )
+from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
 # Stands for the requirement that breaks first of a run that ended early.
 ENDED = "the run ended"
-STANDS = "stands"
-LEGEND = (
-    "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
-    "never: it does not settle; -: there is no such law."
-)
-NOTE = (
-    f"{LEGEND} Green: every requirement is met; the redder, the further beyond a limit. *: rests "
-    "on assumptions."
-)
-CLAIMS = "Rung on which each claim fails"
-_TITLES = {
-    True: "Rungs added one by one",
-    False: "Each alone on the sampled plant",
-}
-# Decades beyond a limit in a chart.
-_MOST = 2.0
-_COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
-# The numbers of each rung: tables of a case file, and the keys in them; None for all keys.
-_TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
-    "sensors": (("sensor", "estimator"), None),
-    **{name: (("computing",), (key,)) for key, name in _COMPUTING.items()},
-    "actuator": (("actuator",), None),
-    "motor": (("motor",), None),
-    "friction": (("lugre", "drive_friction"), None),
-    "backlash": (("transmission",), ("backlash", "friction")),
-    "flexibility": (("transmission",), ("stiffness", "damping", "inertia")),
-    "loads": (("swinging_load", "sliding_load"), None),
-    "stops": (("stop", "wall"), None),
-}
-# Keys of a case file's tables that name the owner of a part.
-_OWNERS = ("of", "joint", "input", "body")
 # Share of a run that is its end.
 _END = 0.2
+# Draws of a changed rung that run together.
+_DRAWS_AT_ONCE = 4
 # Fewer swings than these are no cycle.
 _SWINGS = 3
 # A number that may be infinite, for which JSON has null.
@@ -112,18 +55,23 @@ class RungResult(BaseModel):
         rung: Name of the rung.
         together: Whether all rungs below count too.
         condition: Name of the condition.
-        share_of_the_tightest_limit: Above 1 it is not kept; infinite with nothing to measure.
-        tightest: The requirement with the tightest limit, or how the run ended.
-        shares: The share used of each limit.
-        amplitude: Half of the range of the error in the end, in its unit.
+        draws: Runs with other random numbers and phases of the encoders; 1 where nothing is drawn.
+        kept_draws: Draws that keep all requirements.
+        share_of_the_tightest_limit: Of the worst draw; above 1 it is not kept; infinite with
+            nothing to measure.
+        tightest: The requirement with the tightest limit in that draw, or how it ended.
+        shares: The share used of each limit in that draw.
+        hangs_on: Assumed numbers, each with a change that turns the verdict.
+        amplitude: Half of the range of the error in the end, in its unit; this and what follows is
+            of the first draw.
         frequency: Its swings a second [Hz].
         variation: Total variation of the input a second.
         deviation: Largest distance from the nominal optimum of a law that follows it.
         optimum_settles: Settling time of the nominal optimum, if the law does not settle in time
             [s].
         impossible: Why such a run cannot exist.
-        claims: The share used of the limits of each claim about this law, by its id; above 1 it has
-            fallen.
+        claims: The largest share used, over the draws, of the limits of each claim about this law,
+            by its id; above 1 it has fallen.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -131,9 +79,12 @@ class RungResult(BaseModel):
     rung: str
     together: bool
     condition: str
+    draws: int = 1
+    kept_draws: int = 0
     share_of_the_tightest_limit: Unlimited = math.inf
     tightest: str = ""
     shares: dict[str, Unlimited] = {}
+    hangs_on: tuple[str, ...] = ()
     amplitude: float | None = None
     frequency: float | None = None
     variation: float | None = None
@@ -145,13 +96,26 @@ class RungResult(BaseModel):
     @computed_field
     @property
     def kept(self) -> bool:
-        """Whether all requirements are kept."""
+        """Whether all requirements are kept in all draws."""
         return self.share_of_the_tightest_limit <= 1 and not self.impossible
 
     @property
     def key(self) -> tuple[str, str, str, bool]:
         """Key among all rows: law, rung, condition, together."""
         return self.law, self.rung, self.condition, self.together
+
+    @property
+    def partly(self) -> bool:
+        """Whether some draws keep all requirements, and others do not."""
+        return 0 < self.kept_draws < self.draws
+
+    @property
+    def cell(self) -> str:
+        """The share of the tightest limit, or the draws that keep all; ? if assumptions decide."""
+        text = self.share_text
+        if self.partly:
+            text = f"{self.kept_draws} of {self.draws}"
+        return f"{text}?" if self.hangs_on else text
 
     @property
     def share_text(self) -> str:
@@ -173,6 +137,8 @@ class RungResult(BaseModel):
         if self.impossible:
             return self.impossible
         if self.tightest == ENDED:
+            if self.partly:
+                return f"{ENDED}, kept in {self.kept_draws} of {self.draws} draws"
             return ENDED
 
         share = self.share_of_the_tightest_limit
@@ -182,152 +148,14 @@ class RungResult(BaseModel):
         if number(share) == "1":
             excess = "at its limit"
         words = f"{self.tightest.replace('_', ' ')}: {excess}"
+        if self.partly:
+            words += f", kept in {self.kept_draws} of {self.draws} draws"
         if self.optimum_settles is not None:
             words += f" (the nominal optimum needs {number(self.optimum_settles)} s)"
         return words
 
 
-# The design: rungs
-
-
-@dataclass(frozen=True)
-class Rung:
-    """A plant with a part of the loop and of the machine.
-
-    Attributes:
-        name: Name for people.
-        plant: ``printed``, ``corrected`` or ``physics``.
-        sampled: Whether the law has its own control period; else it runs at every timestep.
-        loop: Part of the loop as built.
-        parts: Parts of the machine as built.
-        assumed: Numbers that this rung adds and that nobody has published, in words.
-    """
-
-    name: str
-    plant: PlantName
-    sampled: bool = True
-    loop: Loop = field(default_factory=Loop)
-    parts: tuple[MachinePart, ...] = ()
-    assumed: tuple[str, ...] = ()
-
-    @property
-    def looped(self) -> bool:
-        """Whether any part of the loop is not ideal."""
-        return self.loop != Loop(seed=self.loop.seed)
-
-    @property
-    def title(self) -> str:
-        """The name, with a mark where it rests on numbers that nobody has published."""
-        return f"{self.name}*" if self.assumed else self.name
-
-    def document(self) -> dict[str, Any]:
-        """Return it as plain values."""
-        loop = asdict(self.loop) if self.looped else None
-        parts = [{"kind": part.kind, **asdict(part)} for part in self.parts]
-        return {**vars(self), "loop": loop, "parts": parts}
-
-
-def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
-    """Return the rungs of a machine: one on top of the other, and each part alone.
-
-    Args:
-        machine: A case with its loop and the parts of its machine; a missing part makes no rung.
-    """
-    plants = machine.nominal.names
-    climbing = [Rung(plant, plant, sampled=False) for plant in plants]
-    climbing.append(Rung("sampled", plants[-1]))
-
-    alone: list[Rung] = []
-    for name, loop, parts in _additions(machine):
-        rung = Rung(
-            name,
-            plants[-1],
-            loop=loop or Loop(),
-            parts=parts,
-            assumed=tuple(_assumed(machine, name)),
-        )
-        alone.append(rung)
-
-        # On top, a part replaces the part of its type on the same joint or input.
-        below = climbing[-1]
-        replaced = {(type(part), part.of) for part in parts}
-        kept = [part for part in below.parts if (type(part), part.of) not in replaced]
-        all_of_loop = below.loop
-        if loop is not None:
-            all_of_loop = _merged(below.loop, loop)
-        climbing.append(replace(rung, loop=all_of_loop, parts=(*kept, *parts)))
-    return climbing, alone
-
-
-def _assumed(machine: Experiment, rung: str) -> Iterator[str]:
-    """Yield the numbers that a rung adds and nobody has published, by the part that has them."""
-    kinds, keys = _TABLES[rung]
-    for kind in kinds:
-        tables = getattr(machine.file, kind)
-        if not isinstance(tables, list):
-            tables = [tables]
-        for entry in tables:
-            assumed = [name for name in entry.assumed if keys is None or name in keys]
-            if assumed:
-                yield f"{_owner(entry, kind)}: {', '.join(assumed)}"
-
-
-def _owner(entry: Any, kind: str) -> str:
-    """The state, joint, input or body that a part of the file is of; else its kind."""
-    for key in _OWNERS:
-        if hasattr(entry, key):
-            owner = getattr(entry, key)
-            if isinstance(owner, str):
-                return owner
-            return " and ".join(owner)
-    return kind
-
-
-def _additions(machine: Experiment) -> Iterator[tuple[str, Loop | None, tuple[MachinePart, ...]]]:
-    """Yield the additions in the order of the ladder: a name, and a part of loop or machine."""
-    loop = machine.loop
-    if loop:
-        for name, part in _loop_additions(loop):
-            yield name, part, ()
-    for name, parts in _machine_additions(machine.parts):
-        if parts:
-            yield name, None, tuple(parts)
-
-
-def _loop_additions(loop: Loop) -> Iterator[tuple[str, Loop]]:
-    """Yield the parts of a loop that are not ideal, each as a loop."""
-    seed = loop.seed
-    if loop.sensors or loop.estimators:
-        yield "sensors", Loop(sensors=loop.sensors, estimators=loop.estimators, seed=seed)
-    for key, name in _COMPUTING.items():
-        amount = getattr(loop.computing, key)
-        if amount:
-            yield name, Loop(Computing(**{key: amount}), seed=seed)
-    if loop.actuators:
-        yield "actuator", Loop(actuators=loop.actuators, seed=seed)
-
-
-def _machine_additions(parts: Sequence[MachinePart]) -> Iterator[tuple[str, list[MachinePart]]]:
-    """Yield the parts of a machine by rung; a transmission is rigid on the rung of its backlash."""
-    gears = [part for part in parts if isinstance(part, Transmission)]
-    yield "motor", [part for part in parts if isinstance(part, Motor)]
-    yield "friction", [part for part in parts if isinstance(part, (LuGre, DriveFriction))]
-    yield "backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]
-    yield "flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]
-    yield "loads", [part for part in parts if isinstance(part, (SwingingLoad, SlidingLoad))]
-    yield "stops", [part for part in parts if isinstance(part, (Stop, Wall))]
-
-
-def _merged(below: Loop, added: Loop) -> Loop:
-    """Two loops that have different kinds of parts, as one."""
-    computing = {name: value for name, value in vars(added.computing).items() if value}
-    return Loop(
-        replace(below.computing, **computing),
-        below.sensors or added.sensors,
-        below.estimators or added.estimators,
-        below.actuators or added.actuators,
-        added.seed,
-    )
+# The design
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,6 +169,8 @@ class Ladder:
         climbing: Rungs, each with all rungs below it.
         alone: Rungs, each alone on a sampled plant.
         conditions: Plants and loads, the file's own first.
+        draws: Runs of a loop in which something is drawn.
+        varied: What becomes of a rung by each assumed number, alone, by the rung's name.
         statements: Statements of the chapter, by the ids of the file's claims.
     """
 
@@ -350,6 +180,8 @@ class Ladder:
     climbing: Sequence[Rung]
     alone: Sequence[Rung]
     conditions: Sequence[Condition]
+    draws: int = 1
+    varied: Mapping[str, Mapping[str, Rung]] = field(default_factory=dict)
     statements: Mapping[str, str] = field(default_factory=dict)
 
     def steps(self) -> Iterator[tuple[StudiedLaw, Rung, Condition, bool]]:
@@ -361,6 +193,16 @@ class Ladder:
                 if condition is self.conditions[0]:
                     for rung in self.alone:
                         yield law, rung, condition, False
+
+    def draws_of(self, rung: Rung) -> range:
+        """Return the numbers of the draws of a rung: one where nothing is drawn."""
+        return range(self.draws if rung.loop.drawn else 1)
+
+    def varied_rungs_of(self, rung: Rung, condition: Condition) -> Mapping[str, Rung]:
+        """Return the rung by each change of an assumed number; under the first condition alone."""
+        if condition is not self.conditions[0]:
+            return {}
+        return self.varied.get(rung.name, {})
 
     @property
     def target(self) -> str:
@@ -387,6 +229,7 @@ class Ladder:
             "control_period": {"value": settings.control_period, "unit": "s"},
             "timestep": {"value": settings.timestep, "unit": "s"},
             "integrator": settings.integrator,
+            "draws": self.draws,
             "file": self.machine.document(),
         }
 
@@ -397,6 +240,7 @@ def ladder(
     *,
     loaded: bool = False,
     rivals: bool = False,
+    draws: int = 1,
 ) -> Ladder:
     """Return the ladder of a target.
 
@@ -406,6 +250,7 @@ def ladder(
         loaded: Whether laws climb under every condition; else as the file says, with its own edits
             and disturbances.
         rivals: Whether the default includes the rivals.
+        draws: Runs of a loop in which something is drawn.
 
     Raises:
         ArgumentError: If there is no such target or law, neither loop nor machine, or nothing is
@@ -432,15 +277,36 @@ def ladder(
         climbing=climbing,
         alone=alone,
         conditions=conditions,
+        draws=draws,
+        varied=varied_rungs(machine),
     )
 
 
-def cells_of(studied: Ladder, folder: Path) -> Cells[RungResult]:
-    """Return the finished rows of a ladder in a folder."""
-    return Cells(folder, RungResult, study_key(studied.configuration(), studied.conditions))
+def cells_of(studied: Ladder, condition: Condition, folder: Path) -> Cells[RungResult]:
+    """Return the finished rows of a ladder under a condition, in a folder."""
+    return Cells(folder, RungResult, study_key(studied.configuration(), [condition]))
 
 
 # Runs: each gives a row
+
+
+class _Draw(NamedTuple):
+    """A run of a law at a rung, judged.
+
+    Attributes:
+        share: Share used of the tightest limit; infinite if the run ended early.
+        tightest: The requirement with this limit, or how the run ended.
+        shares: Share used of each limit.
+    """
+
+    share: float
+    tightest: str
+    shares: dict[str, float]
+
+    @property
+    def kept(self) -> bool:
+        """Whether it keeps all requirements."""
+        return self.share <= 1
 
 
 def run_rung(
@@ -451,49 +317,115 @@ def run_rung(
     *,
     together: bool,
 ) -> RungResult:
-    """Run a law on a rung and judge the run.
+    """Run a law on a rung, in all draws and with other assumed numbers, and judge the runs.
 
     Raises:
         SetupError: If the computer, not the law, is at fault.
     """
     row = RungResult(law=law.name, rung=rung.name, together=together, condition=condition.name)
+    limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
+    limits = judgeable_in(limits, rung.loop, studied.machine.loop)
+    claims = _claims_about(studied.machine, law, condition, rung)
     try:
         run = run_of(studied, law, rung, condition)
+        further = _further_draws(
+            studied, law, rung, condition, [*limits, *sum(claims.values(), ())]
+        )
     except SetupError:
         raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
 
-    limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
-    limits = judgeable_in(limits, rung.loop, studied.machine.loop)
-    shares = {limit.name: judge_run(limit, run).share for limit in limits}
-    claims = _shares_of_claims(studied.machine, law, condition, run)
-    row = row.model_copy(update={"shares": shares, "claims": claims, "tightest": ENDED})
-    if run.ended:
-        return row
+    draws = [_judged_run(run, limits)]
+    shares_of_claims = {name: _largest_share(run, of_claim) for name, of_claim in claims.items()}
+    if further is not None:
+        draws += _judged_outcomes(further, limits)
+        for name, of_claim in claims.items():
+            worst_share = max(draw.share for draw in _judged_outcomes(further, of_claim))
+            shares_of_claims[name] = max(shares_of_claims[name], worst_share)
 
-    tightest = max(shares, key=lambda key: shares[key], default="")
-    share = shares.get(tightest, 0.0)
+    worst = max(draws, key=lambda draw: draw.share)
+    kept_draws = sum(draw.kept for draw in draws)
+    measured = {
+        "draws": len(draws),
+        "kept_draws": kept_draws,
+        "share_of_the_tightest_limit": worst.share,
+        "tightest": worst.tightest,
+        "shares": worst.shares,
+        "claims": shares_of_claims,
+    }
+    if together:
+        worst_first = sorted(range(len(draws)), key=lambda i: draws[i].share, reverse=True)
+        changed = studied.varied_rungs_of(rung, condition)
+        measured["hangs_on"] = _turned_by(
+            law, condition, limits, changed, worst_first, kept=worst.kept
+        )
+    if not run.ended:
+        measured |= _shown(run, limits, worst)
+    return row.model_copy(update=measured)
+
+
+def _judged_run(run: RunResult, limits: Sequence[Requirement]) -> _Draw:
+    """Judge the recorded run, the first draw."""
+    shares = {limit.name: judge_run(limit, run).share for limit in limits}
+    if run.ended:
+        return _Draw(math.inf, ENDED, shares)
+    tightest = max(shares, key=lambda name: shares[name], default="")
+    return _Draw(shares.get(tightest, 0.0), tightest, shares)
+
+
+def _judged_outcomes(outcomes: Outcomes, limits: Sequence[Requirement]) -> list[_Draw]:
+    """Judge further draws."""
+    margins = margins_of(limits, outcomes.columns, outcomes.completed)
+    draws = []
+    for index, completed in enumerate(outcomes.completed):
+        shares = {}
+        for limit in limits:
+            share = 1 - float(margins[limit.name][index]) / limit.number
+            shares[limit.name] = math.inf if math.isnan(share) else share
+        if not completed:
+            draws.append(_Draw(math.inf, ENDED, shares))
+            continue
+        tightest = max(shares, key=lambda name: shares[name], default="")
+        draws.append(_Draw(shares.get(tightest, 0.0), tightest, shares))
+    return draws
+
+
+def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[str, float | None]:
+    """What is shown of the first draw, and not judged."""
     optimum_settles = None
-    if share > 1:
-        broken = next(limit for limit in limits if limit.name == tightest)
+    if worst.share > 1 and worst.tightest != ENDED:
+        broken = next(limit for limit in limits if limit.name == worst.tightest)
         optimum = broken.of_optimum(run)
         optimum_settles = None if optimum is None else optimum.value
     deviation = None
-    if law.controller.designed.follows_optimum:
+    if run.controller.designed.follows_optimum:
         deviation = run.metrics["deviation"].value
 
     amplitude, frequency = oscillation(run.comparison.time, run.comparison.error)
-    measured = {
-        "share_of_the_tightest_limit": share,
-        "tightest": tightest,
+    return {
         "amplitude": amplitude,
         "frequency": frequency,
         "variation": run.metrics["total_variation"].value,
         "deviation": deviation,
         "optimum_settles": optimum_settles,
     }
-    return row.model_copy(update=measured)
+
+
+# Runs of a rung: the recorded one, further draws, other assumed numbers
+
+
+def _designed(law: StudiedLaw, rung: Rung, condition: Condition) -> tuple[Experiment, Controller]:
+    """Return the experiment of a rung without its loop and parts, and the law designed for it."""
+    bare = condition.experiment
+    if not rung.sampled:
+        bare = bare.with_settings(control_period=bare.settings.timestep)
+    return bare, bare.with_settings(**law.sampled).law(rung.plant, law.base)
+
+
+def _built(bare: Experiment, rung: Rung) -> Experiment:
+    """Return the experiment with the parts of the machine on a rung."""
+    return bare.varied(edits=(*bare.edits, *rung.parts))
 
 
 def run_of(
@@ -502,40 +434,142 @@ def run_of(
     rung: Rung,
     condition: Condition,
 ) -> RunResult:
-    """Run a law on a rung.
+    """Run a law on a rung: the first draw, recorded.
 
     Raises:
         GrosmcError: If the law cannot be designed or put into the loop.
     """
-    bare = condition.experiment
-    timestep = bare.settings.timestep
-    if not rung.sampled:
-        bare = bare.with_settings(control_period=timestep)
-
-    controller = bare.with_settings(**law.sampled).law(rung.plant, law.base)
+    bare, controller = _designed(law, rung, condition)
     loop = None
     if rung.looped:
         loop = bare.loop_around(controller, rung.loop, predict=law.predict)
-    built = bare.varied(edits=(*bare.edits, *rung.parts))
+    built = _built(bare, rung)
     return run_on(built, rung.plant, controller, built.plant(rung.plant), loop)
 
 
-def _shares_of_claims(
-    machine: Experiment, law: StudiedLaw, condition: Condition, result: RunResult
-) -> dict[str, float]:
-    """The largest share of each claim's limits that a run uses, infinite if it ended early.
+def _further_draws(
+    studied: Ladder,
+    law: StudiedLaw,
+    rung: Rung,
+    condition: Condition,
+    limits: Sequence[Requirement],
+) -> Outcomes | None:
+    """Run all draws of a rung but the first; None where nothing is drawn."""
+    draws = [(rung, number) for number in studied.draws_of(rung)]
+    if len(draws) == 1:
+        return None
+    return _run(law, condition, limits, draws[1:])
 
-    Claims about other laws or conditions, and those that a run of this length cannot decide, are
-    left out.
+
+def _run(
+    law: StudiedLaw,
+    condition: Condition,
+    limits: Sequence[Requirement],
+    draws: Sequence[tuple[Rung, int]],
+) -> Outcomes:
+    """Run draws of rungs with the same plant and sampling in one batch.
+
+    Raises:
+        GrosmcError: If the law cannot be put into the loop.
     """
-    shares: dict[str, float] = {}
+    first, _ = draws[0]
+    bare, controller = _designed(law, first, condition)
+    plants = {}
+    rows = []
+    for rung, draw in draws:
+        if id(rung) not in plants:
+            plants[id(rung)] = _built(bare, rung).plant(rung.plant)
+        case = bare
+        if rung.looped:
+            case = bare.varied(loop=rung.loop.draw(draw))
+        rows.append(
+            Row(
+                controller,
+                case=case,
+                number=draw,
+                plant=plants[id(rung)],
+                predict=law.predict,
+            )
+        )
+    return run_rows(bare, rows, limits, first.plant)
+
+
+def _turned_by(
+    law: StudiedLaw,
+    condition: Condition,
+    limits: Sequence[Requirement],
+    changed: Mapping[str, Rung],
+    draws: Sequence[int],
+    *,
+    kept: bool,
+) -> tuple[str, ...]:
+    """Return the changes of assumed numbers that turn the verdict of a rung.
+
+    Each changed rung is run in the worst draw. If that is kept and the rung is not, the change
+    must keep all other draws, too.
+
+    Args:
+        law: The law.
+        condition: Plant and loads.
+        limits: Limits of the rung.
+        changed: The rung with another number, by the change.
+        draws: Numbers of all draws, the worst first.
+        kept: Whether the rung keeps all requirements.
+    """
+    if not changed:
+        return ()
+
+    outcomes = _run(law, condition, limits, [(rung, draws[0]) for rung in changed.values()])
+    judged = _judged_outcomes(outcomes, limits)
+    turned = []
+    for (change, rung), draw in zip(changed.items(), judged, strict=True):
+        kept_by_change = draw.kept
+        if draw.kept and not kept:
+            kept_by_change = _kept_in_all(law, condition, limits, rung, draws[1:])
+        if kept_by_change != kept:
+            turned.append(change)
+    return tuple(turned)
+
+
+def _kept_in_all(
+    law: StudiedLaw,
+    condition: Condition,
+    limits: Sequence[Requirement],
+    rung: Rung,
+    draws: Sequence[int],
+) -> bool:
+    """Whether draws keep all requirements; a few at a time, for the first that fails decides."""
+    for first in range(0, len(draws), _DRAWS_AT_ONCE):
+        some = [(rung, number) for number in draws[first : first + _DRAWS_AT_ONCE]]
+        outcomes = _run(law, condition, limits, some)
+        if not all(draw.kept for draw in _judged_outcomes(outcomes, limits)):
+            return False
+    return True
+
+
+# Claims
+
+
+def _claims_about(
+    machine: Experiment, law: StudiedLaw, condition: Condition, rung: Rung
+) -> dict[str, tuple[Requirement, ...]]:
+    """Return the limits of the claims about a law under a condition, by the claim's id.
+
+    Claims that a run of this length cannot decide are left out.
+    """
+    limits: dict[str, tuple[Requirement, ...]] = {}
     for claim in machine.file.claim:
         if claim.under != condition.name or not _is_about(machine, claim, law):
             continue
-        for limit in limits_in([claim], law, condition, [result.plant]):
-            share = judge_run(limit, result).share
-            shares[claim.id] = max(share, shares.get(claim.id, share))
-    return shares
+        of_claim = limits_in([claim], law, condition, [rung.plant])
+        if of_claim:
+            limits[claim.id] = (*limits.get(claim.id, ()), *of_claim)
+    return limits
+
+
+def _largest_share(run: RunResult, limits: Sequence[Requirement]) -> float:
+    """The largest share of a claim's limits that the recorded run uses; infinite if it ended."""
+    return max(judge_run(limit, run).share for limit in limits)
 
 
 def _is_about(machine: Experiment, claim: ClaimTable, law: StudiedLaw) -> bool:
@@ -566,429 +600,3 @@ def oscillation(time: Array, signal: Array) -> tuple[float, float | None]:
         return amplitude, None
     duration = len(tail) * float(time[1] - time[0])
     return amplitude, crossings / 2 / duration
-
-
-# The answer: words, tables, charts, document, film
-
-
-def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
-    """Return a law's rows rung by rung, from equations that are true."""
-    of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
-    return [row for row in of_law if row.together and row.rung != "printed"]
-
-
-def ways(rows: Sequence[RungResult], condition: str) -> dict[str, list[RungResult]]:
-    """Return the way of each law that has begun to climb under a condition."""
-    climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
-    return {law: rungs for law, rungs in climbs.items() if rungs}
-
-
-def first_failed(climbs: Sequence[RungResult]) -> RungResult | None:
-    """Return the first rung on which a requirement is not kept; None if all are kept."""
-    for row in climbs:
-        if not row.kept:
-            return row
-    return None
-
-
-def fallen(climbs: Sequence[RungResult], claim: str) -> RungResult | None:
-    """Return the first rung on which a claim is not kept; None if it is kept wherever judged."""
-    for row in climbs:
-        if row.claims.get(claim, 0.0) > 1:
-            return row
-    return None
-
-
-def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
-    """Return one sentence: how many laws pass, and which rungs break most of them."""
-    climbed = ways(rows, condition).values()
-    top = studied.climbing[-1].name
-    complete = 0
-    every = 0
-    broken_by = Counter[str]()
-    for rungs in climbed:
-        failed = first_failed(rungs)
-        last = rungs[-1]
-        if failed is not None:
-            broken_by[failed.rung] += 1
-        if last.rung == top and last.kept:
-            complete += 1
-            every += failed is None
-
-    answer = f"{every} of {len(climbed)} laws pass every rung, {complete} the complete machine"
-    breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
-    if breaks:
-        answer += f"; {breaks}"
-    return f"{answer}."
-
-
-def answer_table(studied: Ladder, rows: Sequence[RungResult], condition: Condition) -> Table:
-    """Return which laws pass every rung and the complete machine, and where each breaks first."""
-    climbed = ways(rows, condition.name)
-    top = studied.climbing[-1].name
-    ordered = sorted(climbed, key=lambda law: _height(climbed[law]), reverse=True)
-    output, input_unit = studied.units
-    columns = [
-        *names("law"),
-        *words("passes\nevery rung", "passes the\ncomplete\nmachine"),
-        *text("breaks first at"),
-        *numbers(f"swings by\n[{output}]", "at\n[Hz]", f"variation\n[{input_unit}/s]"),
-    ]
-    return table(condition.title, columns, [_answer_row(law, climbed[law], top) for law in ordered])
-
-
-def _height(rungs: Sequence[RungResult]) -> int:
-    """Number of rungs below the first that is not kept."""
-    failed = first_failed(rungs)
-    if failed is None:
-        return len(rungs)
-    return rungs.index(failed)
-
-
-def _answer_row(law: str, rungs: Sequence[RungResult], top: str) -> list[str]:
-    """The row of one law, with the swings on the rung where it breaks or on its last."""
-    failed = first_failed(rungs)
-    last = rungs[-1]
-    every = ""
-    machine = ""
-    if last.rung == top:
-        every = "yes"
-        machine = f"{'yes' if last.kept else 'no'} ({last.share_text})"
-
-    breaks = ""
-    measured = last
-    if failed is not None:
-        every = "no"
-        breaks = f"{failed.rung}: {failed.reason}"
-        measured = failed
-    values = (measured.amplitude, measured.frequency, measured.variation)
-    swings = ["" if value is None else number(value) for value in values]
-    return [law, every, machine, breaks, *swings]
-
-
-def _by_law(
-    title: str,
-    rows: Sequence[RungResult],
-    columns: Mapping[str, str],
-    column_of: Callable[[RungResult], str],
-    cell: Callable[[RungResult], str] = lambda row: row.share_text,
-) -> Table:
-    """A row for each law, a column for each key of its header; a cell is the text of a row."""
-    texts = {(row.law, column_of(row)): cell(row) for row in rows}
-    laws = dict.fromkeys(row.law for row in rows)
-    cells = [[law, *(texts.get((law, key), "") for key in columns)] for law in laws]
-    return table(title, [*words("law"), *numbers(*columns.values())], cells)
-
-
-def share_table(
-    studied: Ladder, rows: Sequence[RungResult], condition: str, *, together: bool
-) -> Table:
-    """Return laws by rungs: the share of the tightest limit that is used."""
-    selected = [row for row in rows if (row.condition, row.together) == (condition, together)]
-    rungs = studied.climbing if together else studied.alone
-    titles = {rung.name: rung.title for rung in rungs}
-    return _by_law(_TITLES[together], selected, titles, lambda row: row.rung)
-
-
-def load_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
-    """Return laws by conditions: the share on the complete machine."""
-    top = studied.climbing[-1].name
-    selected = [row for row in rows if row.together and row.rung == top]
-    loads = "; ".join(f"{load.name}: {load.title}" for load in studied.conditions[1:])
-    title = f"The complete machine, nominally and under load ({loads})"
-    columns = {condition.name: condition.name for condition in studied.conditions}
-    return _by_law(title, selected, columns, lambda row: row.condition)
-
-
-def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
-    """Return laws by rungs: the distance from the nominal optimum, of laws that follow it."""
-    condition = studied.conditions[0].name
-    laws = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
-    climbed = [row for row in rows if row.together and row.condition == condition]
-    selected = [row for row in climbed if row.law in laws]
-
-    unit, _ = studied.units
-    scale = 1.0
-    if unit in ("rad", "m"):
-        unit = f"m{unit}"
-        scale = 1e3
-    title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it"
-    rungs = {rung.name: rung.name for rung in studied.climbing}
-    cell = partial(_deviation_text, scale=scale)
-    return _by_law(title, selected, rungs, lambda row: row.rung, cell)
-
-
-def _deviation_text(row: RungResult, scale: float) -> str:
-    if row.deviation is not None:
-        return number(row.deviation * scale)
-    if row.tightest == ENDED:
-        return "ended"
-    return "-"
-
-
-def claims_table(studied: Ladder, rows: Sequence[RungResult], condition: str) -> Table | None:
-    """Return the rung on which each claim falls, for each law that it is about; None without."""
-    climbed: dict[str, list[RungResult]] = {}
-    claims: dict[str, None] = {}
-    for law, rungs in ways(rows, condition).items():
-        for row in rungs:
-            if row.claims:
-                climbed[law] = rungs
-                claims |= dict.fromkeys(row.claims)
-    if not claims:
-        return None
-
-    cells = [[law, *(_fate(rungs, claim) for claim in claims)] for law, rungs in climbed.items()]
-    columns = words("law", *(f"`{claim}`" for claim in claims))
-    legend = "; ".join(f"`{claim}`: {studied.statements.get(claim, '')}" for claim in claims)
-    title = CLAIMS
-    if condition != studied.conditions[0].name:
-        title += f" ({condition})"
-    return table(title, columns, cells, legend=f"{legend}.")
-
-
-def _fate(rungs: Sequence[RungResult], claim: str) -> str:
-    """The rung on which a claim falls, or that it stands; empty if it is not judged."""
-    row = fallen(rungs, claim)
-    if row is not None:
-        return row.rung
-    if any(claim in row.claims for row in rungs):
-        return STANDS
-    return ""
-
-
-def assumed_text(studied: Ladder) -> str:
-    """Return the numbers that nobody has published, by rung; empty if there are none."""
-    assumed = [rung for rung in studied.climbing if rung.assumed]
-    if not assumed:
-        return ""
-    words = ", ".join(f"{rung.name} ({'; '.join(rung.assumed)})" for rung in assumed)
-    return f"* rests on numbers that are assumed: {words}."
-
-
-def charts(studied: Ladder, rows: Sequence[RungResult]) -> dict[str, CellChart]:
-    """Return a map for each condition, climbing and alone: below zero is kept, then decades."""
-    rungs = {rung.name: rung.title for rung in (*studied.climbing, *studied.alone)}
-    cells = []
-    for row in rows:
-        if not row.impossible:
-            place = (_map_key(row.condition, row.together), row.law, rungs[row.rung])
-            cells.append((*place, _redness(row), row.share_text, row.reason))
-
-    titles = {}
-    for condition in studied.conditions:
-        for together, title in _TITLES.items():
-            key = _map_key(condition.name, together)
-            titles[key] = f"{title} ({condition.name}: {condition.title})"
-    return cell_charts(titles, cells, _MOST)
-
-
-def _redness(row: RungResult) -> float:
-    """Colour of a row in a map: negative if it is kept, else by the decades beyond its limit."""
-    if row.kept:
-        return -0.5 * _MOST
-    beyond = math.log10(max(row.share_of_the_tightest_limit, 1.0))
-    return 0.1 * _MOST + 0.9 * min(beyond, _MOST)
-
-
-def _map_key(condition: str, together: bool) -> str:
-    return f"{condition}, {'climbing' if together else 'alone'}"
-
-
-def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
-    """Return every table with its charts: shares, the machine under load, distances, claims."""
-    maps = charts(studied, rows)
-    first, *loads = studied.conditions
-    parts: list[ReportTable] = []
-    for together in (True, False):
-        chart = maps.get(_map_key(first.name, together))
-        if chart is not None:
-            shares = share_table(studied, rows, first.name, together=together)
-            parts.append(ReportTable(table=shares, charts=[chart]))
-
-    if loads:
-        keys = [_map_key(load.name, True) for load in loads]
-        under_load = [maps[key] for key in keys if key in maps]
-        parts.append(ReportTable(table=load_table(studied, rows), charts=under_load))
-
-    parts.append(ReportTable(table=deviation_table(studied, rows)))
-    for condition in studied.conditions:
-        claims = claims_table(studied, rows, condition.name)
-        if claims is not None:
-            parts.append(ReportTable(table=claims))
-    return parts
-
-
-def _standings(
-    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
-) -> Iterator[StudyVerdict]:
-    """Yield the first rung on which each law breaks, under the first condition."""
-    condition = studied.conditions[0].name
-    for law, rungs in ways(rows, condition).items():
-        failed = first_failed(rungs)
-        breaks_at = ""
-        answer = "stands on every rung"
-        if failed is not None:
-            breaks_at = failed.rung
-            answer = f"{failed.reason} ({condition})"
-        elif not complete:
-            answer += " so far"
-        yield StudyVerdict(
-            case=studied.target,
-            law=law,
-            breaks_at=breaks_at,
-            words=answer,
-            complete=complete or failed is not None,
-        )
-
-
-def _values(target: str, rows: Sequence[RungResult]) -> Iterator[Value]:
-    for row in rows:
-        if not row.impossible:
-            how = "up to" if row.together else "alone"
-            name = f"{target} {row.condition} {row.law}, {how} {row.rung}"
-            yield Value(name=name, value="kept" if row.kept else "not kept")
-            used = finite(row.share_of_the_tightest_limit)
-            yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
-
-
-def ladder_document(
-    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of ladder_NAME.json.
-
-    Args:
-        studied: The target.
-        rows: Finished rows.
-        complete: Whether nothing was interrupted.
-    """
-    case = studied.machine
-    return result(
-        "ladder",
-        studied.configuration(),
-        seed=case.loop.seed if case.loop else None,
-        complete=complete,
-        answers=[_document_answer(studied, rows, complete=complete)],
-        standings=_standings(studied, rows, complete=complete),
-        sheets=sheets(studied, rows),
-        values=_values(studied.target, rows),
-        target=studied.target,
-        title=case.title,
-        units=studied.units,
-        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
-        laws=[_law_document(law) for law in studied.laws],
-        climbing=[rung.document() for rung in studied.climbing],
-        alone=[rung.document() for rung in studied.alone],
-        assumed=assumed_text(studied),
-        claims=[_claim_document(studied, claim) for claim in studied.machine.file.claim],
-        climbs=[row.model_dump() for row in rows],
-    )
-
-
-def _document_answer(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Answer:
-    """The verdict under each condition, and whether all laws pass the complete machine."""
-    top = studied.climbing[-1].name
-    verdicts = []
-    passed = True
-    for condition in studied.conditions:
-        climbed = ways(rows, condition.name)
-        if climbed:
-            verdicts.append(f"{condition.name}: {verdict(studied, rows, condition.name)}")
-        for rungs in climbed.values():
-            passed = passed and rungs[-1].rung == top and rungs[-1].kept
-
-    answer = "; ".join(verdicts)
-    judgement = KEPT if passed else NOT_KEPT
-    if not complete:
-        judgement = OPEN
-        answer += " Interrupted: not complete."
-    return Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=answer)
-
-
-def _law_document(law: StudiedLaw) -> dict[str, Any]:
-    return {"name": law.name, "predicts": law.predict, "sampled": law.sampled}
-
-
-def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:
-    return {
-        "claim": claim.id,
-        "statement": studied.statements.get(claim.id, ""),
-        "under": claim.under,
-        "of": list(claim.of or studied.machine.controllers),
-    }
-
-
-def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
-    parts: list[str] = []
-    for document in documents:
-        tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
-        parts.append(f"**{document['target']}**: {document['title']}")
-        parts += [_titled(part) for part in tables if not part.legend]
-        if document["assumed"]:
-            # A star would begin a list.
-            parts.append(f"\\{document['assumed']}")
-        for part in tables:
-            if part.title == CLAIMS:
-                parts += [_titled(part), part.legend]
-    return "\n\n".join(parts)
-
-
-def _titled(part: Table) -> str:
-    return "\n".join([f"{part.title}:", "", *part.markdown()])
-
-
-def ladder_film(
-    studied: Ladder,
-    law: StudiedLaw,
-    rows: Sequence[RungResult],
-    form: Format | None = None,
-) -> Film:
-    """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
-
-    The rigid machine is drawn: motors behind their transmissions are not seen.
-
-    Args:
-        studied: The target.
-        law: One of its laws.
-        rows: Its rows.
-        form: Format of the film.
-
-    Raises:
-        ArgumentError: If no rung runs in MuJoCo.
-    """
-    condition = studied.conditions[0]
-    rungs = [rung for rung in studied.climbing if rung.plant == "physics"]
-    if not rungs:
-        raise ArgumentError("a film is of runs in MuJoCo: this target has none")
-
-    last = len(rungs) - 1
-    breaks_at = last
-    failed = first_failed(way(rows, law.name, condition.name))
-    for index, rung in enumerate(rungs):
-        if failed is not None and rung.name == failed.rung:
-            breaks_at = index
-
-    # The ideal plant, the rung before the law breaks, that rung, and the complete machine.
-    indices = sorted({0, max(breaks_at - 1, 0), breaks_at, last})
-    chosen = [rungs[index] for index in indices[:MOST_TAKES]]
-    results = [_rigid(run_of(studied, law, rung, condition)) for rung in chosen]
-    return film_of(results, form, [rung.name for rung in chosen])
-
-
-def _rigid(run: RunResult) -> RunResult:
-    """The run without the states that the rigid plant does not have."""
-    plant = run.true
-    trajectory = run.trajectory
-    assert isinstance(plant, MujocoPlant)
-    assert trajectory.physics is not None
-
-    # Time, positions and velocities of the rigid joints, which come first.
-    n = plant.system.degrees_of_freedom
-    velocities = 1 + plant.undrawn_model.nq
-    columns = [0, *range(1, 1 + n), *range(velocities, velocities + n)]
-    rigid = plant.rigid
-    size = mujoco.mj_stateSize(rigid.undrawn_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    assert len(columns) == size
-    physics = np.ascontiguousarray(trajectory.physics[:, columns])
-    return replace(run, true=rigid, trajectory=replace(trajectory, physics=physics))

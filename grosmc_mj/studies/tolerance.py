@@ -3,46 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.cells import cell_len
+from pydantic import BaseModel, ConfigDict
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.parts import LOOP_UNITS, unit_of
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.loop import Loop, Sensor
-from grosmc_mj.loop.timing import TIMES, time_as_run
-from grosmc_mj.plants import System
+from grosmc_mj.loop import Loop
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.results.charts import cell_charts
-from grosmc_mj.results.figure import in_lines
-from grosmc_mj.results.result import (
-    MEASURED,
-    OPEN,
-    Answer,
-    CellChart,
-    ReportTable,
-    StudyVerdict,
-    Value,
-    result,
-)
-from grosmc_mj.results.tables import (
-    WIDTH,
-    Table,
-    number,
-    numbers,
-    prefixed,
-    table,
-    words,
-)
+from grosmc_mj.studies.cells import Cells, study_key
+from grosmc_mj.studies.imperfections import Imperfection, LongerPeriod, imperfections
 from grosmc_mj.studies.studied import (
     BENCH,
     Condition,
@@ -58,279 +37,15 @@ from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.search import Search
 
-# Name of all imperfections at once, in the bench's proportions.
-ALL = "all"
-# The grid: factors on an amount, each twice the one before.
-LEAST = 2.0**-4
-MOST = 2.0**10
+# Factors in an octave of the grid that is searched for the first failure: most are no whole
+# multiples of the bench's amounts, nor of its control period.
+PER_OCTAVE = 4
 # Factors up to this many times the largest that is kept are tried.
 BEYOND = 2.0**5
 # Ratio of the smallest factor that fails to the largest that is kept, at which a search ends.
 RESOLUTION = 2.0**0.125
-# More of these is less of an imperfection.
-_LIMITS = ("limit", "rate_limit")
-# Times are below this [s].
-_LONGEST = 1.0
-# Largest share of samples that are missed.
-_MISSED = 0.99
-# Amounts that are shown are about so many times the bench's, but for limits.
-_TYPICAL = 100.0
 # Share of the answers that are confirmed at random, though the equations are sure of them.
 _RANDOM = 0.1
-LEGEND = (
-    "The largest amount up to which all is kept, of the first part. no: not kept without it; "
-    "none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again beyond; "
-    "!: MuJoCo differs from the equations, and counts."
-)
-NOTE = f"{LEGEND} Green: more than the bench has; red: less."
-# Letters in a line of a header.
-_LETTERS = 12
-# Range of a chart's colours, to both sides of the bench's amount [octaves].
-_OCTAVES = 6.0
-
-
-# The design: imperfections, conditions, laws
-
-
-class Amount(NamedTuple):
-    """A number of one part of a loop.
-
-    Attributes:
-        kind: ``computing``, ``sensor`` or ``actuator``; ``run`` for the control period.
-        of: State or input of the part; empty for the computer and the control period.
-        quantity: Name of the number.
-        value: Value on the bench, in ``unit``.
-        unit: Its unit.
-        most: The factor on it at which a physical bound is reached.
-    """
-
-    kind: str
-    of: str
-    quantity: str
-    value: float
-    unit: str
-    most: float
-
-    def scaled(self, factor: float) -> float:
-        """Return the amount for a factor, within its bound; the ideal for 0."""
-        if self.quantity not in _LIMITS:
-            return self.value * min(factor, self.most)
-        if factor > 0:
-            return self.value / factor
-        return math.inf
-
-
-@dataclass(frozen=True)
-class Imperfection:
-    """Part of a loop that a factor scales, all else ideal.
-
-    Attributes:
-        name: Name for people.
-        base: The loop without the imperfection.
-        full: The loop with it, for every factor above 0, before the amounts are scaled.
-        amounts: Numbers that the factor scales; none for an imperfection without a size.
-        timestep: Timestep of the physics; times are whole multiples of it [s].
-    """
-
-    name: str
-    base: Loop
-    full: Loop
-    amounts: tuple[Amount, ...]
-    timestep: float
-
-    @property
-    def single(self) -> bool:
-        """Whether it has a size, and is not all of them at once."""
-        return bool(self.amounts) and self.name != ALL
-
-    @property
-    def limits(self) -> bool:
-        """Whether less of it is worse."""
-        return self.single and self.amounts[0].quantity in _LIMITS
-
-    @property
-    def least(self) -> float:
-        """Smallest factor that is tried."""
-        return LEAST
-
-    @property
-    def most(self) -> float:
-        """Largest factor; of all at once each amount ends at its own bound."""
-        if not self.single:
-            return MOST
-        return min(MOST, *(amount.most for amount in self.amounts))
-
-    def control_period(self, factor: float) -> float | None:
-        """Control period [s] of runs with this factor; None for that of the target."""
-        return None
-
-    def at(self, factor: float) -> Loop:
-        """Return the loop with this factor on the bench's amounts, times on the timestep's grid."""
-        loop = self.full if factor > 0 else self.base
-        for amount in self.amounts:
-            scaled = {amount.quantity: amount.scaled(factor)}
-            loop = loop.changed(amount.kind, amount.of, **scaled)
-        return loop.rounded(self.timestep)
-
-    def amount(self, factor: float) -> float:
-        """Return the first amount for a factor as it is run, in its unit; else the factor."""
-        if not self.single:
-            return factor
-        first = self.amounts[0]
-        value = first.scaled(factor)
-        if first.quantity in TIMES:
-            return time_as_run(first.quantity, value, self.timestep)
-        return value
-
-    @property
-    def unit(self) -> tuple[str, float]:
-        """The unit in which amounts are shown, and the factor to it; empty for none."""
-        if not self.amounts:
-            return "", 1.0
-        if not self.single:
-            return "times the bench", 1.0
-
-        first = self.amounts[0]
-        if not first.unit:
-            return "%", 100.0
-        typical = abs(first.value)
-        if not self.limits:
-            typical *= _TYPICAL
-        return prefixed(first.unit, typical)
-
-    @property
-    def heading(self) -> str:
-        """Name and unit."""
-        unit, _ = self.unit
-        if not unit:
-            return self.name
-        return f"{self.name} [{unit}]"
-
-    def text(self, factor: float) -> str:
-        """Return the amount for a factor, in the unit that is shown."""
-        _, scale = self.unit
-        return number(self.amount(factor) * scale)
-
-
-@dataclass(frozen=True)
-class LongerPeriod(Imperfection):
-    """A longer control period than the target's in an ideal loop.
-
-    A factor multiplies the period of the target. The result is a whole multiple of the timestep.
-    """
-
-    @property
-    def least(self) -> float:
-        """Smallest factor: the target's own period."""
-        return 1.0
-
-    def at(self, factor: float) -> Loop:
-        """The ideal loop, with every factor."""
-        return self.base
-
-    def amount(self, factor: float) -> float:
-        """Control period [s] for a factor; 0 for none."""
-        return round(self.amounts[0].scaled(factor) / self.timestep) * self.timestep
-
-    def control_period(self, factor: float) -> float | None:
-        """Control period [s] of runs with this factor; None for that of the target."""
-        if factor <= self.least:
-            return None
-        return self.amount(factor)
-
-
-def imperfections(
-    bench: Loop,
-    system: System,
-    timestep: float,
-    control_period: float,
-    *,
-    longer_period: bool = False,
-) -> list[Imperfection]:
-    """Return each number of a bench's loop alone, rates that are estimated, and everything.
-
-    Args:
-        bench: The loop whose numbers are the units.
-        system: System of the loop.
-        timestep: Timestep of the physics [s].
-        control_period: Control period of the target [s].
-        longer_period: Whether a longer control period is one of them.
-    """
-    everything = list(_amounts(bench, system, timestep, control_period))
-    groups: dict[str, list[Amount]] = {}
-    # The bench's loop with ideal numbers: only its rates are estimated.
-    estimated = bench
-    for amount in everything:
-        ideal_number = {amount.quantity: amount.scaled(0.0)}
-        estimated = estimated.changed(amount.kind, amount.of, **ideal_number)
-        title = f"{amount.kind} {amount.quantity}".replace("_", " ")
-        groups.setdefault(title, []).append(amount)
-    ideal = replace(estimated, estimators=(), sensors=_with_exact_rates(bench, estimated))
-
-    kinds = [
-        Imperfection(title, ideal, ideal, tuple(amounts), timestep)
-        for title, amounts in groups.items()
-    ]
-    if longer_period:
-        most = (_LONGEST - timestep) / control_period
-        period = Amount("run", "", "control_period", control_period, "s", most)
-        kinds.append(LongerPeriod("control period", ideal, ideal, (period,), timestep))
-
-    if bench.estimators:
-        rates = "estimated rates"
-        kinds.append(Imperfection(rates, ideal, estimated, (), timestep))
-        for title, amounts in groups.items():
-            if title in ("sensor resolution", "sensor noise"):
-                name = f"{title}, {rates}"
-                kind = Imperfection(name, estimated, estimated, tuple(amounts), timestep)
-                kinds.append(kind)
-    kinds.append(Imperfection(ALL, estimated, estimated, tuple(everything), timestep))
-    return kinds
-
-
-def _with_exact_rates(bench: Loop, estimated: Loop) -> tuple[Sensor, ...]:
-    """Sensors of a loop, and exact ones of the states that a bench estimates."""
-    measured = {sensor.of for sensor in estimated.sensors}
-    exact: list[Sensor] = []
-    for part in bench.estimators:
-        exact += [Sensor(name, exact=True) for name in part.of if name not in measured]
-    return (*estimated.sensors, *exact)
-
-
-def _amounts(
-    bench: Loop, system: System, timestep: float, control_period: float
-) -> Iterator[Amount]:
-    """Yield every number of a bench that is an imperfection, with its physical bound."""
-    for kind, part in bench.parts:
-        if kind == "estimator":
-            continue
-        of: Any = getattr(part, "of", "")
-        for item in fields(part):
-            quantity = item.name
-            # A factor is 1 where it is ideal, and has no more or less.
-            if quantity not in LOOP_UNITS[kind] or quantity in ("scale", "gain"):
-                continue
-            value: Any = getattr(part, quantity)
-            if value != 0 and math.isfinite(value):
-                unit = unit_of(kind, of, quantity, system)
-                bound = _bound(quantity, unit, timestep, control_period)
-                yield Amount(kind, of, quantity, value, unit, bound / abs(value))
-
-
-def _bound(
-    quantity: str,
-    unit: str,
-    timestep: float,
-    control_period: float,
-) -> float:
-    """The largest value that a number of a loop can have."""
-    if quantity == "missed":
-        return _MISSED
-    if quantity == "jitter":
-        return control_period - timestep
-    if unit == "s":
-        return _LONGEST - timestep
-    return math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -424,7 +139,7 @@ def tolerance_study(
     )
 
 
-# The reduction: a search of each answer
+# A search of each answer
 
 
 @dataclass(frozen=True)
@@ -527,6 +242,44 @@ class Tolerance:
         return {"factor": factor, "shown": self.imperfection.amount(factor)}
 
 
+class LawTolerances(BaseModel):
+    """Finished answers of one law, as they are stored.
+
+    Attributes:
+        law: Name of the law.
+        answers: Fields of each ``Tolerance``, its imperfection by name.
+    """
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+    law: str
+    answers: tuple[dict[str, Any], ...]
+
+    @property
+    def key(self) -> tuple[str]:
+        """Key among all laws of the study."""
+        return (self.law,)
+
+    @classmethod
+    def of(cls, rows: Sequence[Tolerance]) -> LawTolerances:
+        """Return the answers of one law, to be stored."""
+        answers = [{**vars(row), "imperfection": row.imperfection.name} for row in rows]
+        return cls(law=rows[0].law, answers=tuple(answers))
+
+    def rows(self, studied: ToleranceStudy) -> list[Tolerance]:
+        """Return the answers that were stored."""
+        kinds = {kind.name: kind for kind in studied.imperfections}
+        return [
+            Tolerance(**{**answer, "imperfection": kinds[answer["imperfection"]]})
+            for answer in self.answers
+        ]
+
+
+def cells_of(studied: ToleranceStudy, draws: int, folder: Path) -> Cells[LawTolerances]:
+    """Return the finished laws of a study in a folder."""
+    configuration = [studied.bench_of, asdict(studied.bench), draws]
+    return Cells(folder, LawTolerances, study_key(configuration, studied.conditions))
+
+
 class Trial(NamedTuple):
     """A loop under a condition.
 
@@ -548,7 +301,7 @@ class TrialResult(NamedTuple):
         kept: Whether it keeps all requirements.
         margin: The least margin over its limit; -inf for a run that ended early.
         worst: The requirement with the least margin, or how the run ended.
-        number: Number of the run; it sets the random draws.
+        number: Number of the draw.
         impossible: Why such a run cannot exist; empty if it can.
     """
 
@@ -568,7 +321,7 @@ class Trials:
         plant: ``corrected`` or ``physics``.
         limits: Limits that it must keep, by condition.
         built: The whole loop that the trials' loops are parts of.
-        seeds: Runs of a loop in which something is random.
+        draws: Runs of a loop in which something is drawn.
         threads: Threads of the runs; 0 for all cores.
         known: Results by trial and number of the run.
     """
@@ -577,7 +330,7 @@ class Trials:
     plant: PlantName
     limits: Mapping[Condition, Sequence[Requirement]]
     built: Loop
-    seeds: int
+    draws: int
     threads: int = 0
     known: dict[tuple[Trial, int], TrialResult] = field(default_factory=dict)
 
@@ -600,14 +353,14 @@ class Trials:
         first = self.results([(trial, 0) for trial in trials])
         runs: list[tuple[Trial, int]] = []
         for trial, result_of_first in zip(trials, first, strict=True):
-            if result_of_first.kept and trial.loop.random:
-                runs += [(trial, i) for i in range(1, self.seeds)]
+            if result_of_first.kept and trial.loop.drawn:
+                runs += [(trial, i) for i in range(1, self.draws)]
         self.results(runs)
         return [self._worst(trial) for trial in trials]
 
     def _worst(self, trial: Trial) -> TrialResult:
         """The worst result of the runs of a trial that have been made."""
-        results = [self.known[trial, i] for i in range(self.seeds) if (trial, i) in self.known]
+        results = [self.known[trial, i] for i in range(self.draws) if (trial, i) in self.known]
         return min(results, key=lambda result: (result.kept, result.margin))
 
     def _run(
@@ -628,7 +381,7 @@ class Trials:
         plant = experiment.plant(self.plant)
         rows: list[Row] = []
         for trial, i in runs:
-            case = replace(experiment, loop=trial.loop)
+            case = experiment.varied(loop=trial.loop.draw(i))
             row = Row(law, case=case, number=i, plant=plant, predict=self.law.predict)
             rows.append(row)
         outcomes = run_rows(
@@ -680,6 +433,7 @@ class ToleranceSearch(Search):
             geometric_mean,
             resolved,
             least=imperfection.least,
+            per_octave=PER_OCTAVE,
             same=self.trial,
         )
         self.imperfection = imperfection
@@ -740,7 +494,7 @@ class ToleranceSearch(Search):
         largest = self.largest
         if largest is None or largest in self.sure:
             return []
-        if not self.imperfection.at(largest).random:
+        if not self.imperfection.at(largest).drawn:
             return []
         return [largest]
 
@@ -764,26 +518,28 @@ class ToleranceSearch(Search):
 
 def tolerances_of_laws(
     studied: ToleranceStudy,
-    seeds: int,
+    laws: Sequence[int],
+    draws: int,
     executor: Executor,
     notice: Notice = lambda _: None,
 ) -> Iterator[tuple[int, list[Tolerance]]]:
-    """Yield the tolerances of each law, by its number, in the order in which laws finish.
+    """Yield the tolerances of laws, by their number, in the order in which they finish.
 
     Args:
         studied: The target.
-        seeds: Runs of a loop in which something is random.
+        laws: Numbers of the laws.
+        draws: Runs of a loop in which something is drawn.
         executor: Executor of the processes; each reads the target again.
         notice: Called if a worker died and was replaced.
     """
-    study_law = partial(tolerances, studied, seeds=seeds, threads=executor.threads_per_worker)
-    with closing(executor.run(study_law, range(len(studied.laws)), notice)) as answers:
+    study_law = partial(tolerances, studied, draws=draws, threads=executor.threads_per_worker)
+    with closing(executor.run(study_law, laws, notice)) as answers:
         for answer in answers:
             yield answer.index, answer.report
 
 
 def tolerances(
-    studied: ToleranceStudy, index: int, seeds: int, threads: int = 0
+    studied: ToleranceStudy, index: int, draws: int, threads: int = 0
 ) -> list[Tolerance]:
     """Return the tolerances of a law to each imperfection under each condition.
 
@@ -794,13 +550,13 @@ def tolerances(
     Args:
         studied: The target.
         index: Number of one of its laws.
-        seeds: Runs of a loop in which something is random.
+        draws: Runs of a loop in which something is drawn.
         threads: Threads of its runs; 0 for all cores.
     """
     law = studied.laws[index]
     limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
     equations, *physics = (
-        Trials(law, plant, limits, studied.bench, seeds, threads) for plant in studied.plants
+        Trials(law, plant, limits, studied.bench, draws, threads) for plant in studied.plants
     )
     searches = [
         ToleranceSearch(imperfection, condition)
@@ -899,264 +655,3 @@ def _confirmed(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[Tol
         search.known = other.known
         search.results = other.results
     return {search: search not in differing for search in searches}
-
-
-# The answer: words, tables, charts, document
-
-
-def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
-    """Return laws with the conditions under which each keeps all without any imperfection."""
-    sized = [row for row in rows if row.imperfection.amounts]
-    return {(row.law, row.condition) for row in sized if row.kept_ideally}
-
-
-def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
-    """Return the least by law and imperfection, over the conditions that the law stands."""
-    least: dict[tuple[str, str], Tolerance] = {}
-    ideal = kept_ideally(rows)
-    for row in rows:
-        if (row.law, row.condition) in ideal:
-            key = row.law, row.imperfection.name
-            least[key] = min(
-                least.get(key, row), row, key=lambda row: (row.weakness, row.largest_kept)
-            )
-    return least
-
-
-def verdict(rows: Sequence[Tolerance]) -> str:
-    """Return one sentence: which law breaks first, at which amount of which imperfection."""
-    broken = [
-        row for row in rows if row.kept_ideally and row.smallest_failed and row.imperfection.single
-    ]
-    if not broken:
-        return "No single imperfection that was tried breaks what a law keeps without it."
-
-    worst = min(broken, key=lambda row: row.weakness)
-    kept = f"up to {_beside_bench(worst, worst.largest_kept)}"
-    if worst.none:
-        kept = "only without it"
-    where = ""
-    if worst.condition != "nominal":
-        where = f" under {worst.condition}"
-    return (
-        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
-        f"no longer at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
-    )
-
-
-def _beside_bench(row: Tolerance, factor: float) -> str:
-    """The amount for a factor, and the factor."""
-    return f"{row.amount_text(factor)} ({number(factor)} times the bench's)"
-
-
-def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
-    """Return how many answers MuJoCo checked, and how many of them differ."""
-    agrees = [row.physics_agrees for row in rows if row.physics_agrees is not None]
-    return len(agrees), agrees.count(False)
-
-
-def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
-    """Return laws by imperfections: the least over the conditions that a law keeps ideally.
-
-    The strongest law stands first, and the imperfection with the smallest tolerance.
-    """
-    least = least_of(rows)
-    ideal = kept_ideally(rows)
-    conditions = dict.fromkeys(row.condition for row in rows)
-    kept = {law: [name for name in conditions if (law, name) in ideal] for law, _ in least}
-
-    # The weakest law decides the order of imperfections, the least of all at once that of laws.
-    kinds: dict[str, Imperfection] = {}
-    weakest: dict[str, float] = {}
-    strength = {law: (len(names), 0.0) for law, names in kept.items()}
-    for (law, kind), row in least.items():
-        kinds[kind] = row.imperfection
-        if row.kept_ideally:
-            weakest[kind] = min(row.weakness, weakest.get(kind, math.inf))
-        if kind == ALL:
-            strength[law] = (len(kept[law]), row.weakness)
-
-    ordered = sorted(kinds, key=lambda kind: weakest.get(kind, 0.0))
-    cells = []
-    for law in sorted(kept, key=strength.__getitem__, reverse=True):
-        answers = [least.get((law, kind)) for kind in ordered]
-        texts = [answer.cell if answer else "" for answer in answers]
-        cells.append([law, ", ".join(kept[law]), *texts])
-
-    headings = [in_lines(kinds[kind].heading, _LETTERS) for kind in ordered]
-    columns = [*words("law", "keeps ideally"), *numbers(*headings)]
-    return table(title, columns, cells, legend=LEGEND)
-
-
-def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
-    """Return the first columns of a table that fit into a width, and the headers of the others."""
-    room = 0
-    used = 0
-    for index, column in enumerate(wide.columns):
-        texts = [column.header, *(row[index] for row in wide.rows)]
-        lines = "\n".join(texts).split("\n")
-        used += max(cell_len(line) for line in lines) + 2
-        if used > width:
-            break
-        room += 1
-
-    outside = [column.header.replace("\n", " ") for column in wide.columns[room:]]
-    rows = [row[:room] for row in wide.rows]
-    return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), outside
-
-
-def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> list[CellChart]:
-    """Return a map for each condition: octaves below the bench's amount, blue for more of it."""
-    cells = []
-    for row in rows:
-        if not row.impossible:
-            reason = ""
-            if row.breaks:
-                reason = f"then breaks: {row.reason}"
-            place = (row.condition, row.law, row.imperfection.heading)
-            cells.append((*place, -_octaves(row), row.cell, reason))
-    titles = {}
-    for condition in studied.conditions:
-        titles[condition.name] = f"{condition.name}: {condition.title}"
-    return list(cell_charts(titles, cells, _OCTAVES).values())
-
-
-def _octaves(row: Tolerance) -> float:
-    """Octaves from the bench's amount to the largest that is kept, within the chart's colours."""
-    if math.isinf(row.weakness):
-        return _OCTAVES
-    if row.none or not row.kept_ideally:
-        return -_OCTAVES
-    return max(-_OCTAVES, min(_OCTAVES, math.log2(row.largest_kept)))
-
-
-def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:
-    """Yield the smallest tolerance of each law."""
-    for law in dict.fromkeys(row.law for row in rows):
-        kept = [row for row in rows if row.law == law and row.kept_ideally]
-        failed = [row for row in kept if row.smallest_failed is not None]
-        breaks_at = ""
-        answer = "stands all that was tried"
-        if not kept:
-            breaks_at = "ideal loop"
-            answer = "not kept even in an ideal loop"
-        elif failed:
-            least = min(failed, key=lambda row: row.largest_kept)
-            breaks_at = least.imperfection.name
-            if breaks_at == ALL:
-                breaks_at = "all of them"
-            amount = f"up to {least.amount_text(least.largest_kept)}"
-            if least.none:
-                amount = "only without it"
-            answer = f"kept {amount}, then {least.reason} ({least.condition})"
-        yield StudyVerdict(
-            case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
-        )
-
-
-def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
-    for row in rows:
-        if not row.impossible:
-            name = f"{target} {row.condition} {row.law}, {row.imperfection.name}"
-            yield Value(name=f"{name}: ideally", value="kept" if row.kept_ideally else "not kept")
-            largest = row.largest_kept
-            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
-
-
-def tolerance_document(
-    studied: ToleranceStudy, rows: Sequence[Tolerance], seeds: int, *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of tolerance_NAME.json.
-
-    Args:
-        studied: The target.
-        rows: Its tolerances.
-        seeds: Runs where something is random.
-        complete: Whether nothing was interrupted.
-    """
-    target = studied.target
-    checked, differing = confirmed(rows)
-    sheet = ReportTable(
-        table=least_table(rows, f"{target}: tolerances"), charts=charts(studied, rows)
-    )
-    return result(
-        "tolerance",
-        _configuration(studied, seeds),
-        seed=studied.bench.seed,
-        complete=complete,
-        answers=[_document_answer(target, rows, complete=complete)],
-        standings=_standings(target, rows, complete=complete),
-        sheets=[sheet],
-        values=_values(target, rows),
-        target=target,
-        conditions=[{"name": x.name, "title": x.title} for x in studied.conditions],
-        imperfections=[_imperfection_document(kind) for kind in studied.imperfections],
-        laws=[_law_document(studied, law) for law in studied.laws],
-        physics={"answers_checked": checked, "answers_that_differ": differing},
-        tolerances=[row.document() for row in rows],
-    )
-
-
-def _configuration(studied: ToleranceStudy, seeds: int) -> dict[str, Any]:
-    settings = studied.experiment.settings
-    return {
-        "target": studied.target,
-        "bench": studied.bench_of,
-        "control_period": {"value": settings.control_period, "unit": "s"},
-        "timestep": {"value": settings.timestep, "unit": "s"},
-        "runs_where_random": seeds,
-        "factors": {
-            "least": LEAST,
-            "most": MOST,
-            "grid": 2.0,
-            "beyond_the_last_kept": BEYOND,
-            "resolution": RESOLUTION,
-        },
-    }
-
-
-def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Answer:
-    laws = {row.law for row in rows}
-    weak = {row.law for row in rows if not row.kept_ideally}
-    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
-    if not complete:
-        answer += ", so far"
-    return Answer(
-        question=f"Tolerance of {target}",
-        verdict=MEASURED if complete else OPEN,
-        words=answer,
-        more=verdict(rows),
-    )
-
-
-def _imperfection_document(kind: Imperfection) -> dict[str, Any]:
-    return {
-        "name": kind.name,
-        "bench": kind.amount(1.0),
-        "amounts": [amount._asdict() for amount in kind.amounts],
-    }
-
-
-def _law_document(studied: ToleranceStudy, law: StudiedLaw) -> dict[str, Any]:
-    requirements = {}
-    for condition in studied.conditions:
-        limits = studied.limits(law, condition)
-        requirements[condition.name] = [limit.words for limit in limits]
-    return {
-        "name": law.name,
-        "predicts": law.predict,
-        "sampled": law.sampled,
-        "requirements": requirements,
-    }
-
-
-def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Return a heading and the table of each document, for ``docs/tolerance.md``."""
-    parts = []
-    for document in documents:
-        least = Table.model_validate(document["sheets"][0]["table"])
-        lines = [line.replace("\n", " ") for line in least.markdown()]
-        checked, differing = document["physics"].values()
-        ending = f"MuJoCo confirmed {checked - differing} of {checked} answers."
-        parts.append("\n".join([f"**{document['target']}**", "", *lines, "", ending]))
-    return "\n\n".join(parts)

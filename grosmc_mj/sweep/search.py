@@ -15,6 +15,7 @@ class Search:
         narrow: Whether two such factors are as near as is wanted.
         first: Factor to begin with.
         least: A failing factor of this size or less ends the search downwards.
+        per_octave: Factors of the grid in an octave.
         same: Key that is equal for two factors that are one, such as a time on a timestep's grid.
 
     Attributes:
@@ -28,6 +29,7 @@ class Search:
         narrow: Callable[[float, float], bool],
         first: float | None = None,
         least: float = 0.0,
+        per_octave: int = 1,
         same: Callable[[float], Hashable] = lambda factor: factor,
     ) -> None:
         self.known: dict[float, bool] = {}
@@ -36,6 +38,7 @@ class Search:
         self._narrow = narrow
         self._first = first
         self._least = least
+        self._per_octave = per_octave
         self._same = same
 
     @property
@@ -71,7 +74,7 @@ class Search:
         return ranges
 
     def on_grid(self, beyond: float) -> list[float]:
-        """Factors to be tried now, of a grid of powers of two first: it shows what passes again.
+        """Factors to be tried now, of a grid first: it shows what fails and passes again.
 
         Args:
             beyond: The grid ends at so many times the largest factor that passes.
@@ -82,9 +85,10 @@ class Search:
         return untried or self._between()
 
     def _grid(self) -> list[float]:
-        """The least factor times powers of two, then the largest one."""
-        count = math.ceil(math.log2(self._most / self._least) - 1e-9)
-        return [*(self._least * 2**i for i in range(count)), self._most]
+        """The least factor times fractions of powers of two, then the largest one."""
+        octaves = math.log2(self._most / self._least)
+        count = math.ceil(self._per_octave * octaves - 1e-9)
+        return [*(self._least * 2.0 ** (i / self._per_octave) for i in range(count)), self._most]
 
     def factors(self) -> list[float]:
         """Factors to be tried now: the first, then down to one that passes, up to one that fails.

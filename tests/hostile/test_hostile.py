@@ -389,7 +389,7 @@ COMMANDS = (
     "study region servo/case9 --points 0 --duration 0.01 --limits -10 1 --out OUT",
     "report OUT CASE --verbose -o OUT/report.html",
     "diff OUT CASE --out OUT --verbose",
-    "study tolerance servo/case9 --laws lqr nothing --seeds 0 --out OUT",
+    "study tolerance servo/case9 --laws lqr nothing --draws 0 --out OUT",
 )
 _WORDS = (
     "",

@@ -22,6 +22,7 @@ from grosmc_mj.results.charts import write_cells, write_panels
 from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import draw_legend_below, figure_written
+from grosmc_mj.results.palette import CELLS as CELL_COLOURS
 from grosmc_mj.results.palette import FAILED, KEPT
 from grosmc_mj.results.result import CellChart, LineChart, Series
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
@@ -225,7 +226,7 @@ def test_only_a_signal_that_switches_at_every_sample_jumps(signal: Array, expect
 CELLS = CellChart.of("kept", {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}, 2.0)
 
 
-def test_cells_of_a_figure_are_white_at_the_limit(
+def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures: list[Figure] = []
@@ -237,9 +238,8 @@ def test_cells_of_a_figure_are_white_at_the_limit(
     assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
     colours = np.asarray(image.cmap(image.norm(np.array([-2.0, 0.0, 2.0]))))[:, :3]
     # A colour map has 256 steps.
-    assert colours[0] == pytest.approx(to_rgb(KEPT), abs=5e-3)
-    assert colours[1] == pytest.approx([1, 1, 1], abs=5e-3)
-    assert colours[2] == pytest.approx(to_rgb(FAILED), abs=5e-3)
+    for colour, expected in zip(colours, CELL_COLOURS, strict=True):
+        assert colour == pytest.approx(to_rgb(expected), abs=5e-3)
 
 
 def test_a_point_that_is_not_judged_is_not_marked_as_failed(

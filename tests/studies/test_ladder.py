@@ -23,14 +23,17 @@ from grosmc_mj.chapter.claims.cited import cited_claims
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Computing, Loop
+from grosmc_mj.loop import Computing, Loop, Sensor
+from grosmc_mj.loop.sensors import quantized
 from grosmc_mj.machine import Transmission
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import cells as finished
 from grosmc_mj.studies import ladder as study
+from grosmc_mj.studies import ladder_answer as answer
 from grosmc_mj.studies.cells import Cells
-from grosmc_mj.studies.ladder import ENDED, Rung, RungResult, ladder, run_rung, rungs_of
+from grosmc_mj.studies.ladder import ENDED, RungResult, ladder, run_rung
+from grosmc_mj.studies.rungs import Rung, rungs_of
 
 TIME: Array = 1e-3 * np.arange(10_000)
 SERVO = """
@@ -183,7 +186,7 @@ def test_rungs_name_the_numbers_that_nobody_has_published() -> None:
     assumed = {rung.name: rung.assumed for rung in alone}
     assert assumed["jitter"] == ("computing: jitter",)
     assert assumed["friction"] == ("shaft: static, stiffness, damping, stribeck",)
-    assert assumed["backlash"] == ("shaft: backlash",)
+    assert assumed["backlash"] == ("shaft: backlash, restitution, duration",)
     assert assumed["flexibility"] == ("shaft: stiffness, damping",)
     assert assumed["sensors"] == ()
     assert assumed["motor"] == ()
@@ -260,14 +263,14 @@ FOUR_LAWS = [
 
 
 def test_the_verdict_counts_laws_on_every_rung_apart_from_those_on_the_machine() -> None:
-    assert study.verdict(made_up(), FOUR_LAWS, "nominal") == (
+    assert answer.verdict(made_up(), FOUR_LAWS, "nominal") == (
         "1 of 4 laws pass every rung, 2 the complete machine; delay breaks 2."
     )
 
 
 def test_the_answer_has_a_column_for_every_rung_beside_that_of_the_machine() -> None:
-    answer = study.answer_table(made_up(), FOUR_LAWS, made_up().conditions[0])
-    assert [cells[:4] for cells in answer.rows] == [
+    first_screen = answer.answer_table(made_up(), FOUR_LAWS, made_up().conditions[0])
+    assert [cells[:4] for cells in first_screen.rows] == [
         ["stands", "yes", "yes (0.5)", ""],
         ["lqr", "no", "no (never)", "delay: settles within: 1.2 times"],
         ["interrupted", "", "", ""],
@@ -281,6 +284,66 @@ def test_a_row_beyond_its_limit_says_by_how_much() -> None:
     assert slow.share_text == "3x"
     assert row("a", 1.001).reason == "settles within: at its limit"
     assert row("a", 9.0, tightest=ENDED).share_text == "ended"
+
+
+def test_a_row_that_some_draws_keep_says_how_many() -> None:
+    partly = row("a", 3.0, draws=10, kept_draws=7)
+    assert partly.cell == "7 of 10"
+    assert partly.reason == "settles within: 3 times, kept in 7 of 10 draws"
+    assert not partly.kept
+
+
+def test_a_row_that_an_assumed_number_turns_has_a_question_mark() -> None:
+    assert row("a", 0.5, hangs_on=("lugre.shaft.static times 2",)).cell == "0.5?"
+
+
+NOISY = """
+plant = { system = "servo" }
+run = { duration = "0.2 s" }
+controller = [{ law = "lqr" }]
+computing = { seed = 0, run = 0 }
+sensor = [{ of = "rotor angle", noise = "30 mrad" }]
+requirement = [{ final_error_below = "0.89 rad" }]
+"""
+
+
+def test_draws_are_the_runs_of_a_seed(tmp_path: Path) -> None:
+    file = written(tmp_path, NOISY)
+    case = Experiment.load(file)
+    runs = [case.changed({"computing.run": number}).run() for number in range(10)]
+    kept = sum(run.requirements[0].kept for run in runs)
+    assert 0 < kept < 10
+
+    ten = ladder(str(file), ["lqr"], draws=10)
+    judged = run_rung(ten, ten.laws[0], ten.climbing[-1], ten.conditions[0], together=True)
+    assert (judged.draws, judged.kept_draws) == (10, kept)
+    assert not judged.kept
+
+
+ENCODER = Loop(sensors=(Sensor("rotor angle", resolution=0.1),))
+
+
+def test_a_draw_moves_the_steps_of_an_encoder() -> None:
+    phases = [ENCODER.draw(number).sensors[0].phase for number in range(100)]
+    assert phases[0] == 0
+    assert -0.5 <= min(phases) < -0.4
+    assert 0.4 < max(phases) <= 0.5
+
+
+@pytest.mark.parametrize("phase", [-0.5, -0.2, 0.0, 0.3, 0.5])
+def test_an_encoder_of_any_phase_is_wrong_by_half_a_step_at_most(phase: float) -> None:
+    angles = np.linspace(-0.3, 0.3, 1001)
+    middle = phase * 0.1
+    readings = np.array([quantized(angle - middle, 0.1) + middle for angle in angles])
+    assert np.max(np.abs(readings - angles)) <= 0.05 * (1 + 1e-9)
+    assert np.min(np.abs(readings - middle)) < 1e-9
+
+
+def test_a_rung_without_a_draw_runs_once() -> None:
+    ten = ladder("servo", ["lqr"], draws=10)
+    sampled = next(rung for rung in ten.climbing if rung.name == "sampled")
+    judged = run_rung(ten, ten.laws[0], sampled, ten.conditions[0], together=True)
+    assert (judged.draws, judged.kept_draws) == (1, 1)
 
 
 def test_a_run_that_cannot_be_says_why() -> None:
@@ -328,11 +391,11 @@ def test_a_claim_falls_on_the_first_rung_that_breaks_it() -> None:
         row("friction", 0.5, claims={"quick": 2.0, "same": math.inf}),
         row("physics", 0.5, "fl-pid"),
     ]
-    table = study.claims_table(made_up(), rows, "nominal")
+    table = answer.claims_table(made_up(), rows, "nominal")
     assert table is not None
     assert [column.header for column in table.columns] == ["law", "`quick`", "`same`", "`well`"]
     assert table.rows == [["lqr", "delay", "friction", "stands"]]
-    assert study.claims_table(made_up(), WAY, "nominal") is None
+    assert answer.claims_table(made_up(), WAY, "nominal") is None
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -380,14 +443,14 @@ def loaded_ladder() -> study.Ladder:
 
 @cache
 def loaded_document() -> dict[str, Any]:
-    content = study.ladder_document(loaded_ladder(), TWO_CONDITIONS, complete=True)
+    content = answer.ladder_document(loaded_ladder(), TWO_CONDITIONS, complete=True)
     return json.loads(json_text(content))
 
 
 @cache
 def page_parts() -> list[str]:
     """The paragraphs of the page of a ladder."""
-    return study.ladders_text([loaded_document()]).split("\n\n")
+    return answer.ladders_text([loaded_document()]).split("\n\n")
 
 
 def table_under(title: str) -> list[str]:
@@ -449,14 +512,14 @@ def servo_rung(name: str) -> RungResult:
 @pytest.mark.slow
 def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     rungs, friction_alone = servo_climb()
-    broken = study.first_failed(rungs)
+    broken = answer.first_failed(rungs)
     assert broken is not None
     assert broken.rung == "friction"
     assert broken.tightest == "settles_within"
     # The optimum's poles are -1 and -12 rad/s: 2 % of 1 rad after ln(50 * 12/11) = 4.0 s.
     assert broken.optimum_settles == pytest.approx(math.log(50 * 12 / 11), abs=0.06)
     # The chapter's 2 % of the step fall there, too, as they are about both laws.
-    assert study.fallen(rungs, "servo-before-load") is broken
+    assert answer.fallen(rungs, "servo-before-load") is broken
     # It needs no other imperfection for that, and stops where friction holds the rest of K e.
     assert not friction_alone.kept
     assert not any(step.kept for step in rungs[rungs.index(broken) :])
@@ -705,7 +768,7 @@ def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_pa
 
 def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
     rows = [row("sensors", 0.5, condition=condition) for condition in ("case1", "case2")]
-    names = [value.name for value in study._values("servo/machine", rows)]
+    names = [value.name for value in answer._values("servo/machine", rows)]
     assert len(set(names)) == 4
     assert names[0] == "servo/machine case1 lqr, up to sensors"
 
@@ -713,13 +776,13 @@ def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
 def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes(tmp_path: Path) -> None:
     """The load of case1 stands in no file of the ladder's own."""
     studied = ladder("servo", ["lqr"])
-    cells = study.cells_of(studied, tmp_path)
-    assert study.cells_of(studied, tmp_path) == cells
+    load = studied.conditions[-1]
+    cells = study.cells_of(studied, load, tmp_path)
+    assert study.cells_of(studied, load, tmp_path) == cells
 
-    *others, last = studied.conditions
-    heavier = last.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
-    changed = replace(studied, conditions=(*others, replace(last, experiment=heavier)))
-    assert study.cells_of(changed, tmp_path) != cells
+    heavier = load.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
+    changed = replace(load, experiment=heavier)
+    assert study.cells_of(studied, changed, tmp_path) != cells
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:

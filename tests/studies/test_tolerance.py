@@ -25,22 +25,23 @@ from grosmc_mj import cli, executors
 from grosmc_mj.executors import Batch
 from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
-from grosmc_mj.studies import tolerance
+from grosmc_mj.studies import imperfections, tolerance
+from grosmc_mj.studies import tolerance_answer as answer
+from grosmc_mj.studies.imperfections import Imperfection
 from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.tolerance import (
-    Imperfection,
     Tolerance,
     ToleranceStudy,
     geometric_mean,
     tolerance_study,
     tolerances,
-    verdict,
 )
+from grosmc_mj.studies.tolerance_answer import verdict
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.search import Search
 
 DELAY = 0.05
-MOST = tolerance.MOST
+MOST = imperfections.MOST
 FILE = f"""
 plant = {{ system = "servo" }}
 computing = {{ delay = "{DELAY} s" }}
@@ -60,7 +61,12 @@ timestep = "5 ms"
 
 def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any) -> Search:
     """A search on its grid, or from where another one ended."""
-    options = {"most": MOST, "least": tolerance.LEAST, **options}
+    options = {
+        "most": MOST,
+        "least": imperfections.LEAST,
+        "per_octave": tolerance.PER_OCTAVE,
+        **options,
+    }
     search = Search(
         middle=tolerance.geometric_mean,
         narrow=tolerance.resolved,
@@ -89,7 +95,9 @@ def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any)
         (lambda x: x <= 5, 40.0, 5, []),
         (lambda x: x <= 3 or 8 <= x <= 16, 0.0, 3, [(8, 16)]),
         # The first failure counts though larger amounts are kept.
-        (lambda x: not 0.2 < x < 0.3, 0.0, 0.2, [(0.5, MOST)]),
+        (lambda x: not 0.2 < x < 0.28, 0.0, 0.2, [(2**-1.75, MOST)]),
+        # Whole multiples of a period may be kept where all else is not.
+        (lambda x: x <= 11 or x == 16, 0.0, 11, [(16, 16)]),
     ],
 )
 def test_the_bound_is_searched_from_below(
@@ -110,14 +118,14 @@ def test_a_search_without_failure_ends_at_its_largest_factor() -> None:
     kept = answered(lambda _: True)
     assert kept.largest == MOST
     assert kept.failed is None
-    bounded = answered(lambda _: True, most=3.0)
+    bounded = answered(lambda _: True, most=3.0, per_octave=1)
     assert sorted(bounded.known) == [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 3.0]
 
 
 def test_a_search_that_never_passes_ends_at_its_least_factor() -> None:
     never = answered(lambda _: False)
     assert never.largest is None
-    assert never.failed == tolerance.LEAST
+    assert never.failed == imperfections.LEAST
     assert never.again == []
 
 
@@ -270,8 +278,30 @@ def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> N
     assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)
 
 
+def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path) -> None:
+    studied = tolerance_study("servo", ["lqr"])
+    rows = [
+        Tolerance(
+            law="lqr",
+            imperfection=kind,
+            condition="nominal",
+            kept_ideally=True,
+            largest_kept=2.0,
+            smallest_failed=None,
+            kept_again=[(3.0, 4.0)],
+        )
+        for kind in studied.imperfections
+    ]
+    cells = tolerance.cells_of(studied, 10, tmp_path)
+    cells.write(tolerance.LawTolerances.of(rows))
+    finished = cells.read("lqr")
+    assert finished is not None
+    assert [row.document() for row in finished.rows(studied)] == [row.document() for row in rows]
+    assert tolerance.cells_of(studied, 20, tmp_path).read("lqr") is None
+
+
 @pytest.mark.parametrize("failing", [None, 0, 1, 3])
-def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_draws_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     def made(self: tolerance.Trials, *groups: Any) -> None:
         for trial, number in groups[-1]:
             outcome = tolerance.TrialResult(number != failing, 0.5, "", number)
@@ -279,7 +309,7 @@ def test_all_seeds_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(tolerance.Trials, "_run", made)
     studied = tolerance_study("servo", ["lqr"])
-    trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, seeds=4)
+    trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, draws=4)
     (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
     assert worst.kept is (failing is None)
 
@@ -403,7 +433,7 @@ def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_pa
     studied = replace(
         studied, imperfections=[kinds["control period"]], conditions=studied.conditions[:1]
     )
-    (found,) = tolerances(studied, 0, seeds=1)
+    (found,) = tolerances(studied, 0, draws=1)
     assert found.physics_agrees
     assert found.smallest_failed is not None
     # A growth by less than half in fifty seconds is not told from none.
@@ -447,7 +477,7 @@ def test_a_longer_period_samples_the_law_with_its_surface() -> None:
     law = studied.laws[1]
     nominal = studied.conditions[0]
     limits = {nominal: studied.limits(law, nominal)}
-    trials = tolerance.Trials(law, "corrected", limits, studied.bench, seeds=1)
+    trials = tolerance.Trials(law, "corrected", limits, studied.bench, draws=1)
     (usual,) = trials.worst([tolerance.Trial(nominal, period.base)])
     (longer,) = trials.worst([tolerance.Trial(nominal, period.base, 4e-3)])
     assert usual.kept
@@ -512,9 +542,9 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     # The other law was interrupted after its first answer.
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit")
     rows = [*rows_of(studied), *weaker, *never, endless]
-    content = tolerance.tolerance_document(studied, rows, 4, complete=False)
+    content = answer.tolerance_document(studied, rows, 4, complete=False)
     document = json.loads(json_text(content))
-    lines = tolerance.tolerances_text([document]).splitlines()
+    lines = answer.tolerances_text([document]).splitlines()
     header, lqr, implicit = (
         [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
     )

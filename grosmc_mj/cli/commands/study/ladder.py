@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, StudiedLaws, Target, command
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Flag,
+    Out,
+    StudiedLaws,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
@@ -43,6 +53,8 @@ class LadderCommand(Command):
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
+        draws: Runs of a rung with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep it.
         resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
             run is written, of the same file and versions.
         film: A law to film around where it breaks.
@@ -55,6 +67,7 @@ class LadderCommand(Command):
     laws: StudiedLaws = ()
     rivals: Flag = False
     loaded: Flag = False
+    draws: WholeNumber = 10
     resume: Flag = False
     film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
     gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
@@ -64,12 +77,15 @@ class LadderCommand(Command):
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
         from grosmc_mj.studies.ladder import cells_of
+        from grosmc_mj.studies.studied import require_draws
 
+        require_draws(self.draws)
         studied = self._studied()
         laws = {law.name: law for law in studied.laws}
         if self.film:
             require_known("law", self.film, laws)
-        cells = cells_of(studied, self._path(studied).with_suffix(""))
+        folder = self._path(studied).with_suffix("")
+        cells = {load.name: cells_of(studied, load, folder) for load in studied.conditions}
 
         rows: list[RungResult] = []
         with screen.partial_results_kept(
@@ -93,7 +109,13 @@ class LadderCommand(Command):
         from grosmc_mj.chapter.claims.cited import cited_claims
         from grosmc_mj.studies.ladder import ladder
 
-        studied = ladder(self.target, self.laws, loaded=self.loaded, rivals=self.rivals)
+        studied = ladder(
+            self.target,
+            self.laws,
+            loaded=self.loaded,
+            rivals=self.rivals,
+            draws=self.draws,
+        )
         claims = cited_claims(studied.machine)
         statements = {name: claim.statement for name, claim in claims.items()}
         return replace(studied, statements=statements)
@@ -101,14 +123,14 @@ class LadderCommand(Command):
     def _climb(
         self,
         studied: Ladder,
-        cells: Cells[RungResult],
+        cells: Mapping[str, Cells[RungResult]],
         rows: list[RungResult],
     ) -> None:
         """Run every rung, or read it if it is finished and --resume is given.
 
         Args:
             studied: The ladder.
-            cells: Files of the finished rungs.
+            cells: Files of the finished rungs, by condition.
             rows: Filled rung by rung: an interrupt leaves the first ones.
         """
         from grosmc_mj.studies.ladder import run_rung
@@ -119,10 +141,10 @@ class LadderCommand(Command):
                 advance(law.name, 0)
                 row = None
                 if self.resume:
-                    row = cells.read(law.name, rung.name, condition.name, together)
+                    row = cells[condition.name].read(law.name, rung.name, condition.name, together)
                 if row is None:
                     row = run_rung(studied, law, rung, condition, together=together)
-                    cells.write(row)
+                    cells[condition.name].write(row)
                 rows.append(row)
                 advance(law.name, 1)
 
@@ -136,16 +158,20 @@ class LadderCommand(Command):
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies import ladder_answer
+        from grosmc_mj.studies.matrix import NOTE, chart_path
 
         if not rows:
             return ()
         path = self._path(studied)
-        write_json(path, ladder.ladder_document(studied, rows, complete=complete))
-        title = f"{studied.target}: where each law breaks"
-        charts = list(ladder.charts(studied, rows).values())
-        figure = write_cells(path.with_suffix(".png"), title, charts, ladder.NOTE)
-        return path, figure
+        write_json(path, ladder_answer.ladder_document(studied, rows, complete=complete))
+        first = studied.conditions[0].name
+        figures = []
+        for condition, chart in ladder_answer.charts(studied, rows).items():
+            figure = chart_path(path, condition, first)
+            title = f"{studied.target}: where each law fails"
+            figures.append(write_cells(figure, title, [chart], NOTE))
+        return path, *figures
 
     def _film(
         self,
@@ -155,7 +181,7 @@ class LadderCommand(Command):
     ) -> Path:
         """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
-        from grosmc_mj.studies.ladder import ladder_film
+        from grosmc_mj.studies.ladder_answer import ladder_film
 
         path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
         film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
@@ -165,24 +191,26 @@ class LadderCommand(Command):
 
     def _print_answer(self, studied: Ladder, rows: list[RungResult]) -> None:
         """Print which laws pass, where each breaks, and on request every table."""
-        from grosmc_mj.studies import ladder
+        from grosmc_mj.studies import ladder_answer
 
         console = screen.console()
         for condition in studied.conditions:
-            console.print(ladder.verdict(studied, rows, condition.name), style="bold", markup=False)
-            console.print(ladder.answer_table(studied, rows, condition))
-            claims = ladder.claims_table(studied, rows, condition.name)
+            console.print(
+                ladder_answer.verdict(studied, rows, condition.name), style="bold", markup=False
+            )
+            console.print(ladder_answer.answer_table(studied, rows, condition))
+            claims = ladder_answer.claims_table(studied, rows, condition.name)
             if claims:
                 console.print(claims.model_copy(update={"legend": ""}))
 
         if self.verbose:
             wide_console = screen.wide_console()
-            for sheet in ladder.sheets(studied, rows):
+            for sheet in ladder_answer.sheets(studied, rows):
                 if not sheet.table.legend:
                     wide_console.print(sheet.table)
 
-        assumed = ladder.assumed_text(studied)
+        assumed = ladder_answer.assumed_text(studied)
         if assumed:
             console.print(assumed, style="dim", markup=False)
         if self.verbose:
-            console.print(ladder.LEGEND, style="dim", markup=False)
+            console.print(ladder_answer.LEGEND, style="dim", markup=False)

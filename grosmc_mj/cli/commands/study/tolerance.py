@@ -11,12 +11,9 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out, StudiedLaws, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
-
-_MOST_SEEDS = 1000
 
 
 @command
@@ -30,7 +27,8 @@ class ToleranceCommand(Command):
     over the conditions MuJoCo confirms, at both ends, each law's least, those next to a limit and
     some at random; all of a law's once one differs.
 
-    Writes tolerance_NAME.json, .png and .svg to --out; after Ctrl-C what there is of them.
+    Writes tolerance_NAME.json, .png and .svg to --out, after Ctrl-C what there is of them, and each
+    finished law to the folder tolerance_NAME.
 
     Exit code: 0 if done, 1 if a law keeps everything under no condition, even without any
     imperfection, 2 if the command or the set-up is wrong.
@@ -41,7 +39,10 @@ class ToleranceCommand(Command):
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         control_period: Search the longest control period too, in an otherwise ideal loop.
-        seeds: Runs that must all keep it where noise, jitter or missed samples are random.
+        draws: Runs of a loop with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep it.
+        resume: Search only the laws that are missing in tolerance_NAME, the folder in --out to
+            which every finished law is written, of the same file and versions.
         out: Folder for tolerance_NAME.json and the figure.
     """
 
@@ -50,32 +51,26 @@ class ToleranceCommand(Command):
     laws: StudiedLaws = ()
     rivals: Flag = False
     control_period: Flag = False
-    seeds: WholeNumber = 4
+    draws: WholeNumber = 10
+    resume: Flag = False
     out: Out = Path("renders")
 
     def execute(self) -> int:
         """Search the tolerances, write, draw and print them."""
-        from grosmc_mj.executors import executor_for
-        from grosmc_mj.studies.tolerance import tolerance_study, tolerances_of_laws
+        from grosmc_mj.studies.studied import require_draws
+        from grosmc_mj.studies.tolerance import tolerance_study
 
-        if not 1 <= self.seeds <= _MOST_SEEDS:
-            raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
+        require_draws(self.draws)
         studied = tolerance_study(
             self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
         )
         # Laws finish in any order.
         by_law: dict[int, list[Tolerance]] = {}
-        answers = len(studied.imperfections) * len(studied.conditions)
-        with (
-            screen.partial_results_kept(
-                lambda: self._write(studied, _in_order(by_law), complete=False)
-            ),
-            screen.progress(len(studied.laws) * answers, "answers") as advance,
+        with screen.partial_results_kept(
+            lambda: self._write(studied, _in_order(by_law), complete=False),
+            "interrupted; the same command with --resume runs what is missing",
         ):
-            executor = executor_for(len(studied.laws))
-            for index, rows in tolerances_of_laws(studied, self.seeds, executor, screen.notice):
-                by_law[index] = rows
-                advance(studied.laws[index].name, answers)
+            self._search(studied, by_law)
 
         rows = _in_order(by_law)
         try:
@@ -86,26 +81,64 @@ class ToleranceCommand(Command):
         keeping = {row.law for row in rows if row.kept_ideally}
         return DONE if all(row.law in keeping for row in rows) else DIFFERS
 
+    def _search(self, studied: ToleranceStudy, by_law: dict[int, list[Tolerance]]) -> None:
+        """Search the tolerances of each law; with --resume read those that are finished.
+
+        Args:
+            studied: The study.
+            by_law: Filled law by law: an interrupt leaves the finished ones.
+        """
+        from grosmc_mj.executors import executor_for
+        from grosmc_mj.studies.tolerance import LawTolerances, cells_of, tolerances_of_laws
+
+        cells = cells_of(studied, self.draws, self._path(studied).with_suffix(""))
+        missing = []
+        for index, law in enumerate(studied.laws):
+            finished = cells.read(law.name) if self.resume else None
+            if finished is None:
+                missing.append(index)
+            else:
+                by_law[index] = finished.rows(studied)
+
+        if not missing:
+            return
+        answers = len(studied.imperfections) * len(studied.conditions)
+        with screen.progress(len(missing) * answers, "answers") as advance:
+            executor = executor_for(len(missing))
+            found = tolerances_of_laws(studied, missing, self.draws, executor, screen.notice)
+            for index, rows in found:
+                cells.write(LawTolerances.of(rows))
+                by_law[index] = rows
+                advance(studied.laws[index].name, answers)
+
+    def _path(self, studied: ToleranceStudy) -> Path:
+        """Return the path of the result."""
+        return self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
+
     def _write(
         self, studied: ToleranceStudy, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import tolerance as study
+        from grosmc_mj.studies import tolerance_answer as study
+        from grosmc_mj.studies.matrix import chart_path
 
         if not rows:
             return ()
-        path = self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-        write_json(path, study.tolerance_document(studied, rows, self.seeds, complete=complete))
-        title = f"{studied.target}: what of the loop each law stands"
-        charts = study.charts(studied, rows)
-        figure = write_cells(path.with_suffix(".png"), title, charts, study.NOTE)
-        return path, figure
+        path = self._path(studied)
+        write_json(path, study.tolerance_document(studied, rows, self.draws, complete=complete))
+        first = studied.conditions[0].name
+        figures = []
+        for condition, chart in study.charts(studied, rows).items():
+            figure = chart_path(path, condition, first)
+            title = f"{studied.target}: what of its bench each law stands"
+            figures.append(write_cells(figure, title, [chart], study.NOTE))
+        return path, *figures
 
     def _print_answer(self, rows: list[Tolerance]) -> None:
         """Print which law breaks first, and how much each law stands."""
-        from grosmc_mj.studies import tolerance as study
+        from grosmc_mj.studies import tolerance_answer as study
 
         console = screen.console()
         console.print(study.verdict(rows), style="bold", markup=False)
