@@ -7,14 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from grosmc_mj.assumptions.balance import balances_along
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import (
     equation_error,
     from_optimum,
     from_run,
 )
-from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
@@ -123,21 +121,3 @@ def _lagrange(
         acceleration = np.linalg.solve(mass, force)
         accelerations.append(float(acceleration[1]))
     return 1.0, accelerations
-
-
-def naive_gain(lab: RunCache, plant: PlantName) -> Measured:
-    """Measure a gain sized on u_c alone, over the required one, in case 1 along the run.
-
-    Raises:
-        NoValueError: If nothing pushes s away.
-    """
-    case = find_experiment(_SYSTEM, "case1")
-    result = lab.run(case, plant, "grosmc")
-    true = lab.equations(case, plant)
-    points = balances_along(result.controller, true, result.trajectory, 10, pushed=False)
-    naive = float(points.push.max())
-    required = float(points.required.max())
-    if required < 1e-9:
-        raise NoValueError("nothing pushes s away here")
-    note = f"{naive:.3g} rad/s² sized so, {required:.3g} rad/s² required"
-    return from_run(result, naive / required, note)

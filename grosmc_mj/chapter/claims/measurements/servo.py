@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import (
     from_run,
     sliding,
@@ -17,7 +17,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.lqr import lqr
-from grosmc_mj.control.reaching import mismatch
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
@@ -156,30 +155,3 @@ def undercut(lab: RunCache, plant: PlantName) -> Measured:
         f"the run's largest |s| is {s:.2g} {law.designed.sliding_unit}"
     )
     return from_run(result, 100 * (J / least - 1), note)
-
-
-def naive_gain(lab: RunCache, plant: PlantName) -> Measured:
-    """Measure the bound sized without the switching term, over the one that 3J requires.
-
-    Assumption 4 bounds the lumped uncertainty, which under J = 3 J_hat contains (r - 1) u with
-    the switching input in it. Left out of the bound, |u_d| = |(r - 1)/r u_c + ...| is required
-    while |(r - 1) u_c + ...| is configured.
-
-    Raises:
-        NoValueError: If nothing pushes s away.
-    """
-    case = find_experiment(_SYSTEM, "case2")
-    law = lab.controller(case, plant, "grosmc")
-    optimum = law.designed.lqr
-    A, B = lab.plant(case, plant).linearization()
-    error = law.coordinates
-    assert isinstance(error, ErrorCoordinates)
-    added, _ = mismatch(optimum, A, error.sign * B)
-
-    # The largest rate of x2 under u_c for |x| = 1, in the units of the input.
-    largest = float(np.linalg.norm(added[1]))
-    naive = largest / abs(float(optimum.B[1, 0]))
-    required = largest / abs(float(B[1, 0]))
-    if required < 1e-9:
-        raise NoValueError("nothing pushes s away here")
-    return Measured(naive / required, f"γ1 = {naive:.3g} sized so, {required:.4g} required")

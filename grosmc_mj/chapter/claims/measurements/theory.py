@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import balance, balances
+from grosmc_mj.assumptions.balance import balance, balances, balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import (
+    EVERY,
+    from_run,
     sliding,
     worst_deviation,
 )
@@ -26,7 +28,6 @@ from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import AnalyticPlant, find_system
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 
 # Plants of a declared family, and random states of each.
@@ -282,6 +283,29 @@ def _return(result: RunResult, eta: float, where: str) -> Measured | None:
     return Measured(duration / allowed, f"{note}; {where}")
 
 
+def naive_gain(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+    """Measure a gain sized on u_c alone over the required one, along the run of a case.
+
+    Assumptions 4 and 6 bound the lumped uncertainty, which contains (r - 1) u with the switching
+    input in it. Left out of the bound, |u_d| = |(r - 1)/r u_c + ...| is required while
+    |(r - 1) u_c + ...| is configured.
+
+    Raises:
+        NoValueError: If nothing pushes s away.
+    """
+    result = lab.case(system, case, plant, "grosmc")
+    true = lab.equations(result.case, plant)
+    points = balances_along(result.controller, true, result.trajectory, EVERY, pushed=False)
+    naive = float(points.push.max())
+    required = float(points.required.max())
+    if required < 1e-9:
+        raise NoValueError("nothing pushes s away here")
+
+    unit = result.controller.designed.sliding_unit
+    note = f"{naive:.3g} sized so, {required:.3g} required [{unit} per s]"
+    return from_run(result, naive / required, note)
+
+
 def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """Measure the worst deviation over random plants and matched disturbances of declared size."""
     family = _declared(lab, system)
@@ -345,20 +369,14 @@ def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
     The law is the optimal one for Q = diag(0, 1), R = 1. A state that no weight sees costs
     nothing, so the optimum leaves it alone.
     """
-    experiment = find_experiment("servo", "nominal")
-    law = lab.controller(experiment, plant, "lqr")
+    nominal = find_experiment("servo", "nominal")
+    law = lab.controller(nominal, plant, "lqr")
     linear = law.designed.lqr
     K, P = optimum_of_rate(linear)
-    run = simulate(
-        lab.plant(experiment, plant),
-        replace(law, parameters=replace(law.parameters, K=K)),
-        [0.0, 1.0],
-        duration=20.0,
-        control_period=lab.settings.control_period,
-        timestep=lab.settings.timestep,
-    )
+    blind = replace(law, parameters=replace(law.parameters, K=K))
+    turning = nominal.varied(x0=(0.0, 1.0), duration=20.0)
+    error = lab.run_with(turning, plant, blind).comparison.z[:, 0]
 
-    error = law.coordinates.along(run.time, run.state, law.parameters)[:, 0]
     least = np.linalg.eigvalsh(P).min()
     poles = np.sort(np.linalg.eigvals(linear.A - linear.B @ K).real)
     note = f"poles {poles.round(3).tolist()}, least eigenvalue of P {least:.3g}"
