@@ -122,15 +122,19 @@ rivals: $(INSTALLED)  ## Write the table of docs/rivals.md anew
 BENCHES := servo cart_pendulum arm
 
 tolerance: $(INSTALLED)  ## Find the largest imperfections of each bench, and write the tables of docs/tolerance.md anew
-	$(foreach bench,$(BENCHES),{ $(BIN)/grosmc-mj study tolerance $(bench) --rivals || test $$? = 1; } &&) true
+	$(foreach bench,$(BENCHES),{ $(BIN)/grosmc-mj study tolerance $(bench) --rivals --resume || test $$? = 1; } &&) true
 	$(BIN)/python -m grosmc_mj.cli.pages tolerances docs/tolerance.md $(BENCHES:%=renders/tolerance_%_bench.json)
+	cp renders/tolerance_cart_pendulum_bench.png docs/figures/tolerance_cart_pendulum.png
 
 MACHINES := servo cart_pendulum arm two_link_arm
 
 ladder: $(INSTALLED)  ## Find where each law fails on each machine, and write docs/ladder_tables.md anew
-	$(foreach machine,$(MACHINES),{ $(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded || test $$? = 1; } &&) true
-	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted" || test $$? = 1
+	$(foreach machine,$(MACHINES),{ $(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded --resume || test $$? = 1; } &&) true
+	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted" --resume || test $$? = 1
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder_tables.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
+	$(BIN)/python -m grosmc_mj.cli.pages failures docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json)
+	$(BIN)/python -m grosmc_mj.cli.pages "few failures" README.md $(MACHINES:%=renders/ladder_%_machine.json)
+	for machine in servo cart_pendulum; do cp renders/ladder_$${machine}_machine.png docs/figures/ladder_$$machine.png || exit; done
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew
 	$(BIN)/grosmc-mj claims --page docs/claims.md

@@ -18,6 +18,11 @@ INERTIA, CABLE, LENGTH, GRAVITY = 0.095, 0.06, 0.5, 9.8
 # The numbers that the log hides: payload [kg] (0.02 in the chapter), viscous friction [N m s/rad].
 PAYLOAD, DAMPING = 0.0634, 0.0217
 NOISE, SAMPLING, FINE, SECONDS = 1e-3, 2e-3, 1e-4, 4.0
+# Of the servo in closed loop: timestep [s], duration [s], frequency [rad/s] and damping ratio that
+# the law is designed for, time constant of its rate [s].
+FINEST, STEP_SECONDS, FREQUENCY, RATIO, RATE_FILTER = 5e-5, 3.2, 6.0, 0.7, 0.01
+# Viscous friction of the shipped servo [N m s/rad].
+NOMINAL_DAMPING = 0.0088
 
 
 def rate_of(q: float, rate: float, torque: float) -> float:
@@ -47,6 +52,41 @@ def arm() -> tuple[Array, Array, Array]:
     return time, torque, angles + NOISE * random.standard_normal(len(time))
 
 
+def servo_step() -> tuple[Array, Array, Array]:
+    """Time, current and measured angle, (samples,) each, of a step of 1 rad under a PD law.
+
+    The law is computed torque of the shipped servo; the servo is machine 0 of ``coverage``. The
+    law has the measured angle, and its rate by a filtered difference.
+    """
+    (scale, damping, delay), _ = coverage.machine(0)
+    inertia = scale * coverage.INERTIA
+    fades = np.exp(-damping * FINEST / inertia)
+    late = round(delay / FINEST)
+    random = np.random.default_rng(12)
+
+    time = np.arange(round(STEP_SECONDS / SAMPLING)) * SAMPLING
+    currents = np.zeros(len(time))
+    angles = np.zeros(len(time))
+    queue = [0.0] * late
+    angle = rate = seen_rate = 0.0
+    for i in range(len(time)):
+        angles[i] = angle + NOISE * random.standard_normal()
+        if i > 0:
+            difference = (angles[i] - angles[i - 1]) / SAMPLING
+            seen_rate += SAMPLING / RATE_FILTER * (difference - seen_rate)
+        wanted = FREQUENCY**2 * (1.0 - angles[i]) - 2 * RATIO * FREQUENCY * seen_rate
+        torque = coverage.INERTIA * wanted + NOMINAL_DAMPING * seen_rate
+        currents[i] = torque / coverage.TORQUE
+
+        # Exact while the current is held.
+        for _ in range(round(SAMPLING / FINEST)):
+            queue.append(currents[i])
+            final_rate = coverage.TORQUE * queue.pop(0) / damping
+            angle += final_rate * FINEST + (rate - final_rate) * inertia / damping * (1 - fades)
+            rate = final_rate + (rate - final_rate) * fades
+    return time, currents, angles
+
+
 def write(path: Path, header: str, *columns: Array) -> None:
     """A log as CSV."""
     rows = np.column_stack(columns)
@@ -59,4 +99,5 @@ if __name__ == "__main__":
     few = slice(0, round(SECONDS / coverage.SAMPLING))
     servo = (log.time[few], log.inputs[few, 0], log.states["rotor angle"][few])
     write(folder / "servo.csv", "time [s],current [A],rotor angle [rad]", *servo)
+    write(folder / "servo_step.csv", "time [s],current [A],rotor angle [rad]", *servo_step())
     write(folder / "arm.csv", "time [s],torque [N m],joint angle [rad]", *arm())

@@ -15,7 +15,7 @@ from typing import Any
 from grosmc_mj.chapter.validation import results_markdown
 from grosmc_mj.errors import GrosmcError, SetupError
 from grosmc_mj.results.markdown import replace_marked
-from grosmc_mj.studies.ladder_answer import ladders_text
+from grosmc_mj.studies.ladder_pages import failures_text, few_failures_text, ladders_text
 from grosmc_mj.studies.rivals import SYSTEMS, rivals, rivals_table
 from grosmc_mj.studies.tolerance_answer import tolerances_text
 
@@ -36,6 +36,8 @@ TEXTS: Mapping[str, Callable[[Sequence[Any]], str]] = {
     "rivals": _rivals,
     "tolerances": tolerances_text,
     "ladders": ladders_text,
+    "failures": failures_text,
+    "few failures": few_failures_text,
 }
 
 

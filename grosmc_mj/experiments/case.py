@@ -230,6 +230,7 @@ class Case:
         required = requirements_in(table, laws, self.plant_names, self.duration)
         for requirement in required:
             requirement.refuse_start(laws[0], self.x0)
+            requirement.refuse_duration(self.duration)
         return required
 
     def checked(self) -> Self:

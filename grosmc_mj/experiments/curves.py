@@ -85,17 +85,25 @@ class Panel(NamedTuple):
 
 
 def panels_of(results: Sequence[RunResult]) -> list[Panel]:
-    """Return the panels of runs; signals of the laws themselves are those on the last plant."""
-    on_last_plant = [run for run in results if run.plant == results[-1].plant]
+    """Return the panels of runs; signals of the laws themselves are those on the last plant.
+
+    Logs of the machine are shown where they have the quantity: outputs, states and inputs.
+    """
+    simulated = [run for run in results if run.simulated]
+    measured = [run for run in results if not run.simulated]
+    if not simulated:
+        return [*_output_panels(measured), *_state_panels(measured), _input_panel(measured)]
+
+    on_last_plant = [run for run in simulated if run.plant == simulated[-1].plant]
     chattering_first = _chattering_first(on_last_plant)
-    panels = _output_panels(results)
-    panels.append(_deviation_panel(results, single=len(panels) == 1))
-    panels += _state_panels(results)
-    if results[0].trajectory.seen is not None:
+    panels = _output_panels([*simulated, *measured])
+    panels.append(_deviation_panel(simulated, single=len(panels) == 1))
+    panels += _state_panels([*simulated, *measured])
+    if simulated[0].trajectory.seen is not None:
         panels.append(_measurement_error_panel(chattering_first))
         panels += _rate_panels(on_last_plant[-1])
-    panels += _sliding_panels(results, chattering_first)
-    panels.append(_input_panel(chattering_first))
+    panels += _sliding_panels(simulated, chattering_first)
+    panels.append(_input_panel([*chattering_first, *measured]))
     return panels + _hidden_panels(chattering_first)[:_MOST_HIDDEN]
 
 
@@ -490,8 +498,10 @@ def _style(curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool) -
         return {"label": "true", **_TRUE}
     if curve.name == "seen":
         return {"label": f"seen by {label_of(law)}", **_SEEN}
-    line = LINES[plant] if several_plants else _ALONE
-    label = f"{styles[law].label}, {PLANTS[plant]}"
+    # The name of a log may stand behind that of its plant.
+    kind, _, log = plant.partition(" ")
+    line = LINES[kind] if several_plants else _ALONE
+    label = f"{styles[law].label}, {PLANTS[kind]} {log}".rstrip()
     return {"color": styles[law].colour, "label": label, **line}
 
 

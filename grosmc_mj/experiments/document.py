@@ -8,6 +8,7 @@ from typing import Any
 
 from grosmc_mj.experiments.case_document import case_document, seed_of
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.measured import MeasuredResult
 from grosmc_mj.experiments.tables import (
     LEGEND,
     gains_table,
@@ -51,23 +52,30 @@ def experiment_document(
         premises: Premises of its laws, as plain values; left out if there are none.
     """
     target = experiment.target
+    configuration = {
+        **asdict(experiment.settings),
+        "cases": [case_document(experiment)],
+        "file": experiment.document(),
+    }
+    measured = [run for run in results if isinstance(run, MeasuredResult)]
+    if measured:
+        configuration["logs"] = [_log_document(run) for run in measured]
+
     tables = []
     if judgements:
         tables.append(requirements_table(judgements))
     if results:
         tables.append(results_table(results).model_copy(update={"legend": LEGEND}))
-        tables.append(gains_table(results))
+    simulated = [run for run in results if run.simulated]
+    if simulated:
+        tables.append(gains_table(simulated))
     further: dict[str, Any] = {}
     if premises:
         further["premises"] = list(premises)
 
     return result(
         "run",
-        {
-            **asdict(experiment.settings),
-            "cases": [case_document(experiment)],
-            "file": experiment.document(),
-        },
+        configuration,
         seed=seed_of(experiment),
         complete=complete,
         answers=[_answer(target, results, judgements, notes, complete=complete)],
@@ -79,6 +87,17 @@ def experiment_document(
         **further,
         runs=[run_document(run) for run in results],
     )
+
+
+def _log_document(run: MeasuredResult) -> dict[str, Any]:
+    """Return which part of a log is judged, as plain values."""
+    return {
+        "plant": run.plant,
+        "file": run.log.name,
+        "begin": {"value": run.begin, "unit": "s"},
+        "signals": sorted(run.known),
+        "not_judged": run.not_judged,
+    }
 
 
 def _answer(

@@ -188,14 +188,22 @@ class Experiment(Case):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunResult(Run):
-    """A run of an experiment, with its requirements and its film."""
+    """A run of an experiment, with its requirements and its film.
+
+    Attributes:
+        case: The experiment.
+        judged: Judgements over several draws of its loop; of this run alone by default.
+    """
 
     case: Experiment
+    judged: tuple[Judgement, ...] | None = None
 
     # A page, a figure and a document ask for them.
     @cached_property
     def requirements(self) -> list[Judgement]:
-        """Judgements of this run by the experiment's requirements."""
+        """Judgements of this run, or of its draws, by the experiment's requirements."""
+        if self.judged is not None:
+            return list(self.judged)
         return judge_runs(self.case.limits, [self])
 
     def film(self, path: str | Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -73,6 +74,11 @@ class NominalPlant:
     def truest(self) -> PlantName:
         """Physics or, where there is none, the equations."""
         return self.names[-1]
+
+    @property
+    def gears(self) -> Mapping[str, float]:
+        """Of each motor of a user's own model, the torque for a command of 1."""
+        return {} if self.robot is None else dict(self.robot.gears)
 
     @property
     def rest(self) -> tuple[float, ...] | None:

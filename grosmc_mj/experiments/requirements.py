@@ -71,10 +71,15 @@ def requirement_of(
     kind.refuse_undefined(error, of, signal)
 
     options: dict[str, Any] = {}
+    output_unit = _unit_of("output", laws, named, signal)
     if "band" in kind.options and table.band is not None:
-        output_unit = _unit_of("output", laws, named, "")
         options["band"] = _positive("band", table.band, output_unit)
         options["band_written"] = str(table.band)
+    elif kind.needs_band:
+        raise ArgumentError(f'give the half width of its band, such as band = "0.1 {output_unit}"')
+    if "periodic" in kind.options and table.periodic:
+        _refuse_turn(output_unit, signal, error)
+        options["periodic"] = True
     unit = _unit_of(kind.quantity, laws, named, signal)
     if issubclass(kind, Always):
         sliding_unit = _unit_of("sliding", laws, named, "")
@@ -100,6 +105,14 @@ def _refuse_signal(kind: type[Requirement], signal: str, error: Any) -> None:
         keys = [other.key for other in KINDS if "state" in other.options]
         raise ArgumentError(f"it is not asked of a state: {', '.join(keys)} are")
     require_known("state", signal, signal_units(error))
+
+
+def _refuse_turn(unit: str, signal: str, error: Any) -> None:
+    """Refuse a turn of what is no angle, and of several angles together."""
+    if unit != "rad":
+        raise ArgumentError(f"periodic is for angles, not for {unit or 1}")
+    if len(error.output_rows) > 1 and not signal:
+        raise ArgumentError("periodic is for one angle: name one of the outputs as state")
 
 
 def _unit_of(quantity: str, laws: Sequence[Controller], named: Sequence[str], signal: str) -> str:

@@ -45,6 +45,11 @@ class Run:
     true: Plant | None = None
 
     @property
+    def simulated(self) -> bool:
+        """Whether it is a simulation, not a log of the machine."""
+        return True
+
+    @property
     def switched(self) -> bool:
         """Whether a switching law made it, whose chatter amplifies rounding."""
         return self.controller.design is not None and bool(self.controller.design.switching)

@@ -40,6 +40,8 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     content["title"] = f"{experiment.title}, as identified from {log}"
     declared = content.get("plant", {"system": experiment.system})
     content["plant"] = _plant_table(fit, declared, path)
+    for table in content.get("measured", []):
+        table["log"] = os.path.relpath(experiment.path.parent / table["log"], path.parent)
 
     settings = experiment.settings
     for quantity, value, _ in fit.estimates:

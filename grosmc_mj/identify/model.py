@@ -129,8 +129,7 @@ def _top_speed(log: Log, position: str, rate: str) -> float:
 
 def gears_of(experiment: Experiment) -> Mapping[str, float]:
     """Of each motor of a user's own model, the torque for a command of 1."""
-    robot = experiment.nominal.robot
-    return {} if robot is None else dict(robot.gears)
+    return experiment.nominal.gears
 
 
 def models_of(experiment: Experiment) -> Mapping[str, LogModel]:

@@ -43,6 +43,8 @@ def read_log(
     system: System,
     table: LogTable | None,
     gears: Mapping[str, float] | None = None,
+    *,
+    to_learn: bool = True,
 ) -> Log:
     """Read a log, with its columns matched to the inputs and states of a system.
 
@@ -54,13 +56,17 @@ def read_log(
         system: The inputs and states.
         table: ``[log]`` of the case file; None if it has none.
         gears: Of each input whose actuator has one, the input for a command of 1.
+        to_learn: Whether its inputs must move enough to learn from them.
 
     Raises:
         ArgumentError: If it cannot be read, or nothing can be learned from it.
     """
     try:
         columns = columns_of(path)
-        return _log_of(path.name, columns, system, table or LogTable(), gears or {})
+        log, used = _log_of(path.name, columns, system, table or LogTable(), gears or {})
+        if to_learn:
+            require_excited(system.inputs, log.inputs[used])
+        return log
     except ArgumentError as error:
         raise ArgumentError(f"{path}: {error}") from None
 
@@ -71,8 +77,8 @@ def _log_of(
     system: System,
     table: LogTable,
     gears: Mapping[str, float],
-) -> Log:
-    """The log that columns of numbers are."""
+) -> tuple[Log, NDArray[np.bool_]]:
+    """The log that columns of numbers are, and which of its samples are used."""
     signals = [signal.name for signal in (*system.inputs, *system.states)]
     for named in table.columns:
         require_known("signal", named, signals, "[log.columns]: ")
@@ -102,9 +108,8 @@ def _log_of(
 
     pieces = pieces_of(time, used)
     u = np.column_stack(held)
-    require_excited(system.inputs, u[used])
     notes = turn_notes(time - time[0], outputs, system.states)
-    return Log(name, time - time[0], u, outputs, pieces, notes)
+    return Log(name, time - time[0], u, outputs, pieces, notes), used
 
 
 def _inputs(

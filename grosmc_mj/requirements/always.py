@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.requirements.signals import SLIDING, named_units, signals_of
 from grosmc_mj.requirements.temporal_text import Specification, read_formula, signals_in
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -71,6 +71,10 @@ class Always(Requirement):
                 f"it asks for {horizon:g} s after an instant; the run has {wait:g} s"
             )
         return specification
+
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Name the signals of the formula that a log does not have."""
+        return missing_signals(sorted(self.watched), known)
 
     @property
     def metric(self) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement
 
@@ -18,6 +20,10 @@ class CostRatioBelow(Requirement):
 
     key = "cost_ratio_below"
     quantity = "1"
+
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Say that the index weighs an input of the law."""
+        return "a log does not have the input that the index weighs"
 
     @property
     def metric(self) -> str:

@@ -49,6 +49,11 @@ def _values_of_error(time: Array, error: Array, width: float | None) -> Any:
     constants = Constants(
         after=np.zeros(1),
         signals=np.array([ERROR]),
+        turns=np.zeros(1),
+        event_errors=np.array([ERROR]),
+        event_turns=np.zeros(1),
+        event_bands=np.array([math.inf]),
+        event_values=np.array([ERROR]),
         outputs=np.zeros(1),
         onset=math.inf,
         late=math.inf,

@@ -14,7 +14,7 @@ class FinalErrorBelow(Requirement):
 
     key = "final_error_below"
     quantity = "output"
-    options = ("state",)
+    options = ("state", "periodic")
     figure = "output"
 
     @classmethod
@@ -25,4 +25,4 @@ class FinalErrorBelow(Requirement):
     @property
     def metric(self) -> str:
         """Name of the largest magnitude."""
-        return largest_of(self.signal, self.after)
+        return largest_of(self.signal, self.after, periodic=self.periodic)

@@ -16,6 +16,11 @@ class MeasuredRun(Protocol):
     """A run that can be judged."""
 
     @property
+    def simulated(self) -> bool:
+        """Whether it is a simulation, not a log of the machine."""
+        ...
+
+    @property
     def plant(self) -> str:
         """Name of the plant."""
         ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, name_list
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
-from grosmc_mj.requirements.metrics import Metric
+from grosmc_mj.requirements.metrics import MeasuredSignal, Metric
 from grosmc_mj.requirements.run_metrics import metrics_of_record
 from grosmc_mj.simulation.trajectory import Trajectory
 
@@ -31,7 +31,9 @@ class Requirement:
         key: Key of the kind in a file.
         quantity: The quantity whose unit the number has: ``output``, ``input``, ``sliding``, or
             the unit itself; empty for a kind that is asked for with ``true``.
-        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``.
+        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``,
+            ``periodic``.
+        needs_band: Whether it has no default for ``band``.
         figure: The quantity in whose figure it is shown; empty for none.
         is_level: Whether it is a line in that figure.
         of_actuators: Whether it is about the range of the actuators, not about the task.
@@ -44,6 +46,7 @@ class Requirement:
         name: Unique name among the requirements of a campaign.
         signal: Name of the state or output that it is about; empty for all outputs.
         after: Instant from which on it holds [s].
+        periodic: Whether an angle counts modulo a turn.
     """
 
     key: ClassVar[str] = ""
@@ -53,6 +56,7 @@ class Requirement:
     is_level: ClassVar[bool] = True
     of_actuators: ClassVar[bool] = False
     recorded: ClassVar[bool] = False
+    needs_band: ClassVar[bool] = False
 
     number: float
     unit: str = ""
@@ -62,6 +66,7 @@ class Requirement:
     name: str = ""
     signal: str = ""
     after: float = 0.0
+    periodic: bool = False
 
     # -- where it is defined -----------------------------------------------------------------------
 
@@ -108,6 +113,16 @@ class Requirement:
             ArgumentError: If it is a share of the error at the start, which is zero to rounding.
         """
 
+    def refuse_duration(self, duration: float) -> None:
+        """Refuse runs that are too short to decide it.
+
+        Args:
+            duration: Duration of a run [s].
+
+        Raises:
+            ArgumentError: If one that fails in it might be kept in a longer one.
+        """
+
     def why_undecidable(self, transient: float) -> str:
         """Return why no run can decide it, or nothing.
 
@@ -125,6 +140,21 @@ class Requirement:
         """
         return ""
 
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Return why a log of the machine cannot decide it, or nothing.
+
+        Args:
+            law: The controller under which the log was made.
+            known: Names of the signals that the log has, see ``signals``.
+        """
+        if self.quantity == "input":
+            return ""
+        error = law.designed.error
+        needed = [error.names[row] for row in error.output_rows]
+        if self.signal:
+            needed = [self.signal]
+        return missing_signals(needed, known)
+
     # -- what is measured --------------------------------------------------------------------------
 
     @property
@@ -140,7 +170,8 @@ class Requirement:
     @property
     def windows(self) -> Windows:
         """Windows, bands and signals that the metric needs."""
-        signals = (self.signal,) if self.signal else ()
+        signal = MeasuredSignal(self.signal, self.periodic)
+        signals = (signal,) if signal != MeasuredSignal() else ()
         after = (self.after,) if self.after else ()
         return Windows(after=after, signals=signals)
 
@@ -153,6 +184,8 @@ class Requirement:
     def words(self) -> str:
         """The requirement in words."""
         words = f"{self.title} {self.written}"
+        if self.periodic:
+            words += " modulo a turn"
         if self.after and "after" in self.options:
             words += f" from {self.after:g} s on"
         return words
@@ -210,6 +243,14 @@ class Requirement:
         return share
 
 
+def missing_signals(needed: Iterable[str], known: Set[str]) -> str:
+    """Return a line on the signals that a log does not have, or nothing."""
+    missing = [name for name in needed if name not in known]
+    if not missing:
+        return ""
+    return f"the log does not have {name_list(missing)}"
+
+
 class SurfaceRequirement(Requirement):
     """A requirement on the sliding variable, which is asked of laws with a surface only."""
 
@@ -223,6 +264,10 @@ class SurfaceRequirement(Requirement):
         """Refuse laws without a surface."""
         if not laws:
             raise ArgumentError("no law that it is asked of has a surface")
+
+    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
+        """Say that s is a number of the law."""
+        return "a log does not have the sliding variable"
 
 
 # -- the error at the start ------------------------------------------------------------------------

@@ -14,9 +14,9 @@ class RmsBelow(Requirement):
 
     key = "rms_below"
     quantity = "output"
-    options = ("state", "after")
+    options = ("state", "after", "periodic")
 
     @property
     def metric(self) -> str:
         """Name of the root mean square."""
-        return rms_of(self.signal, self.after)
+        return rms_of(self.signal, self.after, periodic=self.periodic)

@@ -18,9 +18,12 @@ from grosmc_mj.requirements.metrics import (
     DWELL,
     Metric,
     largest_of,
+    last_peak_of,
+    reached_of,
     rms_of,
     settled_in,
     settling,
+    swings_of,
 )
 from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -46,6 +49,7 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     }
     metrics |= _transient_metrics(measurements, values)
     metrics |= _costs(first.controller, values)
+    metrics |= _event_metrics(measurements, values)
     return metrics | _signal_metrics(first, values)
 
 
@@ -109,6 +113,23 @@ def _costs(controller: Controller, values: Any) -> dict[str, Array]:
     }
 
 
+def _event_metrics(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
+    """Return instant, swings and last peak of each event; infinite where it does not come.
+
+    It has come if the error stays in the band for the last tenth of the run at least: one that
+    swings through it is always inside for a moment before some end.
+    """
+    latest = (1 - DWELL) * np.array([item.duration for item in measurements])
+    metrics = {}
+    for i, event in enumerate(measurements[0].windows.events):
+        reached = values["reached"][:, i]
+        never = reached > latest
+        metrics[reached_of(event)] = np.where(never, np.inf, reached)
+        metrics[swings_of(event)] = np.where(never, np.inf, values["swings"][:, i])
+        metrics[last_peak_of(event)] = np.where(never, np.inf, values["last_peak"][:, i])
+    return metrics
+
+
 def _signal_metrics(measurement: Measurement, values: Any) -> dict[str, Array]:
     """Return largest and RMS values of each signal from each instant on."""
     metrics = {}
@@ -116,8 +137,10 @@ def _signal_metrics(measurement: Measurement, values: Any) -> dict[str, Array]:
     mean_squares = values["squares"] / np.maximum(values["count"], 1.0)[:, :, None]
     for i, after in enumerate(measurement.after):
         for j, signal in enumerate(measurement.signals):
-            metrics[largest_of(signal, after)] = values["largest"][:, i, j]
-            metrics[rms_of(signal, after)] = np.sqrt(mean_squares[:, i, j])
+            largest = largest_of(signal.name, after, periodic=signal.periodic)
+            rms = rms_of(signal.name, after, periodic=signal.periodic)
+            metrics[largest] = values["largest"][:, i, j]
+            metrics[rms] = np.sqrt(mean_squares[:, i, j])
     metrics["rms_error"] = metrics[rms_of("")]
     return metrics
 

@@ -93,8 +93,8 @@ class SettlesWithin(Requirement):
         return settling_time(comparison.time, comparison.optimal_error, self.band)
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
-        """Say of a run that is late how long its nominal optimum itself takes."""
-        if kept or not _has_nominal_error(run.controller):
+        """Say of a simulation that is late how long its nominal optimum itself takes."""
+        if kept or not run.simulated or not _has_nominal_error(run.controller):
             return ""
         settled = self.of_optimum(run)
         words = settled.note

@@ -14,10 +14,10 @@ class StaysWithin(Requirement):
 
     key = "stays_within"
     quantity = "output"
-    options = ("state", "after")
+    options = ("state", "after", "periodic")
     figure = "output"
 
     @property
     def metric(self) -> str:
         """Name of the largest magnitude."""
-        return largest_of(self.signal, self.after)
+        return largest_of(self.signal, self.after, periodic=self.periodic)

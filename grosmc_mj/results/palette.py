@@ -56,12 +56,14 @@ LINES: Mapping[str, Mapping[str, Any]] = {
     "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
     "corrected": {"lw": 1.1, "ls": "--"},
     "printed": {"lw": 1.1, "ls": ":"},
+    "measured": {"lw": 1.3, "ls": "-"},
 }
 # Names of plants for people.
 PLANTS: Mapping[str, str] = {
     "physics": "MuJoCo",
     "corrected": "corrected equations",
     "printed": "printed equations",
+    "measured": "measured",
 }
 
 # Colours of requirements: kept, not kept, or not decided.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -17,7 +18,8 @@ from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
-from grosmc_mj.requirements.judging import judge_run, margins_of
+from grosmc_mj.experiments.measured import MEASURED, measured_results
+from grosmc_mj.requirements.judging import judge_run, margins_of, of_laws
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.tables import number
 from grosmc_mj.studies.cells import Cells, study_key
@@ -328,54 +330,54 @@ def run_rung(
     claims = _claims_about(studied.machine, law, condition, rung)
     try:
         run = run_of(studied, law, rung, condition)
-        further = _further_draws(
-            studied, law, rung, condition, [*limits, *sum(claims.values(), ())]
-        )
+        measured_limits = [*limits, *chain.from_iterable(claims.values())]
+        further = _further_draws(studied, law, rung, condition, measured_limits)
     except SetupError:
         raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
 
-    draws = [_judged_run(run, limits)]
-    shares_of_claims = {name: _largest_share(run, of_claim) for name, of_claim in claims.items()}
-    if further is not None:
-        draws += _judged_outcomes(further, limits)
-        for name, of_claim in claims.items():
-            worst_share = max(draw.share for draw in _judged_outcomes(further, of_claim))
-            shares_of_claims[name] = max(shares_of_claims[name], worst_share)
-
+    draws = [_judged_run(run, limits), *_judged_outcomes(further, limits)]
     worst = max(draws, key=lambda draw: draw.share)
-    kept_draws = sum(draw.kept for draw in draws)
     measured = {
         "draws": len(draws),
-        "kept_draws": kept_draws,
+        "kept_draws": sum(draw.kept for draw in draws),
         "share_of_the_tightest_limit": worst.share,
         "tightest": worst.tightest,
         "shares": worst.shares,
-        "claims": shares_of_claims,
+        "claims": {
+            name: _largest_share(run, further, of_claim) for name, of_claim in claims.items()
+        },
     }
+    if not run.ended:
+        measured |= _shown(run, limits, worst)
     if together:
         worst_first = sorted(range(len(draws)), key=lambda i: draws[i].share, reverse=True)
         changed = studied.varied_rungs_of(rung, condition)
         measured["hangs_on"] = _turned_by(
             law, condition, limits, changed, worst_first, kept=worst.kept
         )
-    if not run.ended:
-        measured |= _shown(run, limits, worst)
     return row.model_copy(update=measured)
 
 
-def _judged_run(run: RunResult, limits: Sequence[Requirement]) -> _Draw:
-    """Judge the recorded run, the first draw."""
-    shares = {limit.name: judge_run(limit, run).share for limit in limits}
-    if run.ended:
+def _judged(shares: dict[str, float], *, completed: bool = True) -> _Draw:
+    """Judge a run by the shares that it uses of its limits."""
+    if not completed:
         return _Draw(math.inf, ENDED, shares)
     tightest = max(shares, key=lambda name: shares[name], default="")
     return _Draw(shares.get(tightest, 0.0), tightest, shares)
 
 
-def _judged_outcomes(outcomes: Outcomes, limits: Sequence[Requirement]) -> list[_Draw]:
-    """Judge further draws."""
+def _judged_run(run: RunResult, limits: Sequence[Requirement]) -> _Draw:
+    """Judge the recorded run, the first draw."""
+    shares = {limit.name: judge_run(limit, run).share for limit in limits}
+    return _judged(shares, completed=not run.ended)
+
+
+def _judged_outcomes(outcomes: Outcomes | None, limits: Sequence[Requirement]) -> list[_Draw]:
+    """Judge further draws, if there are any."""
+    if outcomes is None:
+        return []
     margins = margins_of(limits, outcomes.columns, outcomes.completed)
     draws = []
     for index, completed in enumerate(outcomes.completed):
@@ -383,12 +385,17 @@ def _judged_outcomes(outcomes: Outcomes, limits: Sequence[Requirement]) -> list[
         for limit in limits:
             share = 1 - float(margins[limit.name][index]) / limit.number
             shares[limit.name] = math.inf if math.isnan(share) else share
-        if not completed:
-            draws.append(_Draw(math.inf, ENDED, shares))
-            continue
-        tightest = max(shares, key=lambda name: shares[name], default="")
-        draws.append(_Draw(shares.get(tightest, 0.0), tightest, shares))
+        draws.append(_judged(shares, completed=bool(completed)))
     return draws
+
+
+def _largest_share(
+    run: RunResult, further: Outcomes | None, limits: Sequence[Requirement]
+) -> float:
+    """Return the largest share of a claim's limits over all draws; infinite if one ended early."""
+    shares = [judge_run(limit, run).share for limit in limits]
+    shares += [draw.share for draw in _judged_outcomes(further, limits)]
+    return max(shares)
 
 
 def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[str, float | None]:
@@ -410,6 +417,40 @@ def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[
         "deviation": deviation,
         "optimum_settles": optimum_settles,
     }
+
+
+def measured_rows(studied: Ladder) -> list[RungResult]:
+    """Judge the logs of the real machine that the case names: a row for each law of a log.
+
+    Raises:
+        ArgumentError: If a log cannot be read or is too short.
+    """
+    laws = {law.name for law in studied.laws}
+    draws_of: dict[str, list[_Draw]] = {}
+    for result in measured_results(studied.machine):
+        if result.controller.name in laws:
+            judged = result.requirements
+            limits = of_laws([item.requirement for item in judged], laws)
+            shares = {limit.name: item.share for limit, item in zip(limits, judged, strict=True)}
+            draws_of.setdefault(result.controller.name, []).append(_judged(shares))
+
+    rows = []
+    for law, logs in draws_of.items():
+        worst = max(logs, key=lambda log: log.share)
+        rows.append(
+            RungResult(
+                law=law,
+                rung=MEASURED,
+                together=True,
+                condition=studied.conditions[0].name,
+                draws=len(logs),
+                kept_draws=sum(log.kept for log in logs),
+                share_of_the_tightest_limit=worst.share,
+                tightest=worst.tightest,
+                shares=worst.shares,
+            )
+        )
+    return rows
 
 
 # Runs of a rung: the recorded one, further draws, other assumed numbers
@@ -565,11 +606,6 @@ def _claims_about(
         if of_claim:
             limits[claim.id] = (*limits.get(claim.id, ()), *of_claim)
     return limits
-
-
-def _largest_share(run: RunResult, limits: Sequence[Requirement]) -> float:
-    """The largest share of a claim's limits that the recorded run uses; infinite if it ended."""
-    return max(judge_run(limit, run).share for limit in limits)
 
 
 def _is_about(machine: Experiment, claim: ClaimTable, law: StudiedLaw) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.films import film_of
+from grosmc_mj.experiments.measured import MEASURED
 from grosmc_mj.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.results.result import (
@@ -45,6 +46,8 @@ LEGEND = (
     "never: it does not settle; 7 of 10: kept in so many draws; ?: an assumed number decides; "
     "-: there is no such law."
 )
+# Rungs that decide nothing of the model's: the book's misprints, and the real machine.
+_BESIDE = ("printed", MEASURED)
 CLAIMS = "Rung on which each claim fails"
 _TITLES = {
     True: "Rungs added one by one",
@@ -53,9 +56,9 @@ _TITLES = {
 
 
 def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
-    """Return a law's rows rung by rung, from equations that are true."""
+    """Return a law's rows rung by rung, from equations that are true to the complete machine."""
     of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
-    return [row for row in of_law if row.together and row.rung != "printed"]
+    return [row for row in of_law if row.together and row.rung not in _BESIDE]
 
 
 def ways(rows: Sequence[RungResult], condition: str) -> dict[str, list[RungResult]]:
@@ -100,7 +103,22 @@ def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"
-    return f"{answer}."
+    return f"{answer}.{_agreement(rows, top)}"
+
+
+def _agreement(rows: Iterable[RungResult], top: str) -> str:
+    """Return how often the model's verdict on the complete machine is that of the measured one."""
+    modelled = {}
+    measured = {}
+    for row in rows:
+        if row.together and row.rung == top:
+            modelled.setdefault(row.law, row.kept)
+        if row.rung == MEASURED:
+            measured[row.law] = row.kept
+    if not measured:
+        return ""
+    agree = sum(modelled.get(law) == kept for law, kept in measured.items())
+    return f" The measured machine agrees with the model on {agree} of {len(measured)} laws."
 
 
 def answer_table(studied: Ladder, rows: Sequence[RungResult], condition: Condition) -> Table:
@@ -190,7 +208,10 @@ def share_table(
 def _headings(studied: Ladder, *, together: bool) -> dict[str, str]:
     """Headings of the rungs, by their names."""
     rungs = studied.climbing if together else studied.alone
-    return {rung.name: rung.title for rung in rungs}
+    headings = {rung.name: rung.title for rung in rungs}
+    if together and studied.machine.file.measured:
+        headings[MEASURED] = MEASURED
+    return headings
 
 
 def load_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
@@ -424,26 +445,6 @@ def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:
         "under": claim.under,
         "of": list(claim.of or studied.machine.controllers),
     }
-
-
-def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
-    parts: list[str] = []
-    for document in documents:
-        tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
-        parts.append(f"**{document['target']}**: {document['title']}")
-        parts += [_titled(part) for part in tables if not part.legend]
-        if document["assumed"]:
-            # A star would begin a list.
-            parts.append(f"\\{document['assumed']}")
-        for part in tables:
-            if part.title == CLAIMS:
-                parts += [_titled(part), part.legend]
-    return "\n\n".join(parts)
-
-
-def _titled(part: Table) -> str:
-    return "\n".join([f"{part.title}:", "", *part.markdown()])
 
 
 def ladder_film(

@@ -37,18 +37,6 @@ _SWITCHED = (
 )
 # Switching laws that are studied with prediction, too.
 _PREDICTED = ("implicit", "implicit-estimate", "super-twisting")
-# Most draws of a run.
-_MOST_DRAWS = 1000
-
-
-def require_draws(draws: int) -> None:
-    """Refuse a number of draws that no study can make.
-
-    Raises:
-        ArgumentError: If it is below 1 or too large.
-    """
-    if not 1 <= draws <= _MOST_DRAWS:
-        raise ArgumentError(f"--draws {draws} must be from 1 to {_MOST_DRAWS}")
 
 
 @dataclass(frozen=True, eq=False)

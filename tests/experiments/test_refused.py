@@ -177,7 +177,10 @@ MACHINES = [
 ]
 # Wrong limits at the end of the last requirement.
 REQUIREMENTS = [
-    ('band = "1 rad"\ninput_below = "1 A"', "band is for settles_within, which is not there"),
+    (
+        'band = "1 rad"\ninput_below = "1 A"',
+        "band is for settles_within or reaches_within or",
+    ),
     ('settles_within = "1 s"\nband = "0 rad"', "'0 rad' must be positive"),
     ('rms_below = "1 mrad"\nafter = "7 s"', "after = 7 s must be before the end of a run at 6 s"),
     ('stays_within = "1 rad"\nafter = "-1 s"', "not be negative"),
@@ -191,11 +194,11 @@ REQUIREMENTS = [
     ),
     (
         'stays_within = "1 rad"\ninput_below = "1 A"\nstate = "rotor angle"',
-        "input_below: it is not asked of a state: stays_within, final_error_below, rms_below are",
+        "input_below: it is not asked of a state: stays_within, final_error_below, rms_below, ",
     ),
     (
         'input_below = "1 A"\nstate = "rotor angle"',
-        "state is for stays_within or final_error_below or rms_below, which is not there",
+        "state is for stays_within or final_error_below or rms_below or reaches",
     ),
     (
         'cart_travel_below = "10 m"',

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,12 @@ import pytest
 from commands import Screen, run
 
 from grosmc_mj import cli
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.schema import MeasuredTable
+from grosmc_mj.experiments.measured import MeasuredResult, results_of_logs
+from grosmc_mj.requirements.event_metrics import event_metrics
+from grosmc_mj.requirements.metrics import Event
+from grosmc_mj.requirements.optimum import compare_with_optimum
 
 BESIDE = Path(__file__).parents[3] / "shared" / "data"
 DATA = Path(os.environ.get("GROSMC_DATA", BESIDE))
@@ -102,3 +109,44 @@ def test_a_load_across_the_shaft_is_noted_in_a_file_of_its_own(
     assert "no disturbance of the case moves anything along this log" in capsys.readouterr().out
     names = sorted(path.name for path in tmp_path.glob("*.json"))
     assert names == ["compare_load_servo.json", "compare_plain_servo.json"]
+
+
+@pytest.fixture(scope="module")
+def swing_up() -> MeasuredResult:
+    """The pendulum of DFKI, swung up by energy shaping and held by LQR, as a run of its case."""
+    case = Experiment.load(DATA / "pendulum/loop.toml")
+    table = MeasuredTable(log="energy_shaping_cmd.csv")
+    (result,) = results_of_logs(case, [table])
+    return result
+
+
+def test_the_swing_up_of_the_pendulum_has_its_measured_events(swing_up: MeasuredResult) -> None:
+    """Upright after 4.44 s within 0.2 rad, by 4 swings, the last one to 1.95 rad."""
+    run = swing_up.trajectory
+    event = Event("pivot", 0.2, periodic=True)
+    events = event_metrics(run, swing_up.controller, swing_up.comparison, event)
+    assert events["reached"].value == pytest.approx(4.44, abs=0.005)
+    assert events["swings"].value == 4
+    assert events["last_peak"].value == pytest.approx(1.95, abs=0.005)
+
+
+def test_the_final_error_of_the_pendulum_is_its_largest_one_in_the_last_tenth(
+    swing_up: MeasuredResult,
+) -> None:
+    run = swing_up.trajectory
+    event = Event("pivot", 0.2, periodic=True)
+    events = event_metrics(run, swing_up.controller, swing_up.comparison, event)
+    late = np.abs(run.state[run.time >= 6.3, 0] + np.pi)
+    assert events["final_error"].value == pytest.approx(late.max(), abs=1e-4)
+
+
+@pytest.mark.parametrize(("periodic", "note"), [(True, ""), (False, "not reached")])
+def test_minus_pi_is_pi_only_for_a_periodic_angle(
+    swing_up: MeasuredResult, periodic: bool, note: str
+) -> None:
+    run = swing_up.trajectory
+    other_turn = replace(run, state=run.state + np.array([2 * np.pi, 0.0]))
+    comparison = compare_with_optimum(other_turn, swing_up.controller)
+    event = Event("pivot", 0.2, periodic)
+    events = event_metrics(other_turn, swing_up.controller, comparison, event)
+    assert events["reached"].note == note

@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 import math
+import shutil
 import signal
 from dataclasses import replace
 from functools import cache
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from commands import assert_one_line, run
 
+import grosmc_mj
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.cited import cited_claims
@@ -31,6 +33,7 @@ from grosmc_mj.results.document import json_text
 from grosmc_mj.studies import cells as finished
 from grosmc_mj.studies import ladder as study
 from grosmc_mj.studies import ladder_answer as answer
+from grosmc_mj.studies import ladder_pages as pages
 from grosmc_mj.studies.cells import Cells
 from grosmc_mj.studies.ladder import ENDED, RungResult, ladder, run_rung
 from grosmc_mj.studies.rungs import Rung, rungs_of
@@ -450,7 +453,7 @@ def loaded_document() -> dict[str, Any]:
 @cache
 def page_parts() -> list[str]:
     """The paragraphs of the page of a ladder."""
-    return answer.ladders_text([loaded_document()]).split("\n\n")
+    return pages.ladders_text([loaded_document()]).split("\n\n")
 
 
 def table_under(title: str) -> list[str]:
@@ -912,3 +915,32 @@ def test_rows_of_two_conditions_have_keys_of_their_own() -> None:
         for condition in ("nominal", "case1", "case2")
     ]
     assert len({row.key for row in rows}) == 3
+
+
+MEASURED_CASE = """
+plant = { system = "servo", compare = ["physics"] }
+run = { duration = "3 s", timestep = "0.5 ms", control_period = "1 ms" }
+task = { reference = ["1"] }
+computing = { delay = "6.5 ms" }
+edit = [{ body = "rotor", mass_scale = 1.788 }, { joint = "shaft", damping = 0.02734 }]
+controller = [{ law = "pd", frequency = 6, damping = 0.7 }]
+requirement = [{ reaches_within = "1.5 s", band = "20 mrad" }, { overshoot_below = 0.08 }]
+measured = [{ log = "servo_step.csv" }]
+"""
+
+
+def test_the_measured_machine_stands_beside_the_model_of_it(tmp_path: Path) -> None:
+    log = Path(grosmc_mj.__file__).parent / "cases" / "logs" / "servo_step.csv"
+    shutil.copy(log, tmp_path)
+    studied = ladder(str(written(tmp_path, MEASURED_CASE)), ["pd"])
+    (measured,) = study.measured_rows(studied)
+    law = studied.laws[0]
+    modelled = run_rung(studied, law, studied.climbing[-1], studied.conditions[0], together=True)
+    assert measured.tightest == modelled.tightest == "overshoot_below"
+    assert not measured.kept
+    assert measured.share_of_the_tightest_limit == pytest.approx(
+        modelled.share_of_the_tightest_limit, rel=0.05
+    )
+    assert answer.verdict(studied, [modelled, measured], studied.conditions[0].name).endswith(
+        "The measured machine agrees with the model on 1 of 1 laws."
+    )

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, Out, Target, command
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Figures,
+    Flag,
+    Laws,
+    Out,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
@@ -30,6 +40,7 @@ class RunCommand(Command):
     A case file names a plant (a system of the package, an MJCF robot, or Python of your own),
     edits, disturbances, laws with their numbers, and requirements; grosmc-mj new writes one to
     begin with. The package's own cases are such files, see grosmc-mj list; of a SYSTEM all run.
+    Logs of the real machine, of --log or of [[measured]] in the file, are judged like runs.
     NAME.json, NAME.png and NAME.svg go to --out, and the figure's curves to
     DIR/curves/NAME.json, for grosmc-mj report.
 
@@ -41,6 +52,12 @@ class RunCommand(Command):
         laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
         figures: Whether to draw the figure.
+        draws: Runs in a loop with an encoder, noise, jitter or missed samples: each has random
+            numbers of its own and other phases of the encoders, and all must keep what is required.
+        log: Logs of the real machine that are judged in place of simulations, one by one, by
+            the case's requirements. CSV, Parquet, MCAP or MATLAB, its columns as [log] of the
+            file says; it begins where the run begins. With several laws, --laws names the one
+            that made it.
         save: Write each trajectory too, a column a signal with its unit: --save for Parquet,
             --save csv for CSV. They go to DIR/trajectories/NAME.PLANT.LAW.parquet.
         film: Film its laws side by side in MuJoCo: DIR/films/NAME.mp4.
@@ -49,8 +66,10 @@ class RunCommand(Command):
     target: Target
     _: KW_ONLY
     laws: Laws = ()
+    log: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default=False)] = ()
     out: Out = Path("renders")
     figures: Figures = True
+    draws: WholeNumber = 10
     save: Annotated[
         Literal["parquet", "csv"] | None,
         Parameter(metavar="[FORMAT]", group=OUTPUT),
@@ -60,10 +79,14 @@ class RunCommand(Command):
     def execute(self) -> int:
         """Run, judge, write, print and draw one experiment after the other."""
         from grosmc_mj.experiments.catalogue import find_experiments
+        from grosmc_mj.sweep.draws import require_draws
 
+        require_draws(self.draws)
         experiments = find_experiments(self.target)
         if self.laws:
             experiments = [experiment.with_laws(self.laws) for experiment in experiments]
+        if self.log and len(experiments) > 1:
+            raise ArgumentError(f"--log: {self.target} is {len(experiments)} cases: name one")
         for experiment in experiments:
             _check(experiment)
 
@@ -81,25 +104,29 @@ class RunCommand(Command):
         """
         from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.cli.commands.run_answer import judge
+        from grosmc_mj.sweep.draws import judged_over_draws
 
-        name = result_name(experiment.path)
+        name = "_".join([result_name(experiment.path), *[log.stem for log in self.log]])
+        measured = self._measured(experiment)
         path = self.out / f"{name}.json"
         results: list[RunResult] = []
         premises: Sequence[Audit] = ()
         complete = False
         kept = False
         try:
-            steps = len(experiment.plant_names) * len(experiment.controllers)
-            with screen.progress(steps) as advance:
-                for result in experiment.runs():
-                    results.append(result)
-                    advance(result.key)
-            premises = audits(results)
+            if not self.log:
+                steps = len(experiment.plant_names) * len(experiment.controllers)
+                with screen.progress(steps) as advance:
+                    for result in experiment.runs():
+                        results.append(judged_over_draws(result, self.draws))
+                        advance(result.key)
+                premises = audits(results)
+            results += measured
             complete = True
         finally:
             # Results are kept and shown, whatever happened since.
             if results:
-                answer = judge(experiment, results, premises, complete=complete)
+                answer = judge(experiment, results, premises, draws=self.draws, complete=complete)
                 kept = answer.kept
                 self._write(answer, path, alone=alone)
 
@@ -111,12 +138,33 @@ class RunCommand(Command):
             folder = self.out / "trajectories"
             for result in results:
                 law = name_in_files(result.controller.name)
-                result.save(folder / f"{name}.{result.plant}.{law}.{self.save}")
+                plant = name_in_files(result.plant)
+                result.save(folder / f"{name}.{plant}.{law}.{self.save}")
             console.print(f"{len(results)} trajectories in {folder}", soft_wrap=True)
         screen.say_files(console, *files)
         if self.film:
             film_runs(console, results, experiment.settings, self.out / FOLDER / f"{name}.mp4")
         return kept
+
+    def _measured(self, experiment: Experiment) -> Sequence[RunResult]:
+        """Return the logs of the command, or else those of the file, as runs.
+
+        Raises:
+            ArgumentError: If a log cannot be read, or no requirement can be judged by one.
+        """
+        from grosmc_mj.experiments.file.schema import MeasuredTable
+        from grosmc_mj.experiments.measured import measured_results, results_of_logs
+
+        if not self.log:
+            return measured_results(experiment)
+
+        tables = [MeasuredTable(log=str(path.resolve())) for path in self.log]
+        measured = results_of_logs(experiment, tables)
+        for result in measured:
+            if experiment.limits and not result.requirements:
+                reasons = "; ".join(result.not_judged) or "none is asked of the truest plant"
+                raise ArgumentError(f"{result.log}: no requirement can be judged: {reasons}")
+        return measured
 
     def _write(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +16,11 @@ from grosmc_mj.cli import screen
 from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
+from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.tables import endings, metric_cell
 from grosmc_mj.plants.system import Signal
-from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.result import KEPT
 from grosmc_mj.results.tables import Table, number
 
@@ -61,19 +64,49 @@ def judge(
     results: Sequence[RunResult],
     premises: Sequence[Audit],
     *,
+    draws: int,
     complete: bool,
 ) -> RunAnswer:
-    """Judge the runs of an experiment, and make their document."""
-    judgements = judge_runs(experiment.limits, results)
+    """Return the judged runs of an experiment with their document.
+
+    Args:
+        experiment: The experiment.
+        results: Its runs.
+        premises: Audits of the theorems' premises.
+        draws: Draws of a loop that the runs are judged over.
+        complete: Whether nothing was interrupted.
+    """
+    simulated = [result for result in results if result.simulated]
+    measured = [result for result in results if isinstance(result, MeasuredResult)]
+
+    judgements = by_requirement(experiment.limits, simulated)
+    notes = notes_on(experiment, simulated) if simulated else list(experiment.not_judged)
+    if simulated and experiment.loop is not None and experiment.loop.drawn and draws > 1:
+        notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
+    for result in measured:
+        judgements += result.requirements
+        notes += result.not_judged
+    notes += disagreements(experiment, judgements)
     content = experiment_document(
         experiment,
         results,
         judgements,
         complete=complete,
-        notes=notes_on(experiment, results),
+        notes=notes,
         premises=[audit_document(audit) for audit in premises],
     )
     return RunAnswer(experiment, results, premises, judgements, content)
+
+
+def by_requirement(
+    requirements: Iterable[Requirement], results: Sequence[RunResult]
+) -> list[Judgement]:
+    """Return the judgements of all runs, requirement by requirement."""
+    judgements = [judgement for result in results for judgement in result.requirements]
+    ordered: list[Judgement] = []
+    for requirement in requirements:
+        ordered += [item for item in judgements if item.requirement is requirement]
+    return ordered
 
 
 def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
@@ -84,6 +117,9 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
         console.print(_requirements_table(answer.judgements))
     console.print(_runs_table(answer.results))
 
+    screen.say_lines(console, _log_lines(answer.results), "dim", full=verbose)
+    if not any(result.simulated for result in answer.results):
+        return
     experiment = answer.experiment
     screen.say_lines(console, _loop_lines(experiment), "dim", full=verbose)
     screen.say_lines(console, _machine_lines(experiment), "dim", full=verbose)
@@ -129,6 +165,30 @@ def _mistakes(answer: RunAnswer) -> Iterator[str]:
     for audit in answer.premises:
         for premise in audit.failed():
             yield f"premise fails: {premise.name} of {audit.controller} ({premise.source})"
+
+
+def _log_lines(results: Sequence[RunResult]) -> list[str]:
+    """Return a line on each log: its part that is judged, and where it starts."""
+    lines = []
+    for result in results:
+        if not isinstance(result, MeasuredResult):
+            continue
+        end = result.begin + result.trajectory.time[-1]
+        starts = []
+        pairs = zip(
+            result.trajectory.system.states,
+            result.trajectory.state[0].tolist(),
+            result.case.x0,
+            strict=True,
+        )
+        for state, value, declared in pairs:
+            if math.isfinite(value):
+                starts.append(f"{state.name} {value:.4g} (case {declared:.4g}) {state.unit}")
+        lines.append(
+            f"{result.plant}: {result.log.name} from {result.begin:.4g} to {end:.4g} s; starts at "
+            f"{', '.join(starts)}"
+        )
+    return lines
 
 
 def _loop_lines(experiment: Experiment) -> list[str]:

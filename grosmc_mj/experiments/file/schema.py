@@ -311,11 +311,14 @@ class RequirementTable(_Limits):
     Attributes:
         of: Controllers that must keep it; all by default.
         on: Plants on which they must keep it; physics by default, or all where there is none.
-        state: State or output that ``stays_within``, ``rms_below`` and ``final_error_below`` are
-            about: of a state its magnitude, of an output its error; the error of all outputs by
-            default.
-        band: Width of the band of ``settles_within``; by default 2 % of the error at the start,
-            which must not be zero. Where a sensor's steps are coarse, three of them.
+        state: State or output that ``stays_within``, ``rms_below``, ``final_error_below``,
+            ``reaches_within``, ``swings_below`` and ``last_peak_below`` are about: of a state its
+            magnitude, of an output its error; the error of all outputs by default.
+        band: Half width of the band of ``settles_within``; by default 2 % of the error at the
+            start, which must not be zero. Where a sensor's steps are coarse, three of them. Of
+            ``reaches_within``, ``swings_below`` and ``last_peak_below``, which have no default.
+        periodic: Whether an angle counts modulo a turn, so that -pi is as good as pi, in these
+            three, ``stays_within``, ``rms_below`` and ``final_error_below``.
         after: Instant from which on ``stays_within``, ``rms_below`` and ``always`` hold [s].
     """
 
@@ -323,6 +326,7 @@ class RequirementTable(_Limits):
     on: list[Literal["printed", "corrected", "physics"]] | None = Field(None, min_length=1)
     state: str | None = None
     band: Any = None
+    periodic: bool = False
     after: Seconds = 0.0
 
     @model_validator(mode="before")
@@ -337,7 +341,7 @@ class RequirementTable(_Limits):
     @model_validator(mode="after")
     def _option_of_something(self) -> RequirementTable:
         """Refuse a key that no requirement of the table reads."""
-        for option in sorted({"after", "band", "state"} & self.model_fields_set):
+        for option in sorted({"after", "band", "periodic", "state"} & self.model_fields_set):
             readers = [kind.key for kind in KINDS if option in kind.options]
             if all(getattr(self, key) is None for key in readers):
                 raise ValueError(f"{option} is for {' or '.join(readers)}, which is not there")
@@ -649,6 +653,20 @@ class UncertainTable(_OwnersTable):
         return f"{self.of} {self.quantity.replace('_', ' ')}"
 
 
+class MeasuredTable(Table):
+    """``[[measured]]``: a log of the real machine, of which the requirements are asked too.
+
+    Attributes:
+        log: Path of the log, from the file's folder.
+        law: Controller under which it was made; the file's only one by default.
+        start: Instant of the log at which the run begins, from its first sample on [s].
+    """
+
+    log: str
+    law: str | None = None
+    start: Seconds = 0.0
+
+
 class CorrelationTable(Table):
     """``[[correlation]]``: two uncertain numbers that are not independent.
 
@@ -728,6 +746,7 @@ class CaseFile(_WithParts):
         uncertain: Numbers that a campaign varies; a single run has the nominal values.
         correlation: Pairs of them that vary together.
         log: Time and columns of a log of the machine.
+        measured: Logs of the machine that are judged like runs.
     """
 
     known_loop: KnownLoopTable | None = None
@@ -739,6 +758,7 @@ class CaseFile(_WithParts):
     uncertain: list[UncertainTable] = []
     correlation: list[CorrelationTable] = []
     log: LogTable | None = None
+    measured: list[MeasuredTable] = []
     # Values as they are written, from which the file with another number is read.
     _content: Content = PrivateAttr(default_factory=dict)
 

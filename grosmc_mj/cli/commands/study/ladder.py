@@ -35,7 +35,8 @@ class LadderCommand(Command):
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
     delay; jitter; missed samples; actuator; motor; friction; backlash; flexibility; loads; stops.
-    One is added on top of the others, and then each alone to the sampled plant. On every rung all
+    One is added on top of the others, and then each alone to the sampled plant. The logs of the
+    file's [[measured]] tables are the rung beside. On every rung all
     that the target requires is judged, the same for every law, and what the chapter claims of the
     law, as far as the target's file has it as a [[claim]]. Shown and not judged: how far a law that
     follows the nominal optimum is from it, how the error swings in the end, how much the input
@@ -77,7 +78,7 @@ class LadderCommand(Command):
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
         from grosmc_mj.studies.ladder import cells_of
-        from grosmc_mj.studies.studied import require_draws
+        from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
         studied = self._studied()
@@ -133,8 +134,9 @@ class LadderCommand(Command):
             cells: Files of the finished rungs, by condition.
             rows: Filled rung by rung: an interrupt leaves the first ones.
         """
-        from grosmc_mj.studies.ladder import run_rung
+        from grosmc_mj.studies.ladder import measured_rows, run_rung
 
+        measured = measured_rows(studied)
         steps = list(studied.steps())
         with screen.progress(len(steps), "rungs") as advance:
             for law, rung, condition, together in steps:
@@ -147,6 +149,7 @@ class LadderCommand(Command):
                     cells[condition.name].write(row)
                 rows.append(row)
                 advance(law.name, 1)
+        rows.extend(measured)
 
     def _path(self, studied: Ladder) -> Path:
         """Return the path of the result."""

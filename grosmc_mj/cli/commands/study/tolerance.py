@@ -57,8 +57,8 @@ class ToleranceCommand(Command):
 
     def execute(self) -> int:
         """Search the tolerances, write, draw and print them."""
-        from grosmc_mj.studies.studied import require_draws
         from grosmc_mj.studies.tolerance import tolerance_study
+        from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
         studied = tolerance_study(

@@ -1,0 +1,337 @@
+"""Logs of the real machine as runs of a case, judged by its requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from grosmc_mj.arguments import require_known
+from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.file.schema import MeasuredTable
+from grosmc_mj.logs.log import Log
+from grosmc_mj.logs.read import read_log
+from grosmc_mj.plants import System
+from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.requirements.metrics import DEFINITIONS, Metric, largest_of
+from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.run_metrics import measure
+from grosmc_mj.requirements.signals import ERROR
+from grosmc_mj.simulation.trajectory import Status, Trajectory
+
+# Name of the plant that made a log.
+MEASURED = "measured"
+# Metrics of the error of all outputs; the input's are known of every log.
+_OF_ERROR = ("settling_time", "overshoot", "rms_error")
+_OF_INPUT = ("total_variation", "max_input")
+# An instant counts as reached when it is this close, in parts of the sampling.
+_INSTANT = 1e-6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredResult(RunResult):
+    """A log as a run of its case, on the machine itself.
+
+    States that the log does not have are NaN: no requirement that needs one is judged.
+
+    Attributes:
+        plant: ``measured``, with the name of the log where there are several.
+        log: Path of the log.
+        begin: Instant of the log at which the run begins, from its first sample on [s].
+        known: Names of the signals that it has, see ``requirements.signals``.
+    """
+
+    plant: str  # pyright: ignore[reportIncompatibleVariableOverride]
+    log: Path
+    begin: float
+    known: frozenset[str]
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it is a simulation, not a log of the machine."""
+        return False
+
+    # As of a simulation: a page, a figure and a document ask for them.
+    @cached_property
+    def requirements(self) -> list[Judgement]:
+        """Judgements by the requirements that the log can decide."""
+        judged = [item for item in self._asked if not self._why_undecided(item)]
+        return judge_runs(judged, [self])
+
+    @property
+    def not_judged(self) -> list[str]:
+        """A line on each requirement that the log cannot decide, with the reason."""
+        lines = []
+        for requirement in self._asked:
+            reason = self._why_undecided(requirement)
+            if reason:
+                lines.append(f"not judged on {self.log.name}: {requirement.words}: {reason}")
+        return lines
+
+    @property
+    def _asked(self) -> list[Requirement]:
+        """Requirements of the case's truest plant, asked of the machine instead."""
+        truest = self.case.plant_names[-1]
+        limits = [limit for limit in self.case.limits if truest in limit.plants]
+        of_law = [limit for limit in limits if self.controller.name in limit.laws]
+        return [replace(limit, plants=(self.plant,)) for limit in of_law]
+
+    def _why_undecided(self, requirement: Requirement) -> str:
+        """Return why the log cannot decide a requirement, or nothing."""
+        return requirement.why_not_measured(self.controller, self.known)
+
+
+def measured_results(experiment: Experiment) -> list[MeasuredResult]:
+    """Return the logs of a case's ``[[measured]]`` tables as runs, of the laws that are run.
+
+    Raises:
+        ArgumentError: If a log cannot be read or is too short, or its law is not clear.
+    """
+    declared = [controller.called for controller in experiment.file.controller]
+    tables = []
+    for table in experiment.file.measured:
+        if table.law is not None:
+            require_known("law", table.law, declared, f"{experiment.path}: measured: ")
+        if table.law is None or table.law in experiment.controllers:
+            tables.append(table)
+    return results_of_logs(experiment, tables)
+
+
+def judge_measured(experiment: Experiment) -> list[Judgement]:
+    """Return the judgements of a case's measured logs, one log after the other.
+
+    A requirement that a log cannot decide has none: ``MeasuredResult.not_judged`` says why.
+
+    Raises:
+        ArgumentError: As ``measured_results`` does.
+    """
+    judgements: list[Judgement] = []
+    for result in measured_results(experiment):
+        judgements += result.requirements
+    return judgements
+
+
+def disagreements(experiment: Experiment, judgements: Sequence[Judgement]) -> list[str]:
+    """Return a line on each requirement that only one of model and machine keeps.
+
+    Args:
+        experiment: The case.
+        judgements: Those of its runs and of its logs; the model is its truest plant.
+    """
+    truest = experiment.plant_names[-1]
+    of_model = {}
+    for item in judgements:
+        if item.plant == truest:
+            of_model[item.controller, item.requirement.words] = item.kept
+
+    lines = []
+    for item in judgements:
+        key = item.controller, item.requirement.words
+        if item.plant.startswith(MEASURED) and of_model.get(key, item.kept) != item.kept:
+            kept = item.plant if item.kept else truest
+            lines.append(f"model and machine disagree: {' '.join(key)}: kept on {kept} only")
+    return lines
+
+
+def results_of_logs(
+    experiment: Experiment, tables: Sequence[MeasuredTable]
+) -> list[MeasuredResult]:
+    """Return logs as runs of a case.
+
+    Args:
+        experiment: The case.
+        tables: The logs, whose paths begin at the case file's folder.
+
+    Raises:
+        ArgumentError: As ``measured_results`` does.
+    """
+    results = []
+    for table in tables:
+        path = experiment.path.parent / table.log
+        plant = MEASURED
+        if len(tables) > 1:
+            plant = f"{MEASURED} {path.stem}"
+        results.append(_result_of_log(experiment, path, table, plant))
+
+    names = [result.key for result in results]
+    for result in results:
+        if names.count(result.key) > 1:
+            raise ArgumentError(
+                f"two logs are called {result.log.stem}: rename one, or judge them one by one"
+            )
+    return results
+
+
+def _result_of_log(
+    experiment: Experiment, path: Path, table: MeasuredTable, plant: str
+) -> MeasuredResult:
+    """Return a log as a run."""
+    system = experiment.nominal.system
+    truest = experiment.plant_names[-1]
+    law = experiment.law(truest, _law_of(experiment, path, table.law))
+    log = read_log(path, system, experiment.file.log, experiment.nominal.gears, to_learn=False)
+    try:
+        begin, trajectory = _as_trajectory(log, system, experiment.duration, table.start)
+    except ArgumentError as error:
+        raise ArgumentError(f"{path}: {error}") from None
+
+    # Sums over states that were not measured are NaN; they are not asked for.
+    with np.errstate(invalid="ignore"):
+        comparison = compare_with_optimum(trajectory, law)
+        metrics = measure(trajectory, law, comparison, experiment.onset)
+    known = _known_signals(log, law, comparison)
+    return MeasuredResult(
+        case=experiment,
+        plant=plant,
+        controller=law,
+        trajectory=trajectory,
+        comparison=comparison,
+        metrics=_known_metrics(metrics, known),
+        true=experiment.plant(truest),
+        log=path,
+        begin=begin,
+        known=known,
+    )
+
+
+def _law_of(experiment: Experiment, path: Path, name: str | None) -> str:
+    """Return the name of the law under which a log was made.
+
+    Raises:
+        ArgumentError: If there is no such law, or several are possible.
+    """
+    if name is not None:
+        require_known("law", name, experiment.controllers, f"{path}: ")
+        return name
+    if len(experiment.controllers) > 1:
+        raise ArgumentError(
+            f"{path}: the case has the laws {', '.join(experiment.controllers)}: name the one that "
+            "made the log, by --laws NAME or law = in [[measured]]"
+        )
+    return experiment.controllers[0]
+
+
+# -- the log as a trajectory ---------------------------------------------------------------------
+
+
+def _as_trajectory(
+    log: Log, system: System, duration: float, start: float
+) -> tuple[float, Trajectory]:
+    """Return a part of a log as a run, at equally spaced instants.
+
+    States are interpolated by straight lines, inputs are held. At a constant sampling the instants
+    are those of the samples.
+
+    Args:
+        log: The log.
+        system: The plant's system.
+        duration: Duration of the run [s].
+        start: Earliest instant at which it begins, from the log's first sample on [s].
+
+    Returns:
+        The instant of the log at which the run begins [s], and the run.
+
+    Raises:
+        ArgumentError: If the log does not have the whole run, without a break.
+    """
+    steps = max(1, round(duration / log.sampling))
+    period = duration / steps
+    begin = _first_instant(log, start)
+    _require_whole(log, begin, begin + duration)
+
+    time = np.arange(steps + 1) * period
+    instants = begin + time
+    held = np.searchsorted(log.time, instants[:-1] + _INSTANT * period, side="right") - 1
+    inputs = log.inputs[held]
+    if len(system.inputs) == 1:
+        inputs = inputs[:, 0]
+    return begin, Trajectory(
+        system=system,
+        time=time,
+        state=_states_at(log, system, instants),
+        command=inputs,
+        input=inputs,
+        sliding=None,
+        weighed=np.full_like(inputs, np.nan),
+        memory=np.zeros(steps, [("unknown", np.float64)]),
+        wrench=None,
+        physics=None,
+        status=np.array([Status.COMPLETED], object)[0],
+        valid_until=np.array(time[-1]),
+    )
+
+
+def _first_instant(log: Log, start: float) -> float:
+    """Return the first sample that is used and not before ``start`` [s]."""
+    for piece in log.pieces:
+        instants = log.time[piece]
+        later = instants[instants >= start - _INSTANT * log.sampling]
+        if len(later):
+            return float(later[0])
+    raise ArgumentError(f"start = {start:g} s is after its end at {log.time[-1]:g} s")
+
+
+def _require_whole(log: Log, begin: float, end: float) -> None:
+    """Refuse a log without all samples from ``begin`` to ``end`` [s]."""
+    half = 0.5 * log.sampling
+    for piece in log.pieces:
+        instants = log.time[piece]
+        if instants[0] <= begin and instants[-1] >= end - half:
+            return
+
+    last = float(log.time[log.pieces[-1]][-1])
+    if last < end - half:
+        raise ArgumentError(
+            f"it has {last - begin:.4g} s, the case runs {end - begin:g} s: log for longer, or "
+            "give the case a shorter duration"
+        )
+    reached = max(float(log.time[piece][-1]) for piece in log.pieces if log.time[piece][0] <= begin)
+    raise ArgumentError(
+        f"nothing is used after {reached:.4g} s, by a gap or by use, mask and delays of [log]; the "
+        f"case runs to {end:.4g} s: begin elsewhere by start in [[measured]], or mask nothing"
+    )
+
+
+def _states_at(log: Log, system: System, instants: Array) -> Array:
+    """Return the states at some instants, (N, n); NaN where they were not measured."""
+    states = np.full((len(instants), len(system.states)), np.nan)
+    for i, state in enumerate(system.states):
+        if state.name in log.states:
+            states[:, i] = np.interp(instants, log.time, log.states[state.name])
+    return states
+
+
+# -- what a log tells ----------------------------------------------------------------------------
+
+
+def _known_signals(log: Log, law: Controller, comparison: Comparison) -> frozenset[str]:
+    """Return the names of the signals that a log has."""
+    error = law.designed.error
+    known = {"t", *log.states}
+    known.update(signal.name for signal in error.system.inputs)
+    for i, name in enumerate(error.names):
+        if np.all(np.isfinite(comparison.z[:, i])):
+            known |= {name, f"{name} error"}
+    if np.all(np.isfinite(comparison.error)):
+        known.add(ERROR)
+    return frozenset(known)
+
+
+def _known_metrics(metrics: dict[str, Metric], known: frozenset[str]) -> dict[str, Metric]:
+    """Return the usual metrics; without a value where a log does not tell it."""
+    told = {}
+    for name, metric in metrics.items():
+        is_known = name in _OF_INPUT
+        if name in _OF_ERROR:
+            is_known = ERROR in known
+        elif name not in DEFINITIONS:
+            is_known = any(name == largest_of(signal) for signal in known)
+        told[name] = metric if is_known else Metric(None, metric.unit, "not in a log")
+    return told

@@ -1,0 +1,21 @@
+"""Number of swings before a band is reached."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from grosmc_mj.requirements.event_requirement import SwingRequirement
+from grosmc_mj.requirements.metrics import swings_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwingsBelow(SwingRequirement):
+    """Number of reversals before the error is in a band for good, at most."""
+
+    key = "swings_below"
+    quantity = "1"
+
+    @property
+    def metric(self) -> str:
+        """Name of the number of swings."""
+        return swings_of(self.event)

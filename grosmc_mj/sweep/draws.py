@@ -1,0 +1,84 @@
+"""Verdict on a run in a loop over draws: random numbers, and phases of the encoders."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.requirements.judging import Judgement, margins_of
+from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
+
+# Most draws of a run.
+_MOST_DRAWS = 1000
+
+
+def require_draws(draws: int) -> None:
+    """Refuse a number of draws that no study can make.
+
+    Raises:
+        ArgumentError: If it is below 1 or too large.
+    """
+    if not 1 <= draws <= _MOST_DRAWS:
+        raise ArgumentError(f"--draws {draws} must be from 1 to {_MOST_DRAWS}")
+
+
+def judged_over_draws(result: RunResult, draws: int) -> RunResult:
+    """Return a run that is judged by the worst of its draws, each requirement by its own.
+
+    Args:
+        result: The run, which is the first draw.
+        draws: Runs in all; the run alone counts where nothing is drawn.
+
+    Raises:
+        GrosmcError: If a draw cannot be run.
+    """
+    case = result.case
+    nothing_drawn = case.loop is None or not case.loop.drawn
+    if nothing_drawn or draws == 1 or not result.requirements:
+        return result
+
+    limits = [judgement.requirement for judgement in result.requirements]
+    rows = [_row(result, number) for number in range(1, draws)]
+    outcomes = run_rows(case, rows, limits, result.plant)
+    judged = [_worst(judgement, outcomes) for judgement in result.requirements]
+    return replace(result, judged=tuple(judged))
+
+
+def _row(result: RunResult, number: int) -> Row:
+    """Return the row of a further draw of a run."""
+    case = result.case
+    assert case.loop is not None
+    return Row(
+        result.controller,
+        case=case.varied(loop=case.loop.draw(number)),
+        number=case.run_number + number,
+        plant=result.true,
+        predict=case.predicts(result.controller.name),
+    )
+
+
+def _worst(first: Judgement, outcomes: Outcomes) -> Judgement:
+    """Return the judgement with the least margin, with the number of draws that keep it.
+
+    Args:
+        first: Judgement of the first draw.
+        outcomes: The further draws.
+    """
+    requirement = first.requirement
+    margins = margins_of([requirement], outcomes.columns, outcomes.completed)[requirement.name]
+    kept = int(first.kept) + int((margins >= 0).sum())
+    draws = 1 + len(margins)
+    note = ""
+    if 0 < kept < draws:
+        note = f"kept in {kept} of {draws} draws"
+
+    worst = first
+    least = float(min(margins))
+    if first.margin is not None and least < first.margin:
+        worst = first._replace(measured=None, margin=None, kept=least >= 0)
+        if math.isfinite(least):
+            worst = worst._replace(measured=requirement.number - least, margin=least)
+    notes = filter(None, [worst.note, note])
+    return worst._replace(note="; ".join(notes))
