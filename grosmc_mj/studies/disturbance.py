@@ -210,13 +210,24 @@ class DisturbanceStudy:
         disturbance: BoundedDisturbance,
         pieces: int,
         enough: float = math.inf,
+        advance: Advance = lambda _: None,
     ) -> SignalSearch:
-        """Return a search with so many pieces that has not begun."""
+        """Return a search with so many pieces that has not begun.
+
+        Args:
+            law: Name of the law.
+            disturbance: The disturbance, whose bound may be another one.
+            pieces: Number of pieces.
+            enough: Share at which it ends.
+            advance: Told how far it is.
+        """
+        name = f"{law}: {disturbance.bound:.3g} {disturbance.unit}, {pieces} pieces"
         return SignalSearch(
             shares=lambda signals: self.shares(law, list(map(disturbance.case_of, signals))),
             responses=lambda signals: self.responses(law, disturbance, signals),
             size=pieces + len(disturbance.starts),
             enough=enough,
+            advance=lambda text: advance(f"{name}, {text}"),
         )
 
     def find(self, law: str, advance: Advance) -> Found:
@@ -237,9 +248,8 @@ class DisturbanceStudy:
             runs += finer.runs
             search = finer
 
-        control = self.search(law, self.disturbance, pieces)
+        control = self.search(law, self.disturbance, pieces, advance=advance)
         control.telegraphs(runs, np.random.default_rng(0))
-        advance(f"{law}: {runs} telegraph signals {control.share:.3g}")
         best = control if control.share > search.share * BETTER else search
         return Found(
             law=law,
@@ -262,14 +272,12 @@ class DisturbanceStudy:
         advance: Advance,
     ) -> SignalSearch:
         """Search with so many pieces, from the worst signal of half as many."""
-        search = self.search(law, self.disturbance, pieces)
+        search = self.search(law, self.disturbance, pieces, advance=advance)
         if coarser is not None:
             halves, deviations = np.split(coarser.best, [pieces // 2])
             search.judge(np.concatenate([np.repeat(halves, 2), deviations])[None])
         search.pulses()
-        advance(f"{law}: {pieces} pieces, pulses {search.share:.3g}")
         search.flips(_FLIPS * search.size)
-        advance(f"{law}: {pieces} pieces, flips {search.share:.3g}")
         return search
 
     def _divisible(self, pieces: int) -> bool:
@@ -307,13 +315,12 @@ class DisturbanceStudy:
 
         def passes(factor: float) -> bool:
             disturbance = self.disturbance.scaled(factor)
-            search = self.search(law, disturbance, self.pieces, enough=_BEYOND)
+            search = self.search(law, disturbance, self.pieces, _BEYOND, advance)
             try:
                 search.pulses()
                 search.flips(_FLIPS * search.size)
             except FoundError:
                 pass
-            advance(f"{law}: bound {disturbance.bound:.3g} {disturbance.unit}, {search.share:.3g}")
             return search.share <= 1
 
         low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH)

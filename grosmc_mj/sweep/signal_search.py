@@ -35,6 +35,7 @@ class SignalSearch:
         responses: Function from signals, (k, N), to courses of the quantities, (k, M).
         size: Number of pieces N.
         enough: Share at which the search ends.
+        advance: Told how far it is.
         best: The worst signal so far, (N,).
         share: Its share.
         runs: Number of runs so far.
@@ -44,6 +45,7 @@ class SignalSearch:
     responses: Callable[[Array], Array]
     size: int
     enough: float = np.inf
+    advance: Callable[[str], object] = lambda _: None
     best: Array = field(init=False)
     share: float = -np.inf
     runs: int = 0
@@ -68,6 +70,7 @@ class SignalSearch:
             if shares[worst] > self.share:
                 self.share = float(shares[worst])
                 self.best = some[worst].copy()
+            self.advance(f"{self.runs} runs, {self.share:.3g}")
             if self.share >= self.enough:
                 raise FoundError
         return np.concatenate(parts)
