@@ -23,7 +23,8 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.disturbance import DisturbanceStudy, Found
+    from grosmc_mj.studies.cells import Cells
+    from grosmc_mj.studies.disturbance import Advance, DisturbanceStudy, Found
 
 _Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
 
@@ -129,15 +130,30 @@ class DisturbanceCommand(Command):
         laws = study.experiment.controllers
         with screen.progress(len(laws), "laws") as advance:
             for law in laws:
-                found = cells.read(law, self.largest) if self.resume else None
-                if found is None:
-                    found = study.find(law, lambda text: advance(text, 0))
-                    if self.largest:
-                        bounds = study.largest(law, lambda text: advance(text, 0))
-                        found = found.model_copy(update={"largest": bounds})
-                    cells.write(found)
+                found = self._found(study, cells, law, lambda text: advance(text, 0))
                 rows.append(found)
                 advance(law, 1)
+
+    def _found(
+        self,
+        study: DisturbanceStudy,
+        cells: Cells[Found],
+        law: str,
+        advance: Advance,
+    ) -> Found:
+        """Search for a law; with --resume only what is missing."""
+        found = None
+        if self.resume:
+            found = cells.read(law, self.largest) or cells.read(law, False)
+        if found is None:
+            found = study.find(law, advance)
+            cells.write(found)
+
+        if self.largest and found.largest is None:
+            bounds = study.largest(law, advance)
+            found = found.model_copy(update={"largest": bounds})
+            cells.write(found)
+        return found
 
     def _path(self, study: DisturbanceStudy) -> Path:
         """Return the path of the result."""
