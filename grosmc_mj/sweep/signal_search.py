@@ -22,8 +22,8 @@ _BATCH = 64
 _SLOWEST = 0.02
 
 
-class FoundError(Exception):
-    """A share that is large enough was found."""
+class EnoughError(Exception):
+    """A share is large enough: the search need not go on."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class SignalSearch:
         """Return the shares of signals (k, N), and keep the worst one.
 
         Raises:
-            FoundError: If one is large enough.
+            EnoughError: If one is large enough.
         """
         parts = []
         for first in range(0, len(signals), _BATCH):
@@ -72,7 +72,7 @@ class SignalSearch:
                 self.best = some[worst].copy()
             self.advance(f"{self.runs} runs, {self.share:.3g}")
             if self.share >= self.enough:
-                raise FoundError
+                raise EnoughError
         return np.concatenate(parts)
 
     def pulses(self) -> None:

@@ -12,7 +12,7 @@ from commands import Screen, assert_one_line, run
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.studies.disturbance import DisturbanceStudy, Found, disturbance_study
+from grosmc_mj.studies.disturbance import DisturbanceStudy, WorstDisturbance, disturbance_study
 from grosmc_mj.studies.disturbance_answer import (
     case_text,
     charts,
@@ -101,7 +101,7 @@ def held(folder: Path) -> Path:
     return path
 
 
-def found_for_lqr(path: Path, bound: str, **options) -> Found:
+def found_for_lqr(path: Path, bound: str, **options) -> WorstDisturbance:
     """Worst disturbance of the held servo's rotor under LQR."""
     study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10, **options)
     return study.find("lqr", lambda _: None)
