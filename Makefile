@@ -26,10 +26,13 @@ AS := $(BIN)/python tests/emulated_machine.py
 GALLERY := renders/films/gallery
 
 # Films need these; nothing else does.
-SYSTEM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
+FILM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
+# A test of exported laws needs this beside gcc; it is left out without.
+TEST_PACKAGES := clang
 
 INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
+SECOND_COMPILER := $(VENV)/.second_compiler
 # Python compiles a module when it is first imported: most of these never are. It keeps what it has
 # compiled, else every start would take twice the time: a container may tell it not to.
 unexport PYTHONDONTWRITEBYTECODE
@@ -41,9 +44,9 @@ help:  ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-14s  %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 	@echo 'Variables: ARGS (more arguments), PART (tests of one folder), PYTHON (interpreter), WORKERS (test processes)'
 
-setup:  ## Create .venv with the pinned packages; install the system libraries for films
-	@rm -f $(SYSTEM)
-	@$(MAKE) -s $(INSTALLED) $(SYSTEM)
+setup:  ## Create .venv with the pinned packages; install the system packages for films and tests
+	@rm -f $(SYSTEM) $(SECOND_COMPILER)
+	@$(MAKE) -s $(INSTALLED) $(SYSTEM) $(SECOND_COMPILER)
 
 validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film of each case, and a page of it all
 	$(BIN)/grosmc-mj validate --films --report $(ARGS)
@@ -51,7 +54,7 @@ validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film o
 record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
 	$(BIN)/grosmc-mj validate --record $(ARGS)
 
-test: $(INSTALLED) $(SYSTEM)  ## Run the tests, over all cores; PART=tests/control runs one folder
+test: $(INSTALLED) $(SYSTEM) $(SECOND_COMPILER)  ## Run the tests, over all cores; PART=tests/control runs one folder
 	$(PYTEST) -m 'not apart' $(call STORED,$(or $(subst /,-,$(PART)),all)) $(PART) $(ARGS)
 
 test-apart: $(INSTALLED) $(SYSTEM)  ## Run the rest: browser, Dask, mutated input, an older machine
@@ -159,19 +162,27 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PIP_INSTALL) -c constraints.txt -e '.[dev]'
 	@touch $@
 
-# Never fails: without these libraries all but the films works. `make setup` tries again.
+# Install packages by apt if root: $(1) the packages, $(2) what needs them. Never fails: all else works
+# without. `make setup` tries again.
+define apt
+@missing=; \
+for package in $(1); do \
+  dpkg-query -W -f '$${Status}' $$package 2>/dev/null | grep -q 'ok installed' || missing="$$missing $$package"; \
+done; \
+if [ -z "$$missing" ]; then :; \
+elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+  echo "Installing for $(2):$$missing"; \
+  export DEBIAN_FRONTEND=noninteractive; \
+  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; } >$(VENV)/apt.log 2>&1 || \
+    echo "Could not install$$missing (see $(VENV)/apt.log): $(2) will not work, all else does"; \
+else \
+  echo "Not installed:$$missing. Needed for $(2), and for nothing else; as root: apt-get install$$missing"; \
+fi
+@touch $@
+endef
+
 $(SYSTEM): | $(INSTALLED)
-	@missing=; \
-	for package in $(SYSTEM_PACKAGES); do \
-	  dpkg-query -W -f '$${Status}' $$package 2>/dev/null | grep -q 'ok installed' || missing="$$missing $$package"; \
-	done; \
-	if [ -z "$$missing" ]; then :; \
-	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-	  echo "Installing for films:$$missing"; \
-	  export DEBIAN_FRONTEND=noninteractive; \
-	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; } >$(VENV)/apt.log 2>&1 || \
-	    echo "Could not install$$missing (see $(VENV)/apt.log): films will not work, all else does"; \
-	else \
-	  echo "Not installed:$$missing. Films need them, nothing else does; as root: apt-get install$$missing"; \
-	fi
-	@touch $@
+	$(call apt,$(FILM_PACKAGES),films)
+
+$(SECOND_COMPILER): | $(SYSTEM)
+	$(call apt,$(TEST_PACKAGES),tests of exported laws with two compilers)

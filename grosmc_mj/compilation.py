@@ -26,7 +26,7 @@ from grosmc_mj.jitable import OPTIONS, source_of
 from grosmc_mj.numba_internals import DiskCache, c_function, generator_of, python_function
 
 # Part of each fingerprint; code on disk of an earlier format is not read.
-_FORMAT = 3
+_FORMAT = 4
 
 # Packages whose version stands for their source.
 _VERSIONED = ("math", "mujoco", "numba", "numpy")

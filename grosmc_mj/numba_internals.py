@@ -12,11 +12,14 @@ is taken from numba itself.
 | ``CFunc``, its ``_cache`` and a dispatcher's | ``cfunc`` and ``njit`` take numba's cache only |
 | ``_defn`` of an intrinsic | its generator is a part of a fingerprint |
 | ``targetoptions`` of a dispatcher | a user's helper checks its indices after ``njit`` |
+| ``lower_builtin``, llvmlite's ``add_symbol`` | ``x ** 3`` rounds as in Python |
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import operator
 import secrets
 import warnings
 from collections.abc import Callable
@@ -25,11 +28,14 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from llvmlite import binding, ir
+from numba import types
 from numba.core import cgutils
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import IndexDataCacheFile, _Cache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
+from numba.core.imputils import lower_builtin
 from numba.np.arrayobj import make_array, np_cfarray
 
 __all__ = [
@@ -48,6 +54,29 @@ __all__ = [
 # loads both calls one of them for the other (numba issue 10486). Random numbers do not repeat.
 _numbers: Any = iter(partial(secrets.randbits, 64), None)
 FunctionIdentity._unique_ids = _numbers
+
+# Python computes x ** y by the C library's pow; numba takes products for a whole y, and LLVM for
+# pow(x, 2.0), which round otherwise. LLVM knows no function of this name.
+_POW = "grosmc_mj_pow"
+binding.add_symbol(_POW, ctypes.cast(ctypes.CDLL(None).pow, ctypes.c_void_p).value)
+
+
+def _power(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Code of x ** y for a double x."""
+    double = ir.DoubleType()
+    kind = signature.args[1]
+    if isinstance(kind, types.IntegerLiteral):
+        exponent = ir.Constant(double, float(kind.literal_value))
+    else:
+        exponent = context.cast(builder, arguments[1], kind, types.float64)
+    pow_type = ir.FunctionType(double, [double, double])
+    function = cgutils.get_or_insert_function(builder.module, pow_type, _POW)
+    return builder.call(function, [arguments[0], exponent])
+
+
+for _operation in (operator.pow, operator.ipow, pow):
+    for _exponent in (types.IntegerLiteral, types.int64, types.float64):
+        lower_builtin(_operation, types.float64, _exponent)(_power)
 
 
 class DiskCache(_Cache):

@@ -82,7 +82,8 @@ def _returning(inner: Callable[..., Any]) -> Law:
     """Wrap a law that returns its inputs."""
 
     def written(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        write_inputs(u, inner(t, x, memory, p))
+        returned = inner(t, x, memory, p)
+        write_inputs(u, returned)
 
     return jitable(written)
 

@@ -618,6 +618,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
     ]
     laws = {name: {"label": style.label, "colour": style.colour} for name, style in styles.items()}
     return {
+        "kind": "curves",
         **origin(seed_of(case)),
         "system": case.system,
         "case": case.name,

@@ -16,7 +16,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.logs.log import Log
-from grosmc_mj.logs.read import read_log
 from grosmc_mj.plants import System
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.requirements.metrics import DEFINITIONS, Metric, largest_of
@@ -173,24 +172,54 @@ def _result_of_log(
     experiment: Experiment, path: Path, table: MeasuredTable, plant: str
 ) -> MeasuredResult:
     """Return a log as a run."""
+    # Imported here: runs without a log need no pyarrow.
+    from grosmc_mj.logs.read import read_log
+
     system = experiment.nominal.system
-    truest = experiment.plant_names[-1]
-    law = experiment.law(truest, _law_of(experiment, path, table.law))
+    law = _law_of(experiment, path, table.law)
     log = read_log(path, system, experiment.file.log, experiment.nominal.gears, to_learn=False)
+    return run_of_log(experiment, log, law, path, table.start, plant)
+
+
+def run_of_log(
+    experiment: Experiment,
+    log: Log,
+    law: str,
+    path: Path,
+    start: float = 0.0,
+    plant: str = MEASURED,
+) -> MeasuredResult:
+    """Return a log as a run of a case.
+
+    Args:
+        experiment: The case, with the duration of the run.
+        log: The log.
+        law: Name of the law under which it was made.
+        path: Path of the log.
+        start: Earliest instant at which the run begins, from the log's first sample on [s].
+        plant: Name of the machine.
+
+    Raises:
+        ArgumentError: If there is no such law, or the log does not have the whole run.
+    """
+    truest = experiment.plant_names[-1]
+    controller = experiment.law(truest, law)
     try:
-        begin, trajectory = _as_trajectory(log, system, experiment.duration, table.start)
+        begin, trajectory = _as_trajectory(
+            log, experiment.nominal.system, experiment.duration, start
+        )
     except ArgumentError as error:
         raise ArgumentError(f"{path}: {error}") from None
 
     # Sums over states that were not measured are NaN; they are not asked for.
     with np.errstate(invalid="ignore"):
-        comparison = compare_with_optimum(trajectory, law)
-        metrics = measure(trajectory, law, comparison, experiment.onset)
-    known = _known_signals(log, law, comparison)
+        comparison = compare_with_optimum(trajectory, controller)
+        metrics = measure(trajectory, controller, comparison, experiment.onset)
+    known = _known_signals(log, controller, comparison)
     return MeasuredResult(
         case=experiment,
         plant=plant,
-        controller=law,
+        controller=controller,
         trajectory=trajectory,
         comparison=comparison,
         metrics=_known_metrics(metrics, known),

@@ -8,7 +8,7 @@ import operator
 import re
 import textwrap
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,60 +25,38 @@ AND = 5
 OR = 4
 CHOICE = 3
 
-
-class Operator(NamedTuple):
-    """A binary operator.
-
-    Attributes:
-        sign: Its sign in C.
-        level: How tightly it binds.
-        fold: The function that computes it in Python.
-    """
-
-    sign: str
-    level: int
-    fold: Callable[[Any, Any], Any]
-
-
-BINARY: Mapping[type, Operator] = {
-    ast.Add: Operator("+", SUM, operator.add),
-    ast.Sub: Operator("-", SUM, operator.sub),
-    ast.Mult: Operator("*", PRODUCT, operator.mul),
-    ast.Div: Operator("/", PRODUCT, operator.truediv),
-    ast.Mod: Operator("%", PRODUCT, operator.mod),
-    ast.FloorDiv: Operator("/", PRODUCT, operator.floordiv),
-    ast.Pow: Operator("", ATOM, operator.pow),
-    ast.LShift: Operator("<<", 11, operator.lshift),
-    ast.RShift: Operator(">>", 11, operator.rshift),
-    ast.BitAnd: Operator("&", 8, operator.and_),
-    ast.BitXor: Operator("^", 7, operator.xor),
-    ast.BitOr: Operator("|", 6, operator.or_),
-    ast.Lt: Operator("<", COMPARED, operator.lt),
-    ast.LtE: Operator("<=", COMPARED, operator.le),
-    ast.Gt: Operator(">", COMPARED, operator.gt),
-    ast.GtE: Operator(">=", COMPARED, operator.ge),
-    ast.Eq: Operator("==", COMPARED - 1, operator.eq),
-    ast.NotEq: Operator("!=", COMPARED - 1, operator.ne),
+# Binary operators: sign in C, how tightly it binds, function of Python.
+BINARY: Mapping[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
+    ast.Add: ("+", SUM, operator.add),
+    ast.Sub: ("-", SUM, operator.sub),
+    ast.Mult: ("*", PRODUCT, operator.mul),
+    ast.Div: ("/", PRODUCT, operator.truediv),
+    ast.Mod: ("%", PRODUCT, operator.mod),
+    ast.Pow: ("", ATOM, operator.pow),
+    ast.BitAnd: ("&", 8, operator.and_),
+    ast.Lt: ("<", COMPARED, operator.lt),
+    ast.LtE: ("<=", COMPARED, operator.le),
+    ast.Gt: (">", COMPARED, operator.gt),
+    ast.GtE: (">=", COMPARED, operator.ge),
+    ast.Eq: ("==", COMPARED - 1, operator.eq),
+    ast.NotEq: ("!=", COMPARED - 1, operator.ne),
 }
 
+# Names in C's library of functions of math, numpy and Python.
 _SAME_NAME = re.findall(
     r"\w+",
-    "sqrt sin cos tan sinh cosh tanh asinh acosh atanh exp expm1 log log1p log10 log2 fmod "
-    "copysign fabs isfinite isnan isinf",
+    "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
+    "log10 log2 fmod copysign fabs isfinite isnan isinf",
 )
 _OTHER_NAME = {
-    "asin": "asin",
-    "acos": "acos",
-    "atan": "atan",
-    "atan2": "atan2",
-    "pow": "pow",
+    "pow": "pow_",
     "arcsin": "asin",
     "arccos": "acos",
     "arctan": "atan",
     "arctan2": "atan2",
     "absolute": "fabs",
+    "sign": "sign_",
 }
-# Names in C's library of functions of math, numpy and Python.
 LIBRARY: dict[Any, str] = {abs: "fabs"}
 for _module in (math, np):
     for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
@@ -93,7 +71,10 @@ HELPERS = {
     "most_": "int64_t most_(int64_t a, int64_t b) {{ return b > a ? b : a; }}",
     "sign_": "{real} sign_({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
     "mod_": "int64_t mod_(int64_t a, int64_t b) {{ return (a % b + b) % b; }}",
-    "div_": "int64_t div_(int64_t a, int64_t b) {{ return (a - mod_(a, b)) / b; }}",
+    # A volatile exponent, or the compiler would take products, which round otherwise.
+    "pow_": (
+        "{real} pow_({real} a, {real} b) {{ volatile {real} e = b; return pow{suffix}(a, e); }}"
+    ),
 }
 
 # Names that a variable cannot have: words of C, functions that are called, and the records.
@@ -146,12 +127,10 @@ def wrapped(text: str, indent: int, further: int = 8) -> list[str]:
     )
 
 
-def comment(text: str, indent: int = 0) -> list[str]:
-    """Return a comment as lines; none for an empty text."""
+def comment(text: str, indent: int = 0) -> str:
+    """Return a text as a comment; empty for an empty text."""
     words = " ".join(text.split()).replace("``", "").replace("*/", "* /").replace("/*", "/ *")
-    if not words:
-        return []
-    return wrapped(f"/* {words} */", indent, 3)
+    return "\n".join(wrapped(f"/* {words} */", indent, 3)) if words else ""
 
 
 def mentions(name: str, text: str) -> bool:
@@ -162,22 +141,3 @@ def mentions(name: str, text: str) -> bool:
 def calls(name: str, text: str) -> bool:
     """Whether a text of C calls a function."""
     return re.search(rf"\b{re.escape(name)}\(", text) is not None
-
-
-def power_helper(exponent: int, real: str) -> str:
-    """Return the text of ``power_N``: x^N by squaring, as compiled laws compute it.
-
-    Args:
-        exponent: N, at least 1.
-        real: ``double`` or ``float``.
-    """
-    steps = []
-    first = True
-    while exponent:
-        if exponent & 1:
-            steps.append("power = x;" if first else "power *= x;")
-            first = False
-        exponent >>= 1
-        if exponent:
-            steps.append("x *= x;")
-    return f"{{ {real} power; {' '.join(steps)} return power; }}"

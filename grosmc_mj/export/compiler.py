@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.loop import LoopInC
 from grosmc_mj.export.structures import size_of
+from grosmc_mj.export.templates import rendered
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
 FLAGS = (
@@ -28,75 +27,6 @@ FLAGS = (
     "-ffp-contract=off",
 )
 _COMPILERS = ("cc", "gcc", "clang")
-
-# The export with memory and signals in double precision, as simulations have them.
-_CALL = """\
-#include "{name}.h"
-
-#include <string.h>
-
-int step_of_doubles(double time, const double *x, const double *fresh, double *memory, double *u)
-{{
-    {real} numbers[{size}];
-    {real} signals[2][{n}] = {{{{0}}, {{0}}}};
-    {real} input[{m}] = {{0}};
-    struct {name}_memory own;
-    for (int i = 0; i < {n}; i++) {{
-        signals[0][i] = ({real})x[i];
-        signals[1][i] = ({real})fresh[i];
-    }}
-    for (int i = 0; i < {size}; i++) {{
-        numbers[i] = ({real})memory[i];
-    }}
-    memcpy(&own, numbers, sizeof own);
-    const int answer = {name}_step(({real})time, {signals}, &own, input);
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-    for (int i = 0; i < {m}; i++) {{
-        u[i] = input[i];
-    }}
-    return answer;
-}}
-
-int law_of_doubles(double t, const double *x, double *memory, double *u)
-{{
-    return step_of_doubles(t, x, x, memory, u);
-}}
-
-void begin_of_doubles(double *memory, const double *start)
-{{
-    {real} numbers[{size}];
-    {real} state[{states}];
-    struct {name}_memory own;
-    for (int i = 0; i < {states}; i++) {{
-        state[i] = ({real})start[i];
-    }}
-    (void)state;
-    {name}_init({begin});
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-}}
-"""
-_MISSED = """
-void missed_of_doubles(double *memory)
-{{
-    {real} numbers[{size}];
-    struct {name}_memory own;
-    for (int i = 0; i < {size}; i++) {{
-        numbers[i] = ({real})memory[i];
-    }}
-    memcpy(&own, numbers, sizeof own);
-    {name}_missed(&own);
-    memcpy(numbers, &own, sizeof own);
-    for (int i = 0; i < {size}; i++) {{
-        memory[i] = numbers[i];
-    }}
-}}
-"""
 
 
 def find_compiler() -> str | None:
@@ -192,27 +122,9 @@ def compile_law(
     Raises:
         SetupError: If it does not compile.
     """
+    signals = len(law.measured) if isinstance(law, LoopInC) else len(law.system.states)
+    text = rendered("call.c", law=law, size=size_of(law.remembered), signals=signals)
     call = folder / f"{law.name}_call.c"
-    states = len(law.system.states)
-    signals = states
-    arguments = "signals[0]"
-    begin = "&own"
-    calls = _CALL
-    if isinstance(law, LoopInC):
-        calls += _MISSED
-        signals = len(law.measured)
-        arguments = "signals[0], signals[1]"
-        begin = "&own, state"
-    text = calls.format(
-        name=law.name,
-        real=law.real,
-        size=size_of(law.remembered),
-        n=signals,
-        m=len(law.system.inputs),
-        states=states,
-        signals=arguments,
-        begin=begin,
-    )
     call.write_text(text, encoding="utf-8")
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"
@@ -221,30 +133,3 @@ def compile_law(
     if done.returncode:
         raise SetupError(f"{compiler} does not compile {source}: {one_line(done.stderr)}")
     return CompiledLaw(ctypes.CDLL(str(library)))
-
-
-def differing_samples(law: LawInC, compiled: CompiledLaw, x: Array) -> int:
-    """Count the samples in which C and Python law differ in any bit of inputs or memory.
-
-    Args:
-        law: The law.
-        compiled: The same, compiled.
-        x: States at the samples, (N, n).
-    """
-    from grosmc_mj.records import pack
-
-    controller = law.controller
-    memory = controller.memory()
-    in_c = pack(memory)
-    m = len(law.system.inputs)
-    different = 0
-    for k, state in enumerate(x):
-        t = k * law.period
-        expected = np.zeros(m)
-        written = np.zeros(m)
-        controller.law(t, state, memory, controller.parameters, expected)
-        memory.begun = 1.0
-        compiled.step(t, state, in_c, written)
-        same = np.array_equal(expected, written, equal_nan=True)
-        different += not (same and np.array_equal(pack(memory), in_c, equal_nan=True))
-    return different

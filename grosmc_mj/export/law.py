@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.surface import integrate
-from grosmc_mj.export.c_text import INDENT, comment, wrapped
 from grosmc_mj.export.program import Function, Program
-from grosmc_mj.export.structures import definition, initial
+from grosmc_mj.export.statements import function_in_c
 from grosmc_mj.export.syntax import ExportError
+from grosmc_mj.export.templates import listed, rendered
 from grosmc_mj.export.values import Array, Number, record_at
 from grosmc_mj.plants import System
 
 # Answers of ``NAME_step``.
 UNDEFINED_LAW = 1
 UNDEFINED_INPUT = 2
-
-_GUARDS = """\
-#include <float.h>
-#include <math.h>
-#include <stdint.h>
-#include <string.h>
-
-#ifdef __FAST_MATH__
-#error "-ffast-math changes the law: leave it out"
-#endif
-#if FLT_EVAL_METHOD != 0
-#error "numbers must be rounded after every operation: for x86 of 32 bits take -mfpmath=sse"
-#endif
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("fp-contract=off")
-#else
-#pragma STDC FP_CONTRACT OFF
-#endif
-"""
 
 
 @dataclass(frozen=True)
@@ -72,12 +53,12 @@ class LawInC:
         program = self._program()
         arguments = [
             Number("t"),
-            Array("x", (len(self.system.states),), constant=True),
+            Array("x", (len(self.system.states),)),
             record_at("memory->", self.remembered),
-            record_at("p->", self.controller.parameters, constant=True),
+            record_at("p->", self.controller.parameters),
             Array("u", (len(self.system.inputs),)),
         ]
-        return program, program.root(self.controller.law, arguments)
+        return program, function_in_c(program, *program.bound(self.controller.law, arguments, {}))
 
     @property
     def remembered(self) -> Any:
@@ -112,121 +93,63 @@ class LawInC:
     @property
     def header(self) -> str:
         """The text of NAME.h."""
-        name = self.name
-        guard = f"{name.upper()}_H"
-        lines = [*self._head(), f"#ifndef {guard}", f"#define {guard}", ""]
-        lines += ["/* Numbers of the law. */"]
-        lines += definition(self.controller.parameters, f"{name}_numbers", self.real)
-        lines += [f"extern const struct {name}_numbers {name}_numbers;", ""]
-        lines += ["/* What the law remembers from one sample to the next. */"]
-        lines += definition(self.remembered, f"{name}_memory", self.real)
-        lines += [*comment(self._about_init), f"{self._init};", ""]
-        lines += comment(
-            f"{self._about_step} Returns 0, {UNDEFINED_LAW} where the law is not defined, "
-            f"{UNDEFINED_INPUT} where an input is not finite."
-        )
-        lines += [*wrapped(f"{self._step};", 0), "", *self._further_declarations]
-        lines += ["#endif", ""]
-        return "\n".join(lines)
+        return rendered("law.h", law=self)
 
     @property
     def source(self) -> str:
         """The text of NAME.c."""
-        name = self.name
+        return rendered("law.c", law=self)
+
+    # Parts of both texts.
+
+    # Whether it has the software of its loop; code before the fields of the law's memory.
+    in_loop = False
+    place = "memory->"
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of numbers in this precision."""
+        return "f" if self.real == "float" else ""
+
+    @property
+    def functions(self) -> str:
+        """Functions of ``NAME_step``."""
         program, law = self._law
-        suffix = program.suffix
-        further = self._further_functions
-        functions = program.text([law, *further.values()])
-        lines = [f'#include "{name}.h"', "", _GUARDS]
-        lines += [f"const struct {name}_numbers {name}_numbers = {{"]
-        lines += [*initial(self.controller.parameters, suffix), "};", ""]
-        if "p->" in functions:
-            lines += [f"static const struct {name}_numbers *const p = &{name}_numbers;", ""]
-        lines += [functions]
-        lines += [self._init, "{", f"{INDENT}*memory = (struct {name}_memory){{"]
-        lines += [*initial(self.remembered, suffix, 2), f"{INDENT}}};"]
-        lines += [*self._settled, "}", ""]
-        lines += [*wrapped(self._step, 0), "{", *self._step_body(law), "}", ""]
-        for declaration, function in further.items():
-            lines += [declaration, "{", f"{INDENT}{function.name}(memory);", "}", ""]
-        return "\n".join([*self._head(), *lines])
+        return program.text([law])
 
     @property
-    def _init(self) -> str:
-        """Declaration of ``NAME_init``."""
-        return f"void {self.name}_init(struct {self.name}_memory *memory)"
+    def start(self) -> str:
+        """Parameters of ``NAME_init`` after the memory."""
+        return ""
 
     @property
-    def _about_init(self) -> str:
-        """Comment on ``NAME_init``."""
-        return "Begin a run."
-
-    @property
-    def _settled(self) -> list[str]:
+    def settled(self) -> Sequence[str]:
         """Lines of ``NAME_init`` after the initial values."""
-        return []
+        return ()
 
     @property
-    def _about_step(self) -> str:
-        """Comment on ``NAME_step``."""
-        signals = f"It reads {listed('x', self.system.states)}"
-        return (
-            f"One sample at the time t [s], {self.period:g} s after the last one. {signals} and "
-            f"writes {listed('u', self.system.inputs)}."
-        )
+    def signals(self) -> str:
+        """Parameters of ``NAME_step`` before the memory."""
+        return f"{self.real} t, const {self.real} x[{len(self.system.states)}]"
 
     @property
-    def _step(self) -> str:
-        """Declaration of ``NAME_step``."""
-        n = len(self.system.states)
-        m = len(self.system.inputs)
-        return (
-            f"int {self.name}_step({self.real} t, const {self.real} x[{n}], "
-            f"struct {self.name}_memory *memory, {self.real} u[{m}])"
-        )
+    def about_signals(self) -> str:
+        """Comment on them."""
+        return f"t: its time [s]. It reads {listed(self.system.states, 'x')}."
 
     @property
-    def _further_declarations(self) -> list[str]:
-        """Lines of the header for further functions."""
-        return []
+    def sample(self) -> Sequence[str]:
+        """Lines of ``NAME_step`` that write the inputs."""
+        return [*self._call("t", "x"), "memory->begun = 1;"]
 
-    @property
-    def _further_functions(self) -> Mapping[str, Function]:
-        """Functions of the memory alone that further ones call, by their declarations."""
-        return {}
-
-    def _step_body(self, law: Function) -> list[str]:
-        """Lines of ``NAME_step``."""
-        arguments = [parameter.name for parameter in law.parameters]
-        lines = [f"(void){name};" for name in ("t", "x") if name not in arguments]
+    def _call(self, *signals: str) -> list[str]:
+        """Lines that call the function of a sample."""
+        _, law = self._law
+        lines = [f"(void){name};" for name in signals if name not in law.parameters]
+        arguments = list(law.parameters)
         if law.needs_memory:
             arguments.append("memory")
-        lines += [f"{law.name}({', '.join(arguments)});", "memory->begun = 1;"]
-        return [*(INDENT + line for line in lines), *self._answer("memory->")]
-
-    def _answer(self, place: str) -> list[str]:
-        """Lines that return what ``NAME_step`` does.
-
-        Args:
-            place: Code before the fields of the law's memory.
-        """
-        finite = [f"isfinite(u[{i}])" for i in range(len(self.system.inputs))]
-        lines = [f"if ({place}undefined != 0) {{", f"{INDENT}return {UNDEFINED_LAW};", "}"]
-        lines += [f"return {' && '.join(finite)} ? 0 : {UNDEFINED_INPUT};"]
-        return [INDENT + line for line in lines]
-
-    def _head(self) -> list[str]:
-        """Head comment."""
-        lines: list[str] = []
-        for paragraph in self.about:
-            lines += comment(paragraph)
-        return lines
-
-
-def listed(array: str, signals: Sequence[Any]) -> str:
-    """Return names and units of the entries of an array."""
-    places = [f"{array}[{i}] {signal.name} [{signal.unit}]" for i, signal in enumerate(signals)]
-    return ", ".join(places)
+        return [*lines, f"{law.name}({', '.join(arguments)});"]
 
 
 def by_period(period: float) -> Any:

@@ -17,14 +17,12 @@ class Line:
         depth: Depth of its block.
         text: The line.
         defines: Name of the variable that it gives a value, if it does nothing else.
-        declares: Whether it declares that variable.
         effect: The part of it that is needed even if nothing reads the variable.
     """
 
     depth: int
     text: str
     defines: str = ""
-    declares: bool = False
     effect: str = ""
 
     def written(self) -> list[str]:
@@ -40,13 +38,12 @@ def without_unused(lines: Sequence[Line]) -> list[Line]:
     """
     kept = list(lines)
     while True:
-        defined = {line.defines for line in kept if line.declares}
-        read: set[str] = set()
+        unused = {line.defines for line in kept} - {""}
         for line in kept:
-            read |= {name for name in defined - {line.defines} if mentions(name, line.text)}
-        unused = defined - read
+            unused -= {name for name in unused - {line.defines} if mentions(name, line.text)}
         if not unused:
             return kept
+
         needed: list[Line] = []
         for line in kept:
             if line.defines not in unused:
@@ -60,7 +57,7 @@ def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
     """Return the lines with other names for variables that would hide a function they call."""
     text = "\n".join(line.text for line in lines)
     renamed = list(lines)
-    for name in {line.defines for line in lines if line.declares}:
+    for name in {line.defines for line in lines} - {""}:
         if calls(name, text):
             variable = re.compile(rf"\b{name}\b(?!\()")
             renamed = [replace(line, text=variable.sub(f"{name}_", line.text)) for line in renamed]

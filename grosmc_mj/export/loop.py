@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +11,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array as Numbers
 from grosmc_mj.control.memory import Memory
-from grosmc_mj.export.c_text import INDENT, comment
-from grosmc_mj.export.law import LawInC, listed
+from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.program import Function, Program
+from grosmc_mj.export.statements import function_in_c
+from grosmc_mj.export.templates import listed
 from grosmc_mj.export.values import Array, Known, Number, Record, record_at
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.loop.sent import keep_output
@@ -137,41 +138,35 @@ class LoopInC(LawInC):
         count = len(self.measured)
         arguments = [
             Number("clock"),
-            Array("y", (count,), constant=True),
-            Array("fresh", (count,), constant=True),
+            Array("y", (count,)),
+            Array("fresh", (count,)),
             memory,
             software,
             p,
             Array("u", (len(self.system.inputs),)),
         ]
         sample = _sample_of(self.controller.law, tuple(self.measured))
-        return program, program.root(sample, arguments)
+        return program, function_in_c(program, *program.bound(sample, arguments, {}))
 
     @cached_property
     def _records(self) -> tuple[Record, Record, Record]:
         """Memory, numbers of the law, and software."""
         memory = record_at("memory->", self.remembered)
-        p = record_at("p->", self.controller.parameters, constant=True)
+        p = record_at("p->", self.controller.parameters)
         return memory, p, self._software_at(memory, p)
 
     @property
-    def _further_functions(self) -> Mapping[str, Function]:
+    def functions(self) -> str:
+        """Functions of ``NAME_step`` and ``NAME_missed``."""
+        program, law = self._law
+        return program.text([law, self.missed])
+
+    @cached_property
+    def missed(self) -> Function:
+        """Function of ``NAME_missed``."""
         program, _ = self._law
         memory, _, software = self._records
-        return {self._missed: program.root(_hold_output, [memory, software])}
-
-    @property
-    def _missed(self) -> str:
-        """Declaration of ``NAME_missed``."""
-        return f"void {self.name}_missed(struct {self.name}_memory *memory)"
-
-    @property
-    def _further_declarations(self) -> list[str]:
-        about = (
-            "The output of the last step was not sent in time, so that the one before is held: "
-            "call it before the next step."
-        )
-        return [*comment(about), f"{self._missed};", ""]
+        return function_in_c(program, *program.bound(_hold_output, [memory, software], {}))
 
     def _software_at(self, memory: Record, p: Record) -> Record:
         """The software's half as a record, with the numbers that no run changes known."""
@@ -190,23 +185,18 @@ class LoopInC(LawInC):
             members["advance"] = Known(advance)
         return Record("memory->software", members)
 
-    @property
-    def _init(self) -> str:
-        n = len(self.system.states)
-        return (
-            f"void {self.name}_init(struct {self.name}_memory *memory, "
-            f"const {self.real} start[{n}])"
-        )
+    # Parts of the texts.
+
+    in_loop = True
+    place = "memory->law."
 
     @property
-    def _about_init(self) -> str:
-        return (
-            "Begin a run. Estimators that have run before begin with the true state: "
-            f"{listed('start', self.system.states)}."
-        )
+    def start(self) -> str:
+        """Parameters of ``NAME_init`` after the memory."""
+        return f", const {self.real} start[{len(self.system.states)}]"
 
     @property
-    def _settled(self) -> list[str]:
+    def settled(self) -> Sequence[str]:
         """Lines of ``NAME_init`` that tell settled estimators the start."""
         software = self._software
         lines = []
@@ -217,35 +207,29 @@ class LoopInC(LawInC):
         for j, settled in enumerate(software.states["settled"].tolist()):
             if settled:
                 lines.append(f"memory->observed[{j}] = start[{j}];")
-        return [INDENT + line for line in lines or ["(void)start;"]]
+        return lines or ["(void)start;"]
 
     @property
-    def _about_step(self) -> str:
+    def signals(self) -> str:
+        """Parameters of ``NAME_step`` before the memory."""
+        size = len(self.measured)
+        return f"{self.real} clock, const {self.real} y[{size}], const {self.real} fresh[{size}]"
+
+    @property
+    def about_signals(self) -> str:
+        """Comment on them."""
         signals = [self.system.states[j] for j in self.measured]
-        tick = f"{self.loop.timestep:g} s"
         return (
-            f"One sample, {self.period:g} s after the last one. clock: reading of the clock since "
-            f"the first sample, in ticks of {tick}. {listed('y', signals)}: newest measurements. "
-            "fresh: how many measurements the sensor has made since the last sample, at most 1 for "
-            f"one without a period of its own. It writes {listed('u', self.system.inputs)}."
+            "clock: reading of the clock since the first sample, in ticks of "
+            f"{self.loop.timestep:g} s. {listed(signals, 'y')}: newest measurements. fresh: how "
+            "many measurements the sensor has made since the last sample, at most 1 for one "
+            "without a period of its own."
         )
 
     @property
-    def _step(self) -> str:
-        count = len(self.measured)
-        m = len(self.system.inputs)
-        return (
-            f"int {self.name}_step({self.real} clock, const {self.real} y[{count}], "
-            f"const {self.real} fresh[{count}], struct {self.name}_memory *memory, "
-            f"{self.real} u[{m}])"
-        )
-
-    def _step_body(self, law: Function) -> list[str]:
-        arguments = [parameter.name for parameter in law.parameters]
-        unused = [name for name in ("clock", "y", "fresh") if name not in arguments]
-        lines = [f"(void){name};" for name in unused]
-        lines.append(f"{law.name}({', '.join([*arguments, 'memory'])});")
-        return [*(INDENT + line for line in lines), *self._answer("memory->law.")]
+    def sample(self) -> Sequence[str]:
+        """Lines of ``NAME_step`` that write the inputs."""
+        return self._call("clock", "y", "fresh")
 
 
 def _rows(rows: Any, changing: dict[str, Any]) -> tuple[Record, ...]:

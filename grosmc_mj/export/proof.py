@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,14 +15,11 @@ from grosmc_mj.experiments.experiment import Experiment, experiment_without_desi
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.export.compiler import CompiledLaw
-from grosmc_mj.export.law_in_simulation import controller_in_c
+from grosmc_mj.export.in_simulation import in_simulation
+from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.loop_in_simulation import run_in_loop
-from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import Judgement, judge_runs
-from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.sweep.family import family_of, random_points
@@ -140,12 +137,8 @@ class Proof:
         row, column = np.unravel_index(np.nanargmax(difference), difference.shape)
         time = float(python.time[rows][row])
         value = float(difference[row, column])
-        self.note(Difference(value, inputs[int(column)].unit, time, place))
-
-    def note(self, difference: Difference) -> None:
-        """Keep a difference if it is the largest so far."""
-        if self.largest is None or difference.value > self.largest.value:
-            self.largest = difference
+        if self.largest is None or value > self.largest.value:
+            self.largest = Difference(value, inputs[int(column)].unit, time, place)
 
 
 def _unequal(a: Array, b: Array) -> Any:
@@ -156,17 +149,20 @@ def _unequal(a: Array, b: Array) -> Any:
 
 def prove(
     experiment: Experiment,
-    python: Controller,
+    law: LawInC,
     compiled: CompiledLaw,
     plants: int = 1000,
     advance: Callable[[str, int], None] = lambda text, by: None,
 ) -> Proof:
     """Run an exported law beside the Python law.
 
+    A law with its loop runs in the Python engine, where the C gets what is measured in place of
+    the state that the Python software has estimated.
+
     Args:
         experiment: The case; its runs on each plant are compared, and judged.
-        python: The controller, with its control period in its parameters.
-        compiled: Its law in C.
+        law: The export.
+        compiled: The same, compiled.
         plants: Number of random plants, of the case's ``[[uncertain]]`` tables or else of the
             system's campaign.
         advance: Told the progress: text and number of runs.
@@ -176,104 +172,37 @@ def prove(
     """
     proof = Proof()
     stride = round(experiment.settings.control_period / experiment.settings.timestep)
+    controller, own_loop = in_simulation(law, compiled)
     verdicts: list[Verdict] = []
-    controllers = python, controller_in_c(python, compiled)
-    for plant_name in experiment.plant_names:
-        plant = experiment.plant(plant_name)
-        runs = []
-        for controller in controllers:
-            loop = _loop_around(experiment, experiment, controller, experiment.run_number)
-            runs.append(run_on(experiment, plant_name, controller, plant, loop))
+    for name in experiment.plant_names:
+        plant = experiment.plant(name)
+        loop = _loop_around(experiment, law, experiment, experiment.run_number)
+        python = run_on(experiment, name, law.controller, plant, loop)
+        in_c = run_on(experiment, name, controller, plant, own_loop or loop)
         proof.runs += 1
-        proof.add(runs[0].trajectory, runs[1].trajectory, stride, plant_name)
-        judgements = [judge_runs(experiment.limits, [run]) for run in runs]
+        proof.add(python.trajectory, in_c.trajectory, stride, name)
+        judgements = [judge_runs(experiment.limits, [run]) for run in (python, in_c)]
         verdicts += map(Verdict, *judgements)
-        advance(f"{python.name} on {plant_name}", 1)
+        advance(f"{controller.name} on {name}", 1)
     proof.verdicts = verdicts
 
+    uncertain = uncertain_experiment(experiment)
+    if uncertain is None:
+        return proof
     for first in range(0, plants, _BATCH):
         count = min(_BATCH, plants - first)
-        for pair in _random_runs(experiment, controllers, first, count):
+        cases, true_plants = _random_plants(uncertain, first, count)
+        loops = []
+        for number, case in enumerate(cases):
+            loops.append(_loop_around(uncertain, law, case, first + number))
+        python = _simulated(uncertain, cases, true_plants, law.controller, loops)
+        own_loops = [own_loop or loop for loop in loops]
+        in_c = _simulated(uncertain, cases, true_plants, controller, own_loops)
+        for number in range(count):
             proof.random_plants += 1
-            proof.add(*pair, stride, f"random plant {proof.random_plants}")
-        advance(f"{python.name} on random plants", count)
+            proof.add(python[number], in_c[number], stride, f"random plant {proof.random_plants}")
+        advance(f"{controller.name} on random plants", count)
     return proof
-
-
-def prove_loop(
-    experiment: Experiment,
-    law: LoopInC,
-    compiled: CompiledLaw,
-    plants: int = RANDOM_LOOPS,
-    advance: Callable[[str, int], None] = lambda text, by: None,
-) -> Proof:
-    """Run an exported law with its loop beside the Python law in its loop.
-
-    It runs in the Python engine, where the C gets what is measured in place of the state that
-    the Python software has estimated.
-
-    Args:
-        experiment: The case.
-        law: The export.
-        compiled: The same, compiled.
-        plants: Number of random plants.
-        advance: Told the progress: text and number of runs.
-
-    Returns:
-        The comparison, without verdicts: equal runs have equal ones.
-    """
-    proof = Proof()
-    for name in experiment.plant_names:
-        _compare_in_loop(proof, experiment, experiment.plant(name), law, compiled, name)
-        proof.runs += 1
-        advance(f"{law.controller.name} on {name}", 1)
-
-    uncertain = uncertain_experiment(experiment)
-    if uncertain is None or not plants:
-        return proof
-    cases, true_plants = _random_plants(uncertain, 0, plants)
-    for case, plant in zip(cases, true_plants, strict=True):
-        # The loop is the exported one: its numbers stand in the C.
-        case = replace(case, loop=experiment.loop, known_loop=experiment.known_loop)
-        proof.random_plants += 1
-        place = f"random plant {proof.random_plants}"
-        _compare_in_loop(proof, case, plant, law, compiled, place)
-        advance(f"{law.controller.name} on random plants", 1)
-    return proof
-
-
-def _compare_in_loop(
-    proof: Proof, case: Case, plant: Plant, law: LoopInC, compiled: CompiledLaw, place: str
-) -> None:
-    """Compare the runs of a law and of its export on one plant of a case."""
-    settings = case.settings
-    problem, _ = prepare(
-        plant,
-        law.controller,
-        case.x0,
-        loop=law.loop,
-        duration=case.duration,
-        control_period=settings.control_period,
-        timestep=settings.timestep,
-        disturbances=list(case.disturbances),
-    )
-    with np.errstate(all="ignore"), warnings_counted_only():
-        python = run_python(problem)
-        in_c = run_in_loop(problem, law, compiled)
-
-    rows = min(int(python.valid[0]), int(in_c.valid[0]))
-    unequal = _unequal(python.rows[0, :rows], in_c.rows[0, :rows])
-    proof.samples += rows // problem.stride
-    proof.different += -(-int(unequal.sum()) // problem.stride)
-    if python.status[0] != in_c.status[0] or python.valid[0] != in_c.valid[0]:
-        proof.different += 1
-    if unequal.any():
-        columns = problem.columns["command"]
-        commands = np.abs(python.rows[0, :rows, columns] - in_c.rows[0, :rows, columns])
-        row, column = np.unravel_index(np.nanargmax(commands), commands.shape)
-        unit = problem.system.inputs[int(column)].unit
-        time = float((row - 1) * problem.timestep)
-        proof.note(Difference(float(commands[row, column]), unit, time, place))
 
 
 def uncertain_experiment(experiment: Experiment) -> Experiment | None:
@@ -293,27 +222,6 @@ def uncertain_experiment(experiment: Experiment) -> Experiment | None:
     )
 
 
-def _random_runs(
-    experiment: Experiment,
-    controllers: Sequence[Controller],
-    first: int,
-    count: int,
-) -> Iterator[tuple[Trajectory, Trajectory]]:
-    """Run both laws on random plants, from the first of these numbers on."""
-    uncertain = uncertain_experiment(experiment)
-    if uncertain is None:
-        return
-    cases, true_plants = _random_plants(uncertain, first, count)
-    batches = []
-    for controller in controllers:
-        loops = []
-        for number, case in enumerate(cases):
-            loops.append(_loop_around(uncertain, case, controller, first + number))
-        batches.append(_simulated(uncertain, cases, true_plants, controller, loops))
-    for number in range(count):
-        yield batches[0][number], batches[1][number]
-
-
 def _random_plants(
     uncertain: Experiment, first: int, count: int
 ) -> tuple[list[Experiment], list[Plant]]:
@@ -326,13 +234,23 @@ def _random_plants(
     return cases, [plant_of(case, nominal) for case in cases]
 
 
-def _loop_around(experiment: Experiment, case: Case, controller: Controller, run: int) -> Any:
-    """The loop of a case around a controller; None for an ideal one."""
+def _loop_around(experiment: Experiment, law: LawInC, case: Case, run: int) -> Any:
+    """The loop of a case around a law: of an export with its loop that one; None for an ideal one.
+
+    Args:
+        experiment: The case, or the campaign, that tells whether the law predicts.
+        law: The export.
+        case: The case with the loop.
+        run: Number of the run, of which the loop's noise is.
+    """
+    if isinstance(law, LoopInC):
+        # Its numbers stand in the C.
+        return law.loop
     if case.loop is None:
         return None
-    name = controller.name
+    name = law.controller.name
     predict = name in experiment.controllers and experiment.predicts(name)
-    return experiment.loop_around(controller, case.loop, predict=predict, run=run)
+    return experiment.loop_around(law.controller, case.loop, predict=predict, run=run)
 
 
 def _simulated(

@@ -1,89 +1,184 @@
-"""Statements of a Python function as C."""
+"""Statements of a Python function as C, and the function around them."""
 
 from __future__ import annotations
 
 import ast
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import FunctionType
 from typing import Any
 
-from grosmc_mj.export.c_text import BINARY, c_name
-from grosmc_mj.export.expressions import Expressions, UnknownIndexError, union
-from grosmc_mj.export.function import Functions
-from grosmc_mj.export.lines import Line
-from grosmc_mj.export.values import Array, Known, Number, Record
+from grosmc_mj.export.c_text import BINARY, c_name, comment, mentions, wrapped
+from grosmc_mj.export.expressions import Expressions
+from grosmc_mj.export.lines import Line, without_hidden_functions, without_unused
+from grosmc_mj.export.program import Function, Program
+from grosmc_mj.export.syntax import ExportError, where
+from grosmc_mj.export.values import Array, Known, Number, signature, union
 
-# Most passes of a loop that is written out.
-_MOST_PASSES = 64
 # Assignments that C has, too.
 _COMPOUND = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+# Modules whose loops run over rows, or indices, of which different numbers are known.
+_WRITTEN_OUT = ("grosmc_mj.loop.", "grosmc_mj.export.loop", "grosmc_mj.control.coordinates.")
+
+
+def function_in_c(program: Program, function: FunctionType, values: Mapping[str, Any]) -> Function:
+    """Return the C of a Python function, which the program keeps.
+
+    Args:
+        program: The C that it is part of.
+        function: The Python function.
+        values: Values of its parameters.
+
+    Raises:
+        ExportError: If it has no C.
+    """
+    key = function, tuple(signature(value) for value in values.values())
+    if key not in program.functions:
+        program.functions[key] = None
+        program.functions[key] = Statements(program, function).translated(values)
+    written = program.functions[key]
+    if written is None:
+        raise ExportError(f"{where(function)}: {function.__name__} calls itself: write a loop")
+    return written
 
 
 class Statements(Expressions):
     """Statements of one function for certain arguments.
 
-    Args:
-        program: The C that the function is part of.
-        function: The Python function.
-
     Attributes:
         returns: What the function returns: None for nothing, a number without code, the length of
             an array, or a known value.
+        fixed: Names that keep one value: parameters, and variables of loops around.
+        parameters: Declarations in C of the parameters, without ``const``, by their names.
+        hoisted: Names of variables that are declared before all lines.
         changed: Whether this writing told more of a variable than the one before.
-        widening: Whether bounds that still grow are given up.
+        repeats: Number of loops around that are written pass by pass.
     """
 
-    def __init__(self, program: Functions, function: FunctionType) -> None:
-        super().__init__(program, function)
-        self.changed = False
-        self.widening = False
+    # Whether bounds of whole numbers that still grow are given up.
+    widening = False
 
     def begin(self) -> None:
         """Begin to write, once more with what is known of the variables."""
         super().begin()
         self.returns: Any = None
+        self.fixed: set[str] = set()
+        self.parameters: dict[str, str] = {}
+        self.hoisted: list[str] = []
         self.changed = False
-        self.hoisted: dict[str, str] = {}
-        self._declared: set[str] = set()
-        self._blocks: list[Sequence[ast.stmt]] = []
+        self.repeats = 0
 
-    def block(self, statements: Sequence[ast.stmt]) -> bool:
-        """Write statements.
+    def called(self, function: FunctionType, values: Mapping[str, Any]) -> Function:
+        """Return the C function of a Python one for such arguments."""
+        return function_in_c(self.program, function, values)
 
-        Returns:
-            Whether they always leave the function.
-        """
-        declared = set(self._declared)
-        self._blocks.append(statements)
-        left = False
-        for statement in statements:
-            left = self._statement(statement)
-            if left:
-                break
-        self._blocks.pop()
-        self._declared = declared | set(self.hoisted)
-        return left
+    def translated(self, values: Mapping[str, Any]) -> Function:
+        """Write the function, again and again until its variables keep their kinds and bounds."""
+        body: Any = self.tree.body
+        if isinstance(self.tree, ast.Lambda):
+            body = [ast.copy_location(ast.Return(self.tree.body), self.tree)]
+        while True:
+            self.begin()
+            for name, value in values.items():
+                self._parameter(name, value)
+            self._block(body)
+            if not self.changed:
+                return self._finished()
+            # Bounds that still grow are given up.
+            self.widening = True
+
+    def _parameter(self, name: str, value: Any) -> None:
+        """Give a parameter its value: an argument in C, or what is known."""
+        c = c_name(name)
+        self.fixed.add(name)
+        self.names[name] = value
+        if isinstance(value, Known) and isinstance(value.value, float):
+            value = Number("")
+        if isinstance(value, Array):
+            self.names[name] = Array(c, value.shape)
+            self.parameters[name] = f"{self.program.real} *{c}"
+        if isinstance(value, Number):
+            self.names[name] = Number(c, value.whole, low=value.low, high=value.high)
+            self.parameters[name] = f"{self.program.type_of(value)} {c}"
+
+    def _finished(self) -> Function:
+        """Put head, variables and lines of the function together."""
+        program = self.program
+        variables = []
+        for name in self.hoisted:
+            c = c_name(name)
+            kind = program.type_of(self.variables[name])
+            variables.append(Line(0, f"{kind} {c} = 0;", c))
+        lines = without_hidden_functions(without_unused([*variables, *self.lines]))
+        if lines and lines[-1] == Line(0, "return;"):
+            lines.pop()
+        text = "\n".join(line.text for line in lines)
+
+        parameters = [name for name in self.parameters if mentions(c_name(name), text)]
+        written = {name for name in parameters if c_name(name) in self.written}
+        declarations = []
+        for name in parameters:
+            const = "*" in self.parameters[name] and name not in written
+            declarations.append("const " * const + self.parameters[name])
+        needs_memory = mentions(program.memory, text)
+        if needs_memory:
+            declarations.append(f"{program.memory_type} *{program.memory}")
+        if isinstance(self.returns, int):
+            declarations.append(f"{program.real} out[{self.returns}]")
+
+        kind = program.type_of(self.returns) if isinstance(self.returns, Number) else "void"
+        name = program.new_name(self.function)
+        head = f"static {kind} {name}({', '.join(declarations) or 'void'})"
+        doc = (self.function.__doc__ or "").strip().partition("\n\n")[0]
+        body = [part for line in lines for part in line.written()]
+        about = comment(f"{doc} [{where(self.function)}]")
+        finished = Function(
+            name=name,
+            parameters=parameters,
+            returns=self.returns,
+            written=written | ({program.memory} & self.written),
+            needs_memory=needs_memory,
+            lines=[about, *wrapped(head, 0), "{", *body, "}", ""],
+        )
+        program.finished.append(finished)
+        return finished
+
+    # Blocks. Each method returns whether the statements always leave the function.
+
+    def _block(self, statements: Sequence[ast.stmt]) -> bool:
+        """Write statements."""
+        return any(self._statement(statement) for statement in statements)
 
     def _inner(self, head: str, statements: Sequence[ast.stmt]) -> bool:
         """Write a block after its head; the closing brace is the caller's."""
         self.say(head)
         self.depth += 1
-        left = self.block(statements)
+        left = self._block(statements)
         self.depth -= 1
         return left
 
     def _statement(self, statement: ast.stmt) -> bool:
-        """Write a statement; True if it always leaves the function."""
+        """Write a statement."""
         method = getattr(self, f"_{type(statement).__name__.lower()}", None)
         if method is None:
-            self.refuse(statement, "has no C: use assignments, loops and conditions")
+            raise self.refusal(statement, "has no C: use assignments, loops and conditions")
+        self.alone = None
+        self.effect = ""
         return bool(method(statement))
 
+    def _only(self, expression: ast.expr) -> Any:
+        """Value of an expression that is all that a statement computes."""
+        self.alone = expression
+        if isinstance(expression, ast.UnaryOp):
+            self.alone = expression.operand
+        return self.value(expression)
+
     def _expr(self, statement: ast.Expr) -> None:
-        value = self.value(statement.value)
-        if isinstance(value, Number) and not isinstance(statement.value, ast.Call):
-            self.refuse(statement, "has no effect: leave it out")
+        value = self._only(statement.value)
+        if not isinstance(value, Number):
+            return
+        if not self.effect:
+            raise self.refusal(statement, "has no effect: leave it out")
+        self.say(self.effect)
 
     def _pass(self, statement: ast.Pass) -> None:
         pass
@@ -94,88 +189,67 @@ class Statements(Expressions):
     def _continue(self, statement: ast.Continue) -> None:
         self.say("continue;")
 
-    # Returning.
-
     def _return(self, statement: ast.Return) -> bool:
-        value: Any = Known(None)
-        if statement.value is not None:
-            value = self.value(statement.value)
-        if isinstance(value, Known) and value.value is None:
-            if self.depth or len(self._blocks) > 1:
-                self.say("return;")
+        value = Known(None) if statement.value is None else self._only(statement.value)
+        known = value.value if isinstance(value, Known) else 0.0
+        if known is None:
+            self.say("return;")
             return True
-
-        if isinstance(value, Known) and not isinstance(value.value, float) and not self.lines:
+        if not isinstance(known, float) and not self.lines:
             self.returns = value
             return True
-        scalar = isinstance(value, Number)
-        if isinstance(value, Known) and not isinstance(value.value, tuple):
-            scalar = True
-        if scalar:
-            number = self.number(value, statement)
-            self._returns_number(statement, number)
-            self.say(f"return {number.code};")
+        if isinstance(value, (Known, Number)) and not isinstance(known, tuple):
+            self._return_number(statement, self.number(value, statement))
             return True
 
         items = self.items(value, statement)
         if self.returns not in (None, len(items)):
-            self.refuse(statement, "returns another number of values elsewhere")
+            raise self.refusal(statement, "returns another number of values elsewhere")
         self.returns = len(items)
         for k, item in enumerate(items):
             self.say(f"out[{k}] = {self.number(item, statement).code};")
-        if self.depth:
-            self.say("return;")
+        self.say("return;")
         return True
 
-    def _returns_number(self, statement: ast.Return, number: Number) -> None:
-        """Note the kind and bounds of a returned number."""
-        returns = self.returns
-        if isinstance(returns, Known):
-            returns = self.number(returns, statement)
-        if isinstance(returns, int):
-            self.refuse(statement, "returns several values elsewhere")
-        self.returns = union(number, returns if returns is not None else number)
+    def _return_number(self, statement: ast.Return, number: Number) -> None:
+        """Return a number, and note its kind and bounds."""
+        if self.returns is not None and not isinstance(self.returns, Number):
+            raise self.refusal(statement, "returns another number of values elsewhere")
+        self.returns = union(number, self.returns or number)
+        self.say(f"return {number.code};")
 
     # Assignments.
 
     def _assign(self, statement: ast.Assign) -> None:
-        for target in statement.targets:
-            self._assign_to(target, statement.value, statement)
-
-    def _annassign(self, statement: ast.AnnAssign) -> None:
-        if statement.value is not None:
-            self._assign_to(statement.target, statement.value, statement)
-
-    def _assign_to(self, target: ast.expr, expression: ast.expr, statement: ast.stmt) -> None:
-        """Assign the value of an expression to one target."""
+        if len(statement.targets) > 1:
+            raise self.refusal(statement, "has no C: write an assignment for each name")
+        target = statement.targets[0]
+        value = self._only(statement.value)
         if not isinstance(target, ast.Tuple):
-            if isinstance(target, ast.Name) and self.bound[target.id] == 1:
-                self.wanted = target.id
-            value = self.value(expression)
-            self.wanted = ""
             self._put(target, value, statement)
             return
 
-        values = self.items(self.value(expression), statement)
+        values = self.items(value, statement)
         if len(values) != len(target.elts):
-            self.refuse(statement, f"{len(values)} values for {len(target.elts)} names")
+            raise self.refusal(statement, f"{len(values)} values for {len(target.elts)} names")
         # All of them are computed before any is written.
         values = [self.kept(value) if isinstance(value, Number) else value for value in values]
         for name, value in zip(target.elts, values, strict=True):
             self._put(name, value, statement)
 
+    def _annassign(self, statement: ast.AnnAssign) -> None:
+        if statement.value is not None:
+            self._put(statement.target, self._only(statement.value), statement)
+
     def _augassign(self, statement: ast.AugAssign) -> None:
-        target = statement.target
-        old = self.value(target)
+        old = self.value(statement.target)
         added = self.value(statement.value)
         new = self.operation(statement, statement.op, old, added)
-        if isinstance(statement.op, _COMPOUND) and isinstance(old, Number):
-            number = self.number(added, statement)
-            if old.whole == number.whole or not old.whole:
-                sign = BINARY[type(statement.op)].sign
-                self._put(target, new, statement, f"{sign}= {number.code}")
-                return
-        self._put(target, new, statement)
+        how = ""
+        if isinstance(statement.op, _COMPOUND):
+            sign = BINARY[type(statement.op)][0]
+            how = f"{sign}= {self.number(added, statement).code}"
+        self._put(statement.target, new, statement, how)
 
     def _put(self, target: ast.expr, value: Any, statement: ast.stmt, how: str = "") -> None:
         """Write a value to a name, an entry, a slice or a field.
@@ -187,63 +261,43 @@ class Statements(Expressions):
             how: Code after the target, such as ``+= 1``; by default ``= `` and the value.
         """
         if isinstance(target, ast.Name):
-            self._put_in_name(target, value, statement, how)
+            self._put_in_name(target.id, value, statement, how)
             return
         if not isinstance(target, (ast.Subscript, ast.Attribute)):
-            self.refuse(statement, "has no C: assign to a name, an entry or a field of memory")
+            raise self.refusal(
+                statement, "has no C: assign to a name, an entry or a field of memory"
+            )
 
-        owner = self.value(target.value)
         place = self.value(target)
         if isinstance(place, Array) and isinstance(target, ast.Subscript):
             self._fill(place, value, statement)
-        elif isinstance(place, Number) and isinstance(owner, (Array, Record)):
+        elif isinstance(place, Number):
             code = how or f"= {self.number(value, statement).code}"
             self.say(f"{place.code} {code};")
-            place_of = owner if isinstance(owner, Array) else place
-            self._note_change(place_of, statement)
+            self.note_change(place.code, statement)
         else:
-            self.refuse(statement, "assign to numbers, to entries of arrays and to memory")
-
-    def _note_change(self, place: Any, statement: ast.stmt) -> None:
-        """Note that a place in an array or in memory changes."""
-        constant = isinstance(place, Number) and place.code.startswith("p->")
-        if constant or (isinstance(place, Array) and place.constant):
-            self.refuse(statement, "would change a number of the law: write into memory")
-        if isinstance(place, Array) and place.parameter:
-            self.written.add(place.parameter)
-        self.changes = True
+            raise self.refusal(statement, "assign to numbers, to entries of arrays and to memory")
 
     def _fill(self, place: Array, value: Any, statement: ast.stmt) -> None:
         """Write a number, or as many entries, into an array with one axis."""
-        self._note_change(place, statement)
+        self.note_change(place.code, statement)
         size = place.shape[0]
-        if isinstance(value, Array) and value.shape == place.shape:
-            # The two may overlap.
-            bytes_ = f"{size} * sizeof({self.program.real})"
-            self.say(f"memmove({place.pointer}, {value.pointer}, {bytes_});")
-            return
-        known = isinstance(value, Known) and not isinstance(value.value, tuple)
-        if isinstance(value, Number) or known:
+        if isinstance(value, Array) and value.code == place.code:
+            raise self.refusal(statement, "moves entries of one array: write a loop")
+        if isinstance(value, (Number, Known)):
             items = [self.kept(self.number(value, statement))] * size
         else:
             items = self.items(value, statement)
         if len(items) != size:
-            self.refuse(statement, f"has {size} entries, not {len(items)}")
+            raise self.refusal(statement, f"has {size} entries, not {len(items)}")
         for k, item in enumerate(items):
             code = self.number(item, statement).code
             self.say(f"{place.code}[{place.offset + k}] = {code};")
 
-    def _put_in_name(
-        self,
-        target: ast.Name,
-        value: Any,
-        statement: ast.stmt,
-        how: str,
-    ) -> None:
+    def _put_in_name(self, name: str, value: Any, statement: ast.stmt, how: str) -> None:
         """Give a name a value: a variable in C, or another name for what is there already."""
-        name = target.id
         if name in self.fixed:
-            self.refuse(statement, f"{name} has a value already: give this one another name")
+            raise self.refusal(statement, f"{name} has a value already: give this one another name")
         once = self.bound[name] == 1
         if once and not isinstance(value, Number):
             if isinstance(value, tuple):
@@ -251,57 +305,36 @@ class Statements(Expressions):
             self.names[name] = value
             return
         if not isinstance(value, (Number, Known)):
-            self.refuse(statement, f"{name} keeps one array or record: give it another name")
+            raise self.refusal(statement, f"{name} keeps one array or record: give it another name")
 
         number = self.number(value, statement)
         variable = self._joined_variable(name, number)
         c = c_name(name)
-        code = how or f"= {number.code}"
-        if name in self._declared:
-            self.say(f"{c} {code};", defines=c)
-        elif not how and self._confined(name):
-            const = "const " if once else ""
-            text = f"{const}{self.type_of(variable)} {c} {code};"
-            self.say(text, defines=c, declares=True)
-            self._declared.add(name)
-        else:
-            self.hoisted[name] = c
-            self._declared.add(name)
-            self.say(f"{c} {code};", defines=c)
-
-    def assume(self, name: str, number: Number) -> None:
-        """Let a parameter that the function changes begin with the kind of a number."""
-        self._joined_variable(name, number)
-        self._declared.add(name)
+        text = f"{c} {how or '= ' + number.code};"
+        if name not in self.declared and not self.depth and not self.repeats:
+            text = "const " * once + f"{self.program.type_of(variable)} {text}"
+        elif name not in self.declared:
+            self.hoisted.append(name)
+        self.declared.add(name)
+        self.say(text, defines=c, effect=self.effect)
 
     def _joined_variable(self, name: str, number: Number) -> Number:
         """Join kind and bounds of a number to those of the variable that gets it."""
         old = self.variables.get(name)
-        if old is None:
-            self.variables[name] = union(number, number)
-            return self.variables[name]
-        new = union(old, number)
-        if new.kind == "double":
-            new = Number("")
-        elif self.widening and new != old:
-            low = old.low if new.low == old.low else float("-inf")
-            high = old.high if new.high == old.high else float("inf")
-            new = Number("", new.kind, low=low, high=high)
-        if new != union(old, old):
+        new = union(number, old or number)
+        if old is not None and new != old:
             self.changed = True
+            if self.widening:
+                new = Number("", new.whole)
         self.variables[name] = new
         return new
-
-    def _confined(self, name: str) -> bool:
-        """Whether a name occurs in the present block only, so that it may be declared there."""
-        return _occurrences(name, self._blocks[-1]) == _occurrences(name, [self.tree])
 
     # Conditions and loops.
 
     def _if(self, statement: ast.If) -> bool:
-        condition = self.value(statement.test)
+        condition = self._only(statement.test)
         if isinstance(condition, Known):
-            return self._same_block(statement.body if condition.value else statement.orelse)
+            return self._block(statement.body if condition.value else statement.orelse)
 
         code = self.number(condition, statement).code
         left = self._inner(f"if ({code}) {{", statement.body)
@@ -310,126 +343,73 @@ class Statements(Expressions):
         self.say("}")
         return left and bool(statement.orelse)
 
-    def _same_block(self, statements: Sequence[ast.stmt]) -> bool:
-        """Write the branch that is known to be taken, as part of the present block."""
-        return any(self._statement(statement) for statement in statements)
-
     def _while(self, statement: ast.While) -> None:
         if statement.orelse:
-            self.refuse(statement, "has no C: write the else part after a condition")
+            raise self.refusal(statement, "has no C: write the else part after a condition")
         condition = self.pure(statement.test)
         self._inner(f"while ({self.number(condition, statement).code}) {{", statement.body)
         self.say("}")
 
     def _for(self, statement: ast.For) -> bool:
         if statement.orelse or not isinstance(statement.target, ast.Name):
-            self.refuse(statement, "has no C: write a loop over range(...) with one variable")
+            raise self.refusal(
+                statement, "has no C: write a loop over range(...) with one variable"
+            )
         name = statement.target.id
-        ends = self._range_of(statement)
-        if name in self.fixed:
-            self.refuse(statement, f"{name} has a value already: give the loop another name")
-        fixed = set(self.fixed)
-        self.fixed.add(name)
-        try:
-            if ends is None:
-                self._loop_over_entries(statement, name)
-                return False
-            return self._loop_over_range(statement, name, *ends)
-        finally:
-            self.fixed = fixed
-
-    def _loop_over_range(
-        self, statement: ast.For, name: str, start: Any, stop: Any, step: int
-    ) -> bool:
-        """Write a loop over range: as one of C, or pass by pass if its rows must be known."""
-        passes: range | None = None
-        if isinstance(start, Known) and isinstance(stop, Known):
-            passes = range(start.value, stop.value, step)
-        jumps = any(isinstance(node, (ast.Break, ast.Continue)) for node in ast.walk(statement))
-        if passes is not None and len(passes) <= 1 and not jumps:
-            return self._written_out(statement, name, passes)
-
-        before = list(self.lines), dict(self.names), dict(self.hoisted), set(self._declared)
-        depth, blocks = self.depth, list(self._blocks)
-        fixed = set(self.fixed)
-        try:
-            self._c_loop(statement, name, start, stop, step)
-        except UnknownIndexError:
-            # Rows of records differ in what is known of them.
-            if passes is None or jumps or len(passes) > _MOST_PASSES:
-                raise
-            self.lines, self.names, self.hoisted, self._declared = before
-            self.depth, self._blocks = depth, blocks
-            self.fixed = fixed
-            return self._written_out(statement, name, passes)
-        return False
-
-    def _range_of(self, statement: ast.For) -> tuple[Any, Any, int] | None:
-        """Start, stop and step of a loop over range; None for any other loop."""
+        if name in self.fixed or name in self.declared:
+            raise self.refusal(statement, f"{name} has a value already: give the loop another name")
         call = statement.iter
-        if not isinstance(call, ast.Call) or self.value(call.func) != Known(range):
-            return None
-        ends = [self.value(item) for item in call.args]
-        if len(ends) == 1:
-            return Known(0), ends[0], 1
-        if len(ends) == 2:
-            return ends[0], ends[1], 1
-        if not isinstance(ends[2], Known):
-            self.refuse(statement, "the step of range must be known")
-        return ends[0], ends[1], ends[2].value
-
-    def _c_loop(self, statement: ast.For, name: str, start: Any, stop: Any, step: int) -> None:
-        """Write a loop as one of C."""
-        first = self.number(start, statement)
-        last = self.number(stop, statement)
-        low, high = (first.low, last.high - 1) if step > 0 else (last.low + 1, first.high)
-        c = c_name(name)
-        variable = Number(c, "int", low=low, high=high)
-        if last.code != str(last.low) and _changed_in(statement):
-            # Python computes the end once.
-            last = self.kept(last)
-
-        self.names[name] = variable
-        sign = "<" if step > 0 else ">"
-        move = {1: f"{c}++", -1: f"{c}--"}.get(step, f"{c} += {step}")
-        head = f"{self.type_of(variable)} {c} = {first.code}; {c} {sign} {last.within(11)}; {move}"
-        self._inner(f"for ({head}) {{", statement.body)
-        self.say("}")
-        # C has no such variable after the loop.
-        self.names.pop(name, None)
-
-    def _written_out(self, statement: ast.For, name: str, passes: range) -> bool:
-        """Write a loop pass by pass; True if a pass always leaves the function."""
+        self.fixed.add(name)
         left = False
-        for number in passes:
-            self.names[name] = Known(number)
-            first = len(self.lines)
-            if len(passes) == 1:
-                left = self._same_block_in(statement.body)
-                break
-
-            self.depth += 1
-            left = self.block(statement.body)
-            self.depth -= 1
-            written = self.lines[first:]
-            if any(line.declares for line in written):
-                opening = Line(self.depth, "{")
-                self.lines[first:] = [opening, *written, Line(self.depth, "}")]
-            else:
-                self.lines[first:] = [
-                    Line(line.depth - 1, line.text, line.defines, effect=line.effect)
-                    for line in written
-                ]
-            if left:
-                break
+        if isinstance(call, ast.Call) and self.value(call.func) == Known(range):
+            left = self._loop_over_range(statement, name, [self.value(end) for end in call.args])
+        else:
+            self._loop_over_entries(statement, name)
+        self.fixed.discard(name)
+        # C has no such variable after the loop.
         self.names.pop(name, None)
         return left
 
-    def _same_block_in(self, statements: Sequence[ast.stmt]) -> bool:
-        """Write the only pass of a loop; its variables stay declared."""
-        self._blocks.append(self._blocks[-1])
-        left = any(self._statement(statement) for statement in statements)
-        self._blocks.pop()
+    def _loop_over_range(self, statement: ast.For, name: str, ends: list[Any]) -> bool:
+        """Write a loop over range: as one of C, or pass by pass."""
+        if all(isinstance(end, Known) for end in ends):
+            passes = range(*(end.value for end in ends))
+            by_passes = self.function.__module__.startswith(_WRITTEN_OUT)
+            jumps = any(isinstance(node, (ast.Break, ast.Continue)) for node in ast.walk(statement))
+            if not jumps and (by_passes or len(passes) < 2):
+                return self._pass_by_pass(statement, name, passes)
+
+        if len(ends) == 1:
+            ends = [Known(0), *ends]
+        start, stop, step = [*ends, Known(1)][:3]
+        if not isinstance(step, Known):
+            raise self.refusal(statement, "the step of range must be known")
+        first = self.number(start, statement)
+        last = self.number(stop, statement)
+        if not isinstance(stop, Known):
+            # Python computes the end once.
+            last = self.kept(last)
+        low, high = (first.low, last.high - 1) if step.value > 0 else (last.low + 1, first.high)
+        c = c_name(name)
+        variable = Number(c, True, low=low, high=high)
+        self.names[name] = variable
+        sign = "<" if step.value > 0 else ">"
+        move = {1: f"{c}++", -1: f"{c}--"}.get(step.value, f"{c} += {step.value}")
+        kind = self.program.type_of(variable)
+        head = f"{kind} {c} = {first.code}; {c} {sign} {last.code}; {move}"
+        self._inner(f"for ({head}) {{", statement.body)
+        self.say("}")
+        return False
+
+    def _pass_by_pass(self, statement: ast.For, name: str, passes: range) -> bool:
+        """Write each pass of a loop, with its number known."""
+        several = len(passes) > 1
+        self.repeats += several
+        left = False
+        for number in passes:
+            self.names[name] = Known(number)
+            left = left or self._block(statement.body)
+        self.repeats -= several
         return left
 
     def _loop_over_entries(self, statement: ast.For, name: str) -> None:
@@ -438,31 +418,12 @@ class Statements(Expressions):
         if isinstance(over, Known):
             over = self.program.table(over.value)
         if not isinstance(over, Array) or len(over.shape) != 1:
-            self.refuse(statement, "a loop is over range(...), or over an array with one axis")
-        self.temporaries += 1
-        index = f"k{self.temporaries}_"
+            raise self.refusal(
+                statement, "a loop is over range(...), or over an array with one axis"
+            )
+        index = self.temporary("k")
         place = f"{over.offset} + {index}" if over.offset else index
         self.names[name] = Number(f"{over.code}[{place}]")
-        self._inner(
-            f"for (int {index} = 0; {index} < {over.shape[0]}; {index}++) {{", statement.body
-        )
+        head = f"int {index} = 0; {index} < {over.shape[0]}; {index}++"
+        self._inner(f"for ({head}) {{", statement.body)
         self.say("}")
-        self.names.pop(name, None)
-
-
-def _occurrences(name: str, nodes: Sequence[ast.AST]) -> int:
-    """Number of times that a name occurs in some nodes."""
-    found: Counter[str] = Counter()
-    for node in nodes:
-        found.update(item.id for item in ast.walk(node) if isinstance(item, ast.Name))
-    return found[name]
-
-
-def _changed_in(statement: ast.For) -> bool:
-    """Whether a loop changes a variable that its end is computed from."""
-    used = {node.id for node in ast.walk(statement.iter) if isinstance(node, ast.Name)}
-    for part in statement.body:
-        for node in ast.walk(part):
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in used:
-                return True
-    return False

@@ -19,7 +19,7 @@ from grosmc_mj.export.c_text import INDENT, c_name, comment, literal, wrapped
 _ATTRIBUTE = re.compile(r"^    (\w+): ((?:.*\n?)(?:^ {8}.*\n?)*)", re.MULTILINE)
 
 
-def definition(value: Any, name: str, real: str) -> list[str]:
+def definition(value: Any, name: str, real: str) -> str:
     """Return the definition of a dataclass's structure, after those of its members.
 
     Args:
@@ -27,7 +27,7 @@ def definition(value: Any, name: str, real: str) -> list[str]:
         name: Name of the structure.
         real: ``double`` or ``float``.
     """
-    before: list[str] = []
+    before = ""
     lines = [f"struct {name} {{"]
     texts = _texts(type(value))
     for item in fields(value):
@@ -36,19 +36,20 @@ def definition(value: Any, name: str, real: str) -> list[str]:
         size = ""
         if is_dataclass(member):
             inner = f"{name}_{c_name(item.name)}"
-            before += definition(member, inner, real)
+            before += definition(member, inner, real) + "\n"
             kind = f"struct {inner}"
         elif np.ndim(member):
             size = f"[{np.size(member)}]"
-        lines += comment(texts.get(item.name, ""), len(INDENT))
+        if item.name in texts:
+            lines.append(comment(texts[item.name], len(INDENT)))
         lines.append(f"{INDENT}{kind} {c_name(item.name)}{size};")
     if len(lines) == 1:
         # C has no structure without members.
         lines.append(f"{INDENT}{real} nothing;")
-    return [*before, *lines, "};", ""]
+    return before + "\n".join([*lines, "};\n"])
 
 
-def initial(value: Any, suffix: str, depth: int = 1) -> list[str]:
+def initial(value: Any, suffix: str, depth: int = 1) -> str:
     """Return the initial values of a dataclass's structure, a line for each member.
 
     Args:
@@ -63,14 +64,14 @@ def initial(value: Any, suffix: str, depth: int = 1) -> list[str]:
         start = f".{c_name(item.name)} = "
         if is_dataclass(member):
             inner = initial(member, suffix, depth + 1)
-            lines += [f"{indent}{start}{{", *inner, f"{indent}}},"]
+            lines.append(f"{indent}{start}{{\n{inner}\n{indent}}},")
             continue
         numbers = [literal(number, suffix) for number in np.ravel(member).astype(float).tolist()]
         text = ", ".join(numbers)
         if np.ndim(member):
             text = f"{{{text}}}"
         lines += wrapped(f"{start}{text},", len(indent), len(INDENT))
-    return lines or [f"{indent}.nothing = 0.0{suffix},"]
+    return "\n".join(lines or [f"{indent}.nothing = 0.0{suffix},"])
 
 
 def size_of(value: Any) -> int:

@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from grosmc_mj.export.c_text import ATOM, c_name
-
-Kind = Literal["double", "int", "bool"]
 
 
 @dataclass(frozen=True)
@@ -34,26 +32,33 @@ class Number:
 
     Attributes:
         code: The expression.
-        kind: Kind of number; ``double`` stands for ``float`` in single precision, too.
+        whole: Whether it is a whole number, or a truth value: one of 0 and 1.
         level: How tightly its outermost operator binds, see ``c_text.BINARY``.
         low: Least value of a whole number.
         high: Largest value of a whole number.
     """
 
     code: str
-    kind: Kind = "double"
+    whole: bool = False
     level: int = ATOM
     low: float = -math.inf
     high: float = math.inf
 
     @property
-    def whole(self) -> bool:
-        """Whether it is a whole number or a truth value."""
-        return self.kind != "double"
+    def is_condition(self) -> bool:
+        """Whether it is 0 or 1."""
+        return self.whole and self.low >= 0 and self.high <= 1
 
     def within(self, level: int) -> str:
         """Code of it as an operand, in parentheses if it binds less tightly than a level."""
         return f"({self.code})" if self.level < level else self.code
+
+
+def union(a: Number, b: Number) -> Number:
+    """Return a number without code, of the kind and within the bounds of either."""
+    if a.whole and b.whole:
+        return Number("", whole=True, low=min(a.low, b.low), high=max(a.high, b.high))
+    return Number("")
 
 
 @dataclass(frozen=True)
@@ -61,18 +66,14 @@ class Array:
     """An array in C, row by row.
 
     Attributes:
-        code: Name of the array.
+        code: Code of the array.
         shape: Its shape.
         offset: Entry that it begins with, for a slice.
-        parameter: Name of the C function's parameter that it is; empty for any other array.
-        constant: Whether nothing may write into it.
     """
 
     code: str
     shape: tuple[int, ...]
     offset: int = 0
-    parameter: str = ""
-    constant: bool = False
 
     @property
     def pointer(self) -> str:
@@ -85,7 +86,7 @@ class Record:
     """A structure in C, or numbers that are known, by the names of Python's fields.
 
     Attributes:
-        path: Code before the name of a member, such as ``p->switching.``.
+        path: Text that tells records apart.
         members: Values of its members.
     """
 
@@ -93,22 +94,21 @@ class Record:
     members: Mapping[str, Any]
 
 
-def record_at(path: str, value: Any, *, constant: bool = False) -> Record:
+def record_at(path: str, value: Any) -> Record:
     """Return the record in C of a dataclass of numbers, arrays and such dataclasses.
 
     Args:
         path: Code before the names of its members.
         value: The dataclass.
-        constant: Whether nothing may write into its arrays.
     """
     members: dict[str, Any] = {}
     for item in fields(value):
         member = getattr(value, item.name)
         place = path + c_name(item.name)
         if is_dataclass(member):
-            members[item.name] = record_at(f"{place}.", member, constant=constant)
+            members[item.name] = record_at(f"{place}.", member)
         elif np.ndim(member):
-            members[item.name] = Array(place, np.shape(member), constant=constant)
+            members[item.name] = Array(place, np.shape(member))
         else:
             members[item.name] = Number(place)
     return Record(path, members)
@@ -118,15 +118,15 @@ def signature(value: Any) -> Any:
     """Return the part of an argument that the C of a function depends on."""
     if isinstance(value, tuple):
         return tuple(signature(item) for item in value)
-    if isinstance(value, Known):
-        # A known float is passed as a number: functions are shared.
-        if isinstance(value.value, float):
-            return "double"
-        if isinstance(value.value, (bool, int, str, tuple, type(None))):
-            return type(value.value), value.value
-        return id(value.value)
     if isinstance(value, Number):
-        return value.kind, value.low, value.high
+        return value.whole, value.low, value.high
     if isinstance(value, Array):
-        return value.shape, value.constant
-    return value.path
+        return value.shape
+    if isinstance(value, Record):
+        return value.path
+    # A known float is passed as a number: functions are shared.
+    if isinstance(value.value, float):
+        return signature(Number(""))
+    if isinstance(value.value, (bool, int, str, tuple, type(None))):
+        return type(value.value), value.value
+    return id(value.value)

@@ -15,6 +15,8 @@ from grosmc_mj.errors import ArgumentError
 GAP = 3.0
 # Fewer samples between two gaps have no curvature, and are left out.
 SHORTEST_PIECE = 3
+# Multiples of an encoder's step are whole within this: its values are rounded, too.
+_WHOLE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +53,18 @@ class Log:
         """The step of its encoder; 0 for none."""
         values = self.states[state]
         steps = np.diff(np.unique(values))
+        if not len(steps):
+            return 0.0
+
         # An encoder repeats its values; of other sensors nearly every value is new.
-        if 0 < len(steps) < len(values) // 3:
-            return float(steps.min())
+        least = float(steps.min())
+        if len(steps) < len(values) // 3:
+            return least
+        # On a long way it repeats few, but all steps are whole multiples of one above the noise.
+        multiples = steps / least
+        rounded = np.rint(multiples)
+        if least > self.noise(state) and np.abs(multiples - rounded).max() < _WHOLE:
+            return float(np.median(steps / rounded))
         return 0.0
 
     def deviation(self, state: str) -> float:

@@ -96,7 +96,7 @@ def _draw_cells(panel: Axes, chart: CellChart, columns: int) -> None:
         for j, value in enumerate(row):
             if value is not None:
                 values[i, j] = value
-            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", fontsize=8)
+            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", fontsize=7.5)
     panel.imshow(values, cmap=_CELL_COLOURS, vmin=-chart.most, vmax=chart.most, aspect="auto")
     panel.set_facecolor("#eeeeee")
 

@@ -43,9 +43,15 @@ from grosmc_mj.results.result import (
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.sweep.agreement import model_mismatch
+from grosmc_mj.sweep.confirmation import (
+    Confirmation,
+    Mask,
+    Rows,
+    confirmation_words,
+    drawn_at_random,
+)
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
-Mask = NDArray[np.bool_]
 Letters = NDArray[np.str_]
 
 # Largest start on an axis, by its unit.
@@ -62,8 +68,6 @@ BATCH = 1000
 _LOOKS = (1 / 16, 1 / 4, 1.0)
 # To count as converged before the end, errors must be within this part of their tolerances.
 _EARLY = 0.25
-# Of the starts away from boundaries this part is confirmed, drawn at random.
-_RANDOM = 0.02
 # An implicit step evaluates the physics once, RK4 four times. On 256 starts of each map of the
 # pendulum both give the same outcomes, but for up to two on a boundary.
 INTEGRATOR = "implicitfast"
@@ -409,7 +413,9 @@ def starts_on(
 # The reduction: maps on equations, their boundaries confirmed in MuJoCo
 
 
-def confirmed_map(first: Letters, confirm: Callable[[Mask], Letters]) -> tuple[Letters, int]:
+def confirmed_map(
+    first: Letters, confirm: Callable[[Rows], Letters]
+) -> tuple[Letters, Confirmation]:
     """Confirm every start beside another outcome, and some of the other starts.
 
     Around a start that MuJoCo overturns, every neighbour is confirmed too. A neighbour that had
@@ -418,24 +424,23 @@ def confirmed_map(first: Letters, confirm: Callable[[Mask], Letters]) -> tuple[L
 
     Args:
         first: Outcomes by the equations, (rows, columns).
-        confirm: Function that returns the outcomes in MuJoCo of some starts, in the map's order.
+        confirm: Function that returns the outcomes in MuJoCo of starts by their indices in the
+            flat map.
 
     Returns:
-        The outcomes, (rows, columns), and the number of those by MuJoCo.
+        The outcomes, (rows, columns), and which of them are MuJoCo's.
     """
     letters = first.copy()
-    confirmed = np.zeros(first.shape, bool)
-    count = math.ceil(_RANDOM * first.size)
-    drawn = np.random.default_rng(0).permutation(first.size)[:count]
+    confirmation = Confirmation(beside_another(first).ravel(), drawn_at_random(first.size))
+    while True:
+        starts = confirmation.rows()
+        if not len(starts):
+            return letters, confirmation
 
-    chosen = beside_another(first)
-    chosen.reshape(-1)[drawn] = True
-    missing = chosen & ~confirmed
-    while np.any(missing):
-        letters[missing] = confirm(missing)
-        confirmed |= missing
-        missing = beside_another(letters) & ~confirmed
-    return letters, int(confirmed.sum())
+        by_physics = confirm(starts)
+        confirmation.note(starts, by_physics != letters.flat[starts])
+        letters.flat[starts] = by_physics
+        confirmation.doubt(beside_another(letters).ravel())
 
 
 def beside_another(letters: Letters) -> Mask:
@@ -454,15 +459,27 @@ class RegionMap:
         case: The case of the plant.
         controller: Name of the law.
         grid: Letters of ``Outcome``, (second axis, first axis).
-        confirmed: Number of starts that MuJoCo judged.
-        overturned: Number of those for which the equations gave another outcome.
+        confirmation: Which of them MuJoCo confirmed; None if it judged all.
     """
 
     case: Case
     controller: str
     grid: Letters
-    confirmed: int = 0
-    overturned: int = 0
+    confirmation: Confirmation | None = None
+
+    @property
+    def confirmed(self) -> int:
+        """Number of starts that MuJoCo judged."""
+        if self.confirmation is None:
+            return self.grid.size
+        return int(self.confirmation.confirmed.sum())
+
+    @property
+    def overturned(self) -> int:
+        """Number of those for which the equations gave another outcome."""
+        if self.confirmation is None:
+            return 0
+        return int(self.confirmation.overturned.sum())
 
     @property
     def counts(self) -> dict[Outcome, int]:
@@ -566,22 +583,19 @@ class RegionStudy:
         for loop in self.loops:
             case = loop.experiment
             law = loop.controller.name
+            screened = not self.why_not[case.name]
+            plant = loop.plant.analytic() if screened else loop.plant
             advance_batch = partial(advance, f"{case.name}/{law}")
-            if self.why_not[case.name]:
-                grid = self._outcomes(loop, self.starts, advance_batch)
-                yield RegionMap(case, law, grid.reshape(self.points, -1), grid.size)
-                continue
+            letters = self._outcomes(replace(loop, plant=plant), self.starts, advance_batch)
+            grid = letters.reshape(self.points, -1)
+            if screened:
+                yield RegionMap(case, law, *confirmed_map(grid, partial(self._confirm, loop)))
+            else:
+                yield RegionMap(case, law, grid)
 
-            on_equations = replace(loop, plant=loop.plant.analytic())
-            letters = self._outcomes(on_equations, self.starts, advance_batch)
-            first = letters.reshape(self.points, -1)
-            grid, confirmed = confirmed_map(first, partial(self._some_outcomes, loop))
-            overturned = int((grid != first).sum())
-            yield RegionMap(case, law, grid, confirmed, overturned)
-
-    def _some_outcomes(self, loop: RegionLoop, chosen: Mask) -> Letters:
-        """The outcomes of some starts of a map."""
-        return self._outcomes(loop, self.starts[chosen.reshape(-1)])
+    def _confirm(self, loop: RegionLoop, chosen: Rows) -> Letters:
+        """The outcomes in MuJoCo of some starts of a map."""
+        return self._outcomes(loop, self.starts[chosen])
 
     def _outcomes(
         self,
@@ -667,14 +681,18 @@ def _legend(region: RegionStudy, maps: Sequence[RegionMap]) -> str:
         f"region: a sample of the law not in the region ({region.system.region})."
     )
 
+    screened = [law_map.confirmation for law_map in maps if law_map.confirmation is not None]
+    if not screened:
+        return meaning
     starts = sum(law_map.grid.size for law_map in maps)
     confirmed = sum(law_map.confirmed for law_map in maps)
     overturned = sum(law_map.overturned for law_map in maps)
-    if confirmed == starts:
-        return meaning
+    drawn = sum(int(confirmation.drawn.sum()) for confirmation in screened)
+    wrong = sum(int((item.drawn & item.overturned).sum()) for item in screened)
     return (
         f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
-        f"MuJoCo, all beside another outcome among them; it overturned {overturned}. {meaning}"
+        f"MuJoCo, all beside another outcome among them; it overturned {overturned}, and "
+        f"{confirmation_words(drawn, wrong)}. {meaning}"
     )
 
 
@@ -806,5 +824,6 @@ def _map_document(law_map: RegionMap) -> dict[str, Any]:
         "counts": {outcome.title: count for outcome, count in law_map.counts.items()},
         "judged_in_mujoco": law_map.confirmed,
         "overturned": law_map.overturned,
+        "wrong_at_most": law_map.confirmation and law_map.confirmation.wrong_at_most,
         "grid": law_map.rows,
     }

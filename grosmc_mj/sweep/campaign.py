@@ -368,18 +368,27 @@ class Campaign:
             if _onset(disturbance, self.family)[0] >= self.duration
         ]
 
+    # Every batch of runs asks for it.
+    @cached_property
+    def unfailing(self) -> dict[str, str]:
+        """Names of the requirements that no run can fail, each with a line on the reason."""
+        lines: dict[str, str] = {}
+        for requirement in self.requirements:
+            reasons = [
+                requirement.why_unfailing(self.laws[law], self._input_limits)
+                for law in requirement.laws
+            ]
+            for line in unfailing_line(requirement, reasons):
+                lines[requirement.name] = line
+        return lines
+
     @property
     def notes(self) -> list[str]:
         """Notes beside the pass rates, a line each."""
         lines = list(self.not_judged)
         late = f"never acts: runs end at {self.duration:g} s, before it begins."
         lines += [f"{name} {late}" for name in self.idle]
-        for requirement in self.requirements:
-            reasons = [
-                requirement.why_unfailing(self.laws[law], self._input_limits)
-                for law in requirement.laws
-            ]
-            lines += unfailing_line(requirement, reasons)
+        lines += self.unfailing.values()
         lines += notes_on_plant(self.experiment, self.plant)
         return list(dict.fromkeys(lines))
 

@@ -152,6 +152,8 @@ def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, floa
     return numbers
 
 
+# Share of a range without an end that searches leave out there, where nothing is the worst.
+_TAIL = 0.001
 # Points stay off the faces of the cube, where quantiles may be infinite.
 _EDGE = 2.0**-53
 
@@ -310,6 +312,19 @@ class Family:
         if not 0 < self.corner_count <= most:
             return np.zeros((0, d))
         return np.array(list(itertools.product((0.0, 1.0), repeat=d)))
+
+    @property
+    def search_bounds(self) -> Array:
+        """Points of the unit cube between which searches move, (2, d): all of a bounded range."""
+        bounds = np.zeros((2, len(self.quantities)))
+        bounds[1] = 1.0
+        for index, number in enumerate(self.quantities):
+            low, high = number.distribution.support
+            if not math.isfinite(low):
+                bounds[0, index] = _TAIL
+            if not math.isfinite(high):
+                bounds[1, index] = 1 - _TAIL
+        return bounds
 
     def values(self, points: Array) -> Array:
         """Return the values at points of the unit cube, both (n, d)."""

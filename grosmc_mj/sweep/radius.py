@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,11 +21,14 @@ from grosmc_mj.results.result import (
 )
 from grosmc_mj.results.tables import Table, names, numbers, table, text
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.compass import TOGETHER, CompassSearch
+from grosmc_mj.sweep.family import inside
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
+from grosmc_mj.sweep.sampled import NO_PROOF
 from grosmc_mj.sweep.screening import screened_search
 from grosmc_mj.sweep.search import largest_passing
-from grosmc_mj.sweep.store import NO_PROOF, result_of
+from grosmc_mj.sweep.store import result_of
 
 RADIUS = "radius.json"
 # The radius is known to this part of itself; below the least scale it counts as none.
@@ -34,6 +37,10 @@ _LEAST = 0.01
 # At each scale: plants at most, and corners of the family among them.
 PLANTS = 128
 _CORNERS = 64
+# Runs of one compass search at most.
+_MOST_RUNS = 1024
+# What the plants of a scale keep: all requirements, or |s| its bound; negative where they do not.
+Condition = Literal["order", "room"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,22 +49,64 @@ class ScaleTrial:
 
     Attributes:
         scale: Scale of the uncertainty; 1 is as declared.
-        least: Least margin of the worst plant, in parts of its limit.
-        failures: Number of plants that fail.
-        values: The uncertain numbers of the worst of them, (d,).
-        surface: Largest |s| - |s(0)| of all plants over what the promise allows; inf if one did
-            not complete, None where nothing is promised.
-        leaving: Number of plants that exceed it.
-        leaver: The uncertain numbers of the plant that exceeds it most, (d,).
+        values: Their uncertain numbers, (n, d).
+        relative: Least margins in parts of their limits, (n,).
+        order: By which a worse plant is told from a better one, negative of a failure, (n,).
+        growth: |s| - |s(0)| over what the promise allows, (n,): inf if one did not complete, NaN
+            where nothing is promised.
     """
 
     scale: float
-    least: float
-    failures: int
     values: Array
-    surface: float | None = None
-    leaving: int = 0
-    leaver: Array | None = None
+    relative: Array
+    order: Array
+    growth: Array
+
+    @property
+    def room(self) -> Array:
+        """Room of |s| below the bound of the promise, over the bound; negative beyond it, (n,)."""
+        return 1 - self.growth
+
+    @property
+    def failures(self) -> int:
+        """Number of plants that fail."""
+        return int((self.relative < 0).sum())
+
+    @property
+    def least(self) -> float:
+        """Least margin of the worst plant, in parts of its limit."""
+        return float(self.relative[self.order.argmin()])
+
+    @property
+    def worst(self) -> Array:
+        """The uncertain numbers of the worst plant, (d,)."""
+        return self.values[self.order.argmin()]
+
+    @property
+    def leaving(self) -> int:
+        """Number of plants whose |s| leaves its bound."""
+        return int((self.growth > 1).sum())
+
+    @property
+    def surface(self) -> float | None:
+        """The largest growth of |s|; None where nothing is promised."""
+        largest = float(self.growth.max())
+        return None if np.isnan(largest) else largest
+
+    @property
+    def leaver(self) -> Array:
+        """The uncertain numbers of the plant whose |s| grows most, (d,)."""
+        return self.values[self.growth.argmax()]
+
+    def with_more(self, other: ScaleTrial) -> ScaleTrial:
+        """Return the trial with further plants of the same scale."""
+        return ScaleTrial(
+            self.scale,
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.relative, other.relative]),
+            np.concatenate([self.order, other.order]),
+            np.concatenate([self.growth, other.growth]),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +115,8 @@ class Radius:
 
     Attributes:
         controller: Its name.
-        plants: Number of plants at each scale: samples and corners.
+        plants: Number of plants at each scale: samples and corners; besides there are those that
+            compass searches found to fail.
         trials: In the order of their scale.
         promised: Promise of the premises.
         largest: Scale beyond which none was tried, or at which plants stop being physical.
@@ -100,65 +150,130 @@ class Radius:
             return None
         return self._largest_below(self.left)
 
+    @property
+    def sentence(self) -> str:
+        """A line on the scales of the uncertainty at which the law fails."""
+        line = f"{self.controller}: no failure found up to {self.found:.3g} times the uncertainty"
+        if self.outside is not None:
+            line += f", one found at {self.outside.scale:.3g}"
+        if self.promised.scale is not None:
+            line += f"; |s| is promised its bound up to {self.promised.scale:.3g}"
+        if self.stayed is not None:
+            line += f", found to keep it up to {self.stayed:.3g}"
+        if self.left is not None:
+            line += f", to leave it at {self.left.scale:.3g}"
+        return line
+
     def _largest_below(self, end: ScaleTrial | None) -> float:
         """The largest scale below another one, or of all; 0 if there is none."""
         scales = [trial.scale for trial in self.trials if end is None or trial.scale < end.scale]
         return max(scales, default=0.0)
 
 
-class _ScaleTrials:
-    """Trials of one controller at scales of the uncertainty, each made once.
+class RadiusSearch:
+    """Search for the largest scale of the uncertainty at which no plant of one controller fails.
+
+    All scales try the same plants, moved towards and away from the nominal one. At the largest
+    scale without a failure a compass search goes on from the worst plants; a failing plant that it
+    finds is one of the plants from then on, and the scale is bisected again.
 
     Attributes:
-        by_scale: The trials that were made.
+        points: The plants, as points of the unit cube, (n, d).
     """
 
     def __init__(
         self,
         campaign: Campaign,
         controller: str,
-        values: Array,
         band: float | None,
         advance: Callable[[int], object],
     ) -> None:
-        """Begin without a trial.
+        """Begin without a run.
 
         Args:
             campaign: The campaign.
             controller: Name of the controller.
-            values: The plants at scale 1, (n, d).
             band: Amount by which |s| may exceed |s(0)|; None where nothing is promised.
             advance: Called with the number of runs done.
         """
-        self.by_scale: dict[float, ScaleTrial] = {}
+        self.points = _points(campaign)
+        self._trials: dict[float, ScaleTrial] = {}
         self._campaign = campaign
         self._controller = controller
-        self._values = values
         self._band = band
         self._advance = advance
 
-    def nothing_fails(self, scale: float) -> bool:
-        """Whether every plant at a scale keeps all requirements."""
-        return self._at(scale).failures == 0
+    def bisect(self, condition: Condition) -> None:
+        """Find the largest scale up to which every plant keeps a condition.
 
-    def nothing_leaves(self, scale: float) -> bool:
-        """Whether |s| of every plant at a scale stays within the bound of the promise."""
-        return self._at(scale).leaving == 0
+        Args:
+            condition: ``order`` or ``room``, which is negative where it is not kept.
+        """
+        largest = self._campaign.largest_scale
+        if not self._keeps(0.0, condition):
+            return
+
+        while True:
+            kept, _ = largest_passing(
+                lambda scale: self._keeps(scale, condition),
+                0.0,
+                min(1.0, largest),
+                largest,
+                _TOLERANCE,
+                _LEAST,
+            )
+            if kept == 0.0:
+                return
+            failing = self._failing_nearby(kept, condition)
+            if failing is None:
+                return
+            self.points = np.vstack([self.points, failing])
+
+    def _keeps(self, scale: float, condition: Condition) -> bool:
+        """Whether every plant at a scale keeps a condition."""
+        return bool(np.all(getattr(self._at(scale), condition) >= 0))
 
     def _at(self, scale: float) -> ScaleTrial:
-        """The trial of a scale."""
-        if scale not in self.by_scale:
-            plants = self._campaign.family.scaled(self._values, scale)
-            runs = screened_search(self._campaign, self._controller, plants, self._room_left)
-            self.by_scale[scale] = _trial(scale, plants, runs, self._band)
-            self._advance(len(plants))
-        return self.by_scale[scale]
+        """The trial of all plants at a scale; those of plants that are new are run."""
+        trial = self._trials.get(scale)
+        if trial is None:
+            trial = self._run(self.points, scale)
+        elif len(trial.order) < len(self.points):
+            trial = trial.with_more(self._run(self.points[len(trial.order) :], scale))
+        self._trials[scale] = trial
+        return trial
 
-    def _room_left(self, runs: Outcomes) -> list[Array]:
-        """Room of |s| below its bound, over the bound, (n,); nothing without a promise."""
+    def _run(self, points: Array, scale: float) -> ScaleTrial:
+        """Run plants at points of the unit cube, (n, d), at a scale."""
+        family = self._campaign.family
+        values = family.scaled(family.values(inside(points)), scale)
+        runs = screened_search(self._campaign, self._controller, values, self._margins)
+        self._advance(len(points))
+        growth = np.full(len(points), np.nan)
+        if self._band is not None:
+            growth = _growth(runs, self._band)
+        return ScaleTrial(scale, values, runs["relative"], runs["order"], growth)
+
+    def _margins(self, runs: Outcomes) -> Array:
+        """Margins in parts of their limits, and the room of |s| below its bound, (k, n)."""
         if self._band is None:
-            return []
-        return [1 - _growth(runs, self._band)]
+            return runs.shares
+        return np.vstack([runs.shares, 1 - _growth(runs, self._band)])
+
+    def _failing_nearby(self, scale: float, condition: Condition) -> Array | None:
+        """The worst point near the worst plants of a scale, (d,); None if it does not fail."""
+        search = CompassSearch(
+            lambda points: getattr(self._run(points, scale), condition),
+            self._campaign.family.search_bounds,
+        )
+        orders = getattr(self._at(scale), condition)
+        worst = orders.argsort(kind="stable")[:TOGETHER]
+        search.descend(self.points[worst], orders[worst], _MOST_RUNS)
+        return search.point if search.order < 0 else None
+
+    def trials(self) -> tuple[ScaleTrial, ...]:
+        """Return all scales that were tried, in their order, each with all plants."""
+        return tuple(self._at(scale) for scale in sorted(self._trials))
 
 
 def radius(
@@ -166,59 +281,24 @@ def radius(
     controller: str,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Radius:
-    """Bisect the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
+    """Search the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
 
     A promise is of |s| alone, so that it is compared with the second; requirements may be looser
-    or stricter. All scales try the same plants, moved towards and away from the nominal one: the
-    campaign's first ones and, where they are not too many, all corners of its ranges.
+    or stricter. The plants are the campaign's first ones, where they are not too many all corners
+    of its ranges, and failing ones that a compass search finds.
 
     Args:
         campaign: The campaign.
         controller: Name of the controller.
         advance: Called with the number of runs done.
     """
-    largest = campaign.largest_scale
-    values = campaign.family.values(_points(campaign))
     promised = promise(campaign, controller)
-
-    trials = _ScaleTrials(campaign, controller, values, promised.band, advance)
-    conditions = [trials.nothing_fails]
+    search = RadiusSearch(campaign, controller, promised.band, advance)
+    plants = len(search.points)
+    search.bisect("order")
     if promised.band is not None:
-        conditions.append(trials.nothing_leaves)
-    for condition in conditions:
-        if condition(0.0):
-            largest_passing(condition, 0.0, min(1.0, largest), largest, _TOLERANCE, _LEAST)
-
-    in_order = tuple(trials.by_scale[scale] for scale in sorted(trials.by_scale))
-    return Radius(controller, len(values), in_order, promised, largest)
-
-
-def _trial(
-    scale: float,
-    plants: Array,
-    runs: Outcomes,
-    band: float | None,
-) -> ScaleTrial:
-    """The trial of plants (n, d) at one scale."""
-    relative = runs["relative"]
-    worst = int(runs["order"].argmin())
-    trial = ScaleTrial(
-        scale,
-        least=float(relative[worst]),
-        failures=int((relative < 0).sum()),
-        values=plants[worst],
-    )
-    if band is None:
-        return trial
-
-    growth = _growth(runs, band)
-    most = int(growth.argmax())
-    return replace(
-        trial,
-        surface=float(growth[most]),
-        leaving=int((growth > 1).sum()),
-        leaver=plants[most],
-    )
+        search.bisect("room")
+    return Radius(controller, plants, search.trials(), promised, campaign.largest_scale)
 
 
 def _growth(runs: Outcomes, band: float) -> Array:
@@ -240,17 +320,25 @@ def _points(campaign: Campaign) -> Array:
 
 def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
     """Scales that each controller reaches, beside the scales that are promised."""
-    scales = ("no failure\nup to", "failure\nat", "promised", "|s| kept\nup to", "|s| leaves\nat")
+    scales = (
+        "no failure\nfound up to",
+        "failure\nfound at",
+        "promised",
+        "|s| kept\nup to",
+        "|s| leaves\nat",
+    )
     largest = max(search.largest for search in searches)
     notes = " ".join(_promise_note(search) for search in searches)
     return table(
         "How far the uncertainty may grow: 1 is as declared",
         [*names("law"), *numbers(*scales), *text("the failing plant just outside")],
         [_table_row(campaign, search) for search in searches],
-        legend=f"{searches[0].plants} plants at each scale, up to {largest:.3g}. Promised: scale "
-        "up to which the premises hold for every extreme plant, so that |s| does not grow but for "
-        "what one sample does. Compare it with where |s| leaves that bound: of the requirements, "
-        f"which may be looser or stricter, premises say nothing. {notes} {NO_PROOF}",
+        legend=f"{searches[0].plants} plants at each scale, up to {largest:.3g}, and a compass "
+        "search for failing ones from the worst at the largest scale without a failure. Promised: "
+        "scale up to which the premises hold for every extreme plant, so that |s| does not grow "
+        "but for what one sample does. Compare it with where |s| leaves that bound: of the "
+        "requirements, which may be looser or stricter, premises say nothing. "
+        f"{notes} {NO_PROOF}",
     )
 
 
@@ -260,7 +348,7 @@ def _table_row(campaign: Campaign, search: Radius) -> tuple[str, ...]:
     failing_plant = "none was found"
     if search.outside is not None:
         fails_at = search.outside.scale
-        failing_plant = campaign.words(search.outside.values)
+        failing_plant = campaign.words(search.outside.worst)
     leaves_at = None
     if search.left is not None:
         leaves_at = search.left.scale
@@ -284,7 +372,7 @@ def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str,
     values: list[Value] = []
     sentences: list[str] = []
     for search in searches:
-        name = f"{search.controller}: no failure up to"
+        name = f"{search.controller}: no failure found up to"
         values.append(Value(name=f"{campaign.target} {name}", value=search.found, better=1))
         sentences.append(f"{name} {search.found:.3g}")
 
@@ -313,7 +401,7 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
         "found": search.found,
         "largest_looked_at": search.largest,
         "plants_at_each_scale": search.plants,
-        "outside": outside and campaign.named(outside.values),
+        "outside": outside and campaign.named(outside.worst),
         "outside_scale": outside and outside.scale,
         "promised": search.promised.scale,
         "promised_note": search.promised.note,
@@ -346,7 +434,7 @@ def chart(search: Radius) -> LineChart:
         good=[trial.failures == 0 for trial in trials],
     )
     scales = [search.found]
-    name = f"{label_of(search.controller)}: no failure up to {search.found:.3g}"
+    name = f"{label_of(search.controller)}: no failure found up to {search.found:.3g}"
     if search.promised.scale is not None:
         scales.append(search.promised.scale)
         name += f", promised {search.promised.scale:.3g}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -67,11 +67,12 @@ class Outcomes:
         limits: The requirements.
         columns: (n,) each, by name: the metrics, NaN for runs that ended early; ``margin KEY`` of
             each limit, NaN where it is not required of the row's law, -inf for runs that ended
-            early; ``relative``, the least margin in parts of its limit: at most 1, which is all of
-            a limit, -inf for runs that ended early; ``order``, by which a worse run is told from a
-            better one, finite: ``relative``, which has no lower bound where a run never settles; of
-            runs that ended early the earlier is the worse; ``status``, in lower case; ``ended``, up
-            to when the run is valid [s]; ``last``, the last state, (n, states).
+            early; ``relative``, the least margin in parts of its limit, of the limits that a run
+            can fail: at most 1, which is all of a limit, -inf for runs that ended early;
+            ``order``, by which a worse run is told from a better one, finite: ``relative``, which
+            has no lower bound where a run never settles; of runs that ended early the earlier is
+            the worse; ``status``, in lower case; ``ended``, up to when the run is valid [s];
+            ``last``, the last state, (n, states).
         impossible: Reasons why there can be no run of a row, by number of the row.
     """
 
@@ -88,9 +89,17 @@ class Outcomes:
         return self["status"] == COMPLETED
 
     @property
-    def shares(self) -> list[Array]:
-        """Margins in parts of their limits, (n,) for each limit."""
-        return [self[MARGIN + limit.name] / limit.number for limit in self.limits]
+    def shares(self) -> Array:
+        """Margins in parts of their limits, (limits, n)."""
+        shares = np.zeros((len(self.limits), len(self["status"])))
+        for row, limit in zip(shares, self.limits, strict=True):
+            row[:] = self[MARGIN + limit.name] / limit.number
+        return shares
+
+    @property
+    def verdicts(self) -> NDArray[np.bool_]:
+        """Whether each run reached its end, and kept each limit, (1 + limits, n)."""
+        return np.vstack([self.completed, self.shares >= 0])
 
     def changed(self, **columns: Any) -> Outcomes:
         """Return the outcomes with other columns."""
@@ -124,6 +133,7 @@ def run_rows(
     plant: PlantName = "physics",
     *,
     keep_impossible: bool = False,
+    unfailing: Collection[str] = (),
     threads: int = 0,
 ) -> Outcomes:
     """Run the rows of a design; those of one law and duration are one batch.
@@ -135,6 +145,9 @@ def run_rows(
         plant: ``physics``, or ``corrected`` for the equations with the numbers of the model.
         keep_impossible: Whether a row that cannot be run is one of the outcomes, with the status
             ``impossible``, instead of an error.
+        unfailing: Names of limits that no run can fail: they have margins, but no part in
+            ``relative`` and ``order`` unless there are no others: the margin of a saturated
+            input, 0, would hide how bad a run is.
         threads: 0 for all cores.
 
     Raises:
@@ -161,7 +174,7 @@ def run_rows(
     columns = _columns_without_runs(len(rows), limits)
     for group in groups.values():
         numbers = list(group)
-        outcome = _run_group(experiment, list(group.values()), limits, threads)
+        outcome = _run_group(experiment, list(group.values()), limits, unfailing, threads)
         for name, values in outcome.items():
             if name not in columns:
                 columns[name] = np.full((len(rows), *values.shape[1:]), np.nan)
@@ -297,6 +310,7 @@ def _run_group(
     experiment: Experiment,
     runs: Sequence[Run],
     limits: Sequence[Requirement],
+    unfailing: Collection[str],
     threads: int,
 ) -> dict[str, NDArray[Any]]:
     """The columns of ``Outcomes`` of runs of one law and duration."""
@@ -319,10 +333,13 @@ def _run_group(
 
     start = initial_error(law, experiment.x0)
     margins = margins_of(limits_of_law, metrics, completed)
-    shares = [margins[limit.name] / limit.number for limit in limits_of_law]
+    failing = [limit for limit in limits_of_law if limit.name not in unfailing]
+    if not failing:
+        failing = limits_of_law
+    shares = [margins[limit.name] / limit.number for limit in failing]
     # A margin is at most all of its limit, also of a law of which nothing is required.
     shares.append(np.ones(len(runs)))
-    order = _order(limits_of_law, shares, metrics, transient, start)
+    order = _order(failing, shares, metrics, transient, start)
 
     columns = {name: np.where(completed, values, np.nan) for name, values in metrics.items()}
     for limit in limits:

@@ -16,8 +16,9 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND, model_mismatch
+from grosmc_mj.sweep.agreement import FACTOR, model_mismatch
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.confirmation import RANDOM, MarginConfirmation, Mask, band_of
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.parameters import plant_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
@@ -32,9 +33,8 @@ _PLANTS = 8
 LARGEST_BAND = 0.1
 # With fewer runs the sample and the confirmed ones are most of them: nothing is gained.
 FEWEST = 512
-# The part of a campaign's runs that is confirmed by chance, and what is mixed into its seed, so
-# that the draw has nothing to do with the runs' own numbers.
-RANDOM = 0.02
+# Mixed into a campaign's seed, so that the draw of runs to confirm has nothing to do with the runs'
+# own numbers.
 _DRAW = 0x5C4EE7
 # Of the plants that a search tries together the worst are confirmed: one of them decides.
 _WORST_OF_SEARCH = 4
@@ -120,8 +120,13 @@ class Batch:
             numbers = rows.tolist()
 
         design = [self.row(controller, index, plants[index]) for index in numbers]
-        experiment = self.campaign.experiment
-        runs = run_rows(experiment, design, self.campaign.requirements, threads=self.threads)
+        runs = run_rows(
+            self.campaign.experiment,
+            design,
+            self.campaign.requirements,
+            unfailing=self.campaign.unfailing,
+            threads=self.threads,
+        )
         return self._with_columns(runs, controller, numbers, plants[0])
 
     def _with_columns(
@@ -193,7 +198,7 @@ def screening_of(campaign: Campaign) -> Screening:
     for controller in campaign.laws:
         by_equations = batch.run(controller, plants=batch.equations)
         by_physics = batch.run(controller)
-        bands[controller] = band_for(by_equations, by_physics)
+        bands[controller] = band_of(by_equations.shares, by_physics.shares)
         worst[controller] = float(by_physics["order"].min())
 
         overturned = int((verdicts_overturned(by_equations, by_physics) > 0).sum())
@@ -230,51 +235,28 @@ def _sample_mismatch(batch: Batch) -> str:
     return ""
 
 
-def band_for(by_equations: Outcomes, by_physics: Outcomes, band: float = LEAST_BAND) -> float:
-    """Return how near to a limit the equations cannot be believed, in parts of the limit.
-
-    It is ``FACTOR`` times the largest difference of a margin, and beyond every margin of a run
-    that MuJoCo judges otherwise.
-
-    Args:
-        by_equations: Runs on the equations.
-        by_physics: The same runs in MuJoCo.
-        band: The least that it can be.
-    """
-    for screened, confirmed in zip(by_equations.shares, by_physics.shares, strict=True):
-        both = np.isfinite(screened) & np.isfinite(confirmed)
-        differences = np.abs(screened[both] - confirmed[both])
-        overturned = np.isfinite(screened) & ((screened >= 0) != (confirmed >= 0))
-        largest = np.concatenate([differences, np.abs(screened[overturned])])
-        band = max(band, FACTOR * float(largest.max(initial=0.0)))
-    return band
-
-
 def verdicts_overturned(by_equations: Outcomes, by_physics: Outcomes) -> NDArray[np.int64]:
     """Count the verdicts on which two judges of the same runs differ, of all requirements, (n,)."""
-    count = (by_equations.completed != by_physics.completed).astype(np.int64)
-    for screened, confirmed in zip(by_equations.shares, by_physics.shares, strict=True):
-        count += (screened >= 0) != (confirmed >= 0)
-    return count
+    differing = by_equations.verdicts != by_physics.verdicts
+    return differing.sum(axis=0, dtype=np.int64)
 
 
 def screened_search(
     campaign: Campaign,
     controller: str,
     values: Array,
-    also: Callable[[Outcomes], list[Array]] = lambda _: [],
+    margins: Callable[[Outcomes], Array] = lambda runs: runs.shares,
 ) -> Outcomes:
     """Run plants that a search tries, on the equations where these may judge.
 
     Confirmed in MuJoCo, whose outcome counts then, are runs that ended early, that have a margin
-    within the band about its limit, and the worst of all. The band is widened by what the
-    confirmed runs show until nothing new is within it.
+    within the band about its limit, and the worst of all.
 
     Args:
         campaign: The campaign.
         controller: Name of the controller.
         values: The uncertain numbers, (n, d).
-        also: Other quantities that are compared with a limit, as margins in parts of it, (n,) each.
+        margins: Returns all that is compared with a limit, in parts of it, (k, n).
     """
     screening = screening_of(campaign)
     batch = Batch(campaign, values, [0] * len(values))
@@ -282,22 +264,15 @@ def screened_search(
         return batch.run(controller)
 
     by_equations = batch.run(controller, plants=batch.equations)
-    margins = [*by_equations.shares, *also(by_equations)]
-    needed = ~by_equations.completed
-    worst_first = by_equations["order"].argsort(kind="stable")
-    needed[worst_first[:_WORST_OF_SEARCH]] = True
-
-    outcome = by_equations
-    band = screening.bands[controller]
-    confirmed = np.zeros(len(values), bool)
-    while True:
-        rows = np.flatnonzero((needed | _within(margins, band)) & ~confirmed)
-        if not len(rows):
-            return outcome
-        by_physics = batch.run(controller, rows)
-        outcome = outcome.with_rows(rows, by_physics)
-        confirmed[rows] = True
-        band = band_for(by_equations.rows(rows), by_physics, band)
+    worst = np.zeros(len(values), bool)
+    worst[by_equations["order"].argsort(kind="stable")[:_WORST_OF_SEARCH]] = True
+    confirmation = MarginConfirmation(
+        margins(by_equations),
+        doubtful=~by_equations.completed,
+        checked=worst,
+        band=screening.bands[controller],
+    )
+    return _confirmed(batch, controller, by_equations, confirmation, margins)
 
 
 def screened_all(
@@ -311,8 +286,8 @@ def screened_all(
 
     A run is confirmed in MuJoCo, whose outcome counts then, if it ended early, if a margin is
     within the band about its limit, if it is worse than the worst of the sample by which the
-    screening was measured, or by chance. So it depends on the run's own number and margins alone,
-    and on no other run of its part.
+    screening was measured, or by chance; all of a part are if one that was not in doubt is
+    overturned.
 
     Args:
         campaign: The campaign.
@@ -329,33 +304,48 @@ def screened_all(
     return [_screened(batch, screening, controller, by_chance) for controller in controllers]
 
 
-def _screened(
-    batch: Batch, screening: Screening, controller: str, by_chance: NDArray[np.bool_]
-) -> Outcomes:
+def _screened(batch: Batch, screening: Screening, controller: str, by_chance: Mask) -> Outcomes:
     """Runs under one controller on the equations, those that need it confirmed in MuJoCo."""
     by_equations = batch.run(controller, plants=batch.equations)
-    band = screening.bands[controller]
-    needed = ~by_equations.completed | _within(by_equations.shares, band)
-    needed |= by_equations["order"] < screening.worst.get(controller, -math.inf)
-
-    outcome = by_equations
-    rows = np.flatnonzero(needed | by_chance)
-    if len(rows):
-        outcome = by_equations.with_rows(rows, batch.run(controller, rows))
+    beyond_sample = by_equations["order"] < screening.worst.get(controller, -math.inf)
+    confirmation = MarginConfirmation(
+        by_equations.shares,
+        doubtful=~by_equations.completed | beyond_sample,
+        checked=by_chance,
+        band=screening.bands[controller],
+    )
+    outcome = _confirmed(batch, controller, by_equations, confirmation)
     return outcome.changed(
         screened=by_equations["relative"],
         overturned=verdicts_overturned(by_equations, outcome),
-        drawn=(by_chance & ~needed).astype(np.int64),
-        band=np.full(len(by_chance), band),
+        drawn=confirmation.drawn.astype(np.int64),
+        band=np.full(len(by_chance), confirmation.band),
     )
 
 
-def drawn_by_chance(seed: int, ids: range) -> NDArray[np.bool_]:
-    """Return True for each run that is confirmed by chance, (n,), by the seed and its number."""
+def _confirmed(
+    batch: Batch,
+    controller: str,
+    by_equations: Outcomes,
+    confirmation: MarginConfirmation,
+    margins: Callable[[Outcomes], Array] = lambda runs: runs.shares,
+) -> Outcomes:
+    """Runs on the equations, in which those that MuJoCo confirms are replaced by its own."""
+    outcome = by_equations
+    while True:
+        rows = confirmation.rows()
+        if not len(rows):
+            return outcome
+
+        by_physics = batch.run(controller, rows)
+        outcome = outcome.with_rows(rows, by_physics)
+        overturned = verdicts_overturned(by_equations.rows(rows), by_physics) > 0
+        confirmation.note_margins(rows, overturned, margins(by_physics))
+
+
+def drawn_by_chance(seed: int, ids: range) -> Mask:
+    """Return True for each run that is confirmed by chance, (n,), by the seed and its number.
+
+    So a run is drawn in whatever part it is made.
+    """
     return random_points(1, seed ^ _DRAW, ids.start, len(ids))[:, 0] < RANDOM
-
-
-def _within(margins: Sequence[Array], band: float) -> NDArray[np.bool_]:
-    """True for each run with a margin within the band about its limit, (n,); False without any."""
-    near = [np.abs(margin) <= band for margin in margins]
-    return np.any(near, axis=0)

@@ -36,7 +36,6 @@ from grosmc_mj.sweep.screening import UNSCREENED, Screening, screened_all, scree
 from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"
-NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
 # Version of manifests and parts.
 SCHEMA_VERSION = 3
 # Keys of a manifest that its hash is of: the place of a case file does not decide.

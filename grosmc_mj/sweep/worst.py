@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import differential_evolution
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.results.palette import label_of
@@ -22,20 +20,22 @@ from grosmc_mj.results.result import (
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.compass import CompassSearch
 from grosmc_mj.sweep.family import inside
+from grosmc_mj.sweep.sampled import NO_PROOF
 from grosmc_mj.sweep.screening import evaluate, screened_search
 from grosmc_mj.sweep.search import largest_passing
-from grosmc_mj.sweep.store import NO_PROOF, result_of
+from grosmc_mj.sweep.store import result_of
 
 WORST = "worst.json"
-# Plants of one generation.
-_POPULATION = 64
-# How many of the first generation are the worst samples and corners: what leaves the cube is drawn
-# anew inside, so that evolution nears a corner but never reaches it.
+# Starts of a search: the worst samples, the corners of the ranges, and random plants.
+_STARTS = 64
 _SAMPLES = 16
 _CORNERS = 16
-# The fewest runs of a search: two generations.
-LEAST = 2 * _POPULATION
+# Plants of a batch of random ones.
+_BATCH = 64
+# The fewest runs of a search: its starts, and as many again.
+LEAST = 2 * _STARTS
 # How near to the nominal plant the nearest failing one is known, of its distance.
 _NEAR = 1 / 256
 # Where the worst plant may come from; of equally bad ones the first counts.
@@ -55,7 +55,7 @@ class WorstPlant:
         samples: Least margin of the worst sample of the campaign, with which the search began.
         search: Least margin of the worst plant of the search.
         random: Least margin of the worst of as many random plants.
-        evaluations: Runs of the search, and of the random plants.
+        evaluations: Runs that the search could take, and number of random plants.
         shrunk: The nearest plant to the nominal one that was found to fail, (d,); None if nothing
             fails.
         shrunk_relative: Its least margin.
@@ -79,6 +79,16 @@ class WorstPlant:
         """Whether it is a counterexample."""
         return self.relative < 0
 
+    def sentence(self, campaign: Campaign) -> str:
+        """Return a line on the plant, and on the nearest one that fails."""
+        line = (
+            f"{self.controller}: worst plant found, by {self.winner}: margin "
+            f"{number(self.relative)} of its limit, {campaign.words(self.values)}"
+        )
+        if self.shrunk is not None:
+            line += f"; nearest found that fails: {campaign.words(self.shrunk)}"
+        return line
+
 
 def worst(
     campaign: Campaign,
@@ -87,7 +97,7 @@ def worst(
     evaluations: int,
     advance: Callable[[int], object] = lambda _: None,
 ) -> WorstPlant:
-    """Search by differential evolution, a generation as one batch, and try as many random plants.
+    """Search by compass search from the worst of many starts, and try as many random plants.
 
     Args:
         campaign: The campaign.
@@ -97,18 +107,28 @@ def worst(
             tried.
         advance: Called with the number of runs done.
     """
+    family = campaign.family
+
+    def order(points: Array) -> Array:
+        runs = screened_search(campaign, controller, family.values(inside(points)))
+        advance(len(points))
+        return runs["order"]
+
     sampler = campaign.specification.sampler
     samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
-    search = _WorstOfAll(campaign, controller, advance)
-    search.evolve(_first_generation(campaign, samples), evaluations)
+    search = CompassSearch(order, family.search_bounds)
+    starts = _starts(campaign, samples)
+    search.descend(starts, search.judge(starts), evaluations)
 
-    random = _WorstOfAll(campaign, controller, advance)
-    for start in range(0, search.runs, _POPULATION):
-        random.run(campaign.points("random", start, _POPULATION, more=1))
+    random = campaign.points("random", 0, evaluations, more=1)
+    batches = [random[first : first + _BATCH] for first in range(0, evaluations, _BATCH)]
+    orders = np.concatenate([order(batch) for batch in batches])
+    worst_random = random[orders.argmin()]
 
-    sampled = campaign.family.values(samples)
+    sampled = family.values(samples)
     worst_sample = int(evaluate(campaign, controller, sampled)["order"].argmin())
-    candidates = np.stack([sampled[worst_sample], search.values, random.values])
+    others = family.values(inside(np.stack([search.point, worst_random])))
+    candidates = np.stack([sampled[worst_sample], *others])
     outcome = evaluate(campaign, controller, candidates)
     margins = outcome["relative"].tolist()
     winner = int(outcome["order"].argmin())
@@ -120,72 +140,16 @@ def worst(
         samples=margins[0],
         search=margins[1],
         random=margins[2],
-        evaluations=search.runs,
+        evaluations=evaluations,
     )
     return _with_shrunk(campaign, worst_plant) if worst_plant.fails else worst_plant
 
 
-def _first_generation(campaign: Campaign, samples: Array) -> Array:
-    """The worst samples, the corners of the ranges, and random points up to a full generation."""
+def _starts(campaign: Campaign, samples: Array) -> Array:
+    """The worst samples, the corners of the ranges, and random points."""
     corners = campaign.family.corners(_CORNERS)
-    missing = _POPULATION - len(samples) - len(corners)
+    missing = _STARTS - len(samples) - len(corners)
     return np.concatenate([samples, corners, campaign.points("random", 0, missing, more=2)])
-
-
-class _WorstOfAll:
-    """The worst of all plants that are run.
-
-    Attributes:
-        values: Its uncertain numbers, (d,).
-        runs: Number of plants that were run.
-    """
-
-    def __init__(
-        self, campaign: Campaign, controller: str, advance: Callable[[int], object]
-    ) -> None:
-        self.values = np.zeros(0)
-        self.runs = 0
-        self._least = math.inf
-        self._campaign = campaign
-        self._controller = controller
-        self._advance = advance
-
-    def run(self, points: Array) -> Array:
-        """Run the plants at points of the unit cube, (n, d).
-
-        Returns:
-            Their order, (n,): the worse a plant, the less.
-        """
-        values = self._campaign.family.values(inside(points))
-        order = screened_search(self._campaign, self._controller, values)["order"]
-        if order.min() < self._least:
-            self._least = float(order.min())
-            self.values = values[int(order.argmin())]
-
-        self.runs += len(points)
-        self._advance(len(points))
-        return order
-
-    def evolve(self, first_generation: Any, evaluations: int) -> None:
-        """Run the plants of a differential evolution, a generation as one batch.
-
-        Args:
-            first_generation: Points of the unit cube, (n, d).
-            evaluations: Runs that it may take.
-        """
-        dimensions = len(self._campaign.family.quantities)
-        differential_evolution(
-            # SciPy's points are columns, (d, n).
-            lambda columns: self.run(columns.T.reshape(-1, dimensions)),
-            [(0.0, 1.0)] * dimensions,
-            init=first_generation,
-            maxiter=evaluations // _POPULATION - 1,
-            tol=0.0,
-            polish=False,
-            updating="deferred",
-            vectorized=True,
-            rng=np.random.default_rng(self._campaign.specification.seed),
-        )
 
 
 def _with_shrunk(campaign: Campaign, worst_plant: WorstPlant) -> WorstPlant:
@@ -242,20 +206,21 @@ def worst_table(campaign: Campaign, searches: Sequence[WorstPlant]) -> Table:
     """The worst plant under each controller, and the least margin of each source."""
     runs = searches[0].evaluations
     return table(
-        "The worst plant: least margin in parts of its limit",
+        "The worst plant found: least margin in parts of its limit",
         [
             *names("law"),
             *numbers("samples", "search", "random"),
             *words("worst by"),
             *text("the worst plant"),
-            *text("nearest to the nominal plant that fails"),
+            *text("nearest found to the nominal plant that fails"),
         ],
         [_table_row(campaign, plant) for plant in searches],
-        legend="Samples: the worst run of the campaign. Search: differential evolution that begins "
-        f"with the worst samples and the corners of the ranges, {runs} runs; random: {runs} random "
-        "plants. All three were judged in MuJoCo; of equally bad ones the first is named. Of "
-        "plants that never settle the one with the largest error left is the worst, of runs that "
-        "end early the earliest. Below zero something is not kept; numbers not named are nominal. "
+        legend="Samples: the worst run of the campaign. Search: compass search from the worst of "
+        "samples, corners of the ranges and random plants, along one number at a time, up to "
+        f"{runs} runs; random: {runs} random plants. All three were judged in MuJoCo; of equally "
+        "bad ones the first is named. Of plants that never settle the one with the largest error "
+        "left is the worst, of runs that end early the earliest. Below zero something is not kept; "
+        "numbers not named are nominal. "
         f"{NO_PROOF}",
     )
 

@@ -109,7 +109,7 @@ def test_every_law_stands_in_every_case_by_requirement_or_record(
 
     by_requirement = standings["servo/case1", "grosmc"]
     assert by_requirement.required
-    assert by_requirement.words == "settles within: 4 of 5 s"
+    assert by_requirement.words == "settles within 5 s: 4 s"
     by_record = standings["servo/case1", "lqr"]
     assert not by_record.required
     assert by_record.words == "deviation: 1.42 rad, recorded 1.42"

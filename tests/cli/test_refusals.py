@@ -18,7 +18,10 @@ from grosmc_mj.experiments.file.text import complete_text
 
 # Command lines and words of their refusals; small.toml is there, and no backend renders.
 REFUSALS = [
-    ("frobnicate", "validate, claims, study, identify, compare, export, report, diff, list"),
+    (
+        "frobnicate",
+        "claims, study, identify, compare, predict, export, report, diff, list",
+    ),
     ("doctor", "unknown command 'doctor': valid: new, run, campaign, film, view"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
@@ -42,6 +45,12 @@ REFUSALS = [
     ("claims premises arm/case7", "did you mean 'arm/case2'"),
     ("claims premises arm --laws grosmk", "did you mean 'grosmc'?"),
     ("study tolerance maglev", "there is no loop"),
+    ("predict log.csv servo", "--law"),
+    ("predict log.csv servo --law mpc", "unknown law 'mpc'"),
+    ("predict log.csv servo --law lqr --seeds 0", "--seeds 0 must be from 1 to 1000"),
+    ("predict log.csv servo --law lqr", "log.csv"),
+    ("predict servo --law lqr", "no log to predict: name one before"),
+    ("predict --law lqr", "CASE"),
     ("export servo --law mpc", "controller mpc: unknown law 'mpc': valid: lqr, fl-lqr, grosmc"),
     ("export servo", "--law"),
     ("export servo --law lqr --plants -1", "--plants -1 must not be below 0"),
@@ -64,7 +73,6 @@ REFUSALS = [
     ),
     ("view servo --speed 0", "speed 0 must be from 1/64 to 64 times real time"),
     ("view nothing.toml", "there is no such file"),
-    ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
     ("film servo --fps 30.5", "--fps: '30.5' is no whole number"),
     ("film servo --fps 30 31", "unexpected argument '31'"),

@@ -582,13 +582,13 @@ def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
     names = set()
     for name in ("light", "heavy"):
         declared = campaign(pair(), name=name)
-        trials = (ScaleTrial(0.5, 0.1, 0, np.ones(2)),)
+        trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), np.ones(1)),)
         radius = Radius("lqr", 8, trials, Promise(None, "", None), 1.0)
         document = radius_document(declared, [radius])
         names |= {value["name"] for value in document["values"]}
     assert names == {
-        "servo/light lqr: no failure up to",
-        "servo/heavy lqr: no failure up to",
+        "servo/light lqr: no failure found up to",
+        "servo/heavy lqr: no failure found up to",
     }
 
 

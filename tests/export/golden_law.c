@@ -4,7 +4,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdint.h>
-#include <string.h>
 
 #ifdef __FAST_MATH__
 #error "-ffast-math changes the law: leave it out"
@@ -64,10 +63,10 @@ static void transformation(const double *x, double out[2])
 /* [symbolic.py:92] */
 static void error_state(const double *x, double *z)
 {
-    double T[2];
-    transformation(x, T);
-    z[0] = -1.0 * (T[0] - 1.0);
-    z[1] = -1.0 * (T[1] - 0.0);
+    double transformation1_[2];
+    transformation(x, transformation1_);
+    z[0] = -1.0 * (transformation1_[0] - 1.0);
+    z[1] = -1.0 * (transformation1_[1] - 0.0);
 }
 
 /* Bring the integral of memory.rate up to the sample at t [s]. [surface.py:48] */
@@ -200,12 +199,16 @@ void law_in_c_init(struct law_in_c_memory *memory)
     };
 }
 
-int law_in_c_step(double t, const double x[2], struct law_in_c_memory *memory, double u[1])
+int law_in_c_step(double t, const double x[2],
+        struct law_in_c_memory *memory, double u[1])
 {
     law(t, x, u, memory);
     memory->begun = 1;
     if (memory->undefined != 0) {
         return 1;
     }
-    return isfinite(u[0]) ? 0 : 2;
+    if (!isfinite(u[0])) {
+        return 2;
+    }
+    return 0;
 }

@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_export import COMPILER, compiled, needs_compiler
+from test_export import COMPILER, IN_LOOP, compiled, needs_compiler, run_sanitized
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.proof import prove_loop
+from grosmc_mj.export.proof import prove
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
 ANGLE = Sensor(of="rotor angle", resolution=1.534e-3)
@@ -70,7 +70,7 @@ def test_software_in_c_is_the_python_one_to_the_last_bit(
     name: str, predict: bool, tmp_path: Path
 ) -> None:
     experiment, law = law_in(name, predict=predict)
-    proof = prove_loop(experiment, law, compiled(law, tmp_path, COMPILER), plants=0)
+    proof = prove(experiment, law, compiled(law, tmp_path, COMPILER), plants=0)
     assert proof.equal, proof.words
     assert proof.samples == 300
 
@@ -83,8 +83,15 @@ def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> N
     loop = experiment.applied_loop("physics", law)
     assert loop is not None
     in_c = LoopInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)
-    proof = prove_loop(experiment, in_c, compiled(in_c, tmp_path), plants=1)
+    proof = prove(experiment, in_c, compiled(in_c, tmp_path), plants=1)
     assert proof.equal, proof.words
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["slow sensor", "levant", "kalman", "delay"])
+def test_sanitizers_find_nothing_in_a_loop(name: str, tmp_path: Path) -> None:
+    _, law = law_in(name, predict=True)
+    run_sanitized(law, len(law.measured), IN_LOOP, tmp_path)
 
 
 def test_the_step_takes_the_signals_that_are_needed() -> None:
@@ -96,9 +103,20 @@ def test_the_step_takes_the_signals_that_are_needed() -> None:
 
 
 @needs_compiler
+def test_single_precision_in_a_loop_is_judged_by_each_requirement(tmp_path: Path) -> None:
+    experiment, law = law_in("eso", predict=True)
+    law = replace(law, real="float")
+    proof = prove(experiment, law, compiled(law, tmp_path), plants=0)
+    assert not proof.equal
+    judged = [verdict.in_c.requirement for verdict in proof.verdicts]
+    assert judged == list(experiment.limits)
+    assert proof.overturned == []
+
+
+@needs_compiler
 def test_a_wrong_number_of_the_software_is_noticed(tmp_path: Path) -> None:
     experiment, law = law_in("filtered", predict=False)
     _, other = law_in("difference", predict=False)
     # The C of another estimator: the comparison can fail.
-    proof = prove_loop(experiment, law, compiled(other, tmp_path), plants=0)
+    proof = prove(experiment, law, compiled(other, tmp_path), plants=0)
     assert not proof.equal

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import Screen, run
+from real_logs import DATA, MISSING
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
@@ -20,13 +20,9 @@ from grosmc_mj.requirements.event_metrics import event_metrics
 from grosmc_mj.requirements.metrics import Event
 from grosmc_mj.requirements.optimum import compare_with_optimum
 
-BESIDE = Path(__file__).parents[3] / "shared" / "data"
-DATA = Path(os.environ.get("GROSMC_DATA", BESIDE))
 CASES = DATA / "log_cases"
 
-pytestmark = pytest.mark.skipif(
-    not CASES.is_dir(), reason=f"the logs of real machines are not in {DATA}: set GROSMC_DATA"
-)
+pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason=MISSING)
 
 
 def answer_of(command: str, log: str, case: str, folder: Path) -> Any:

@@ -255,6 +255,27 @@ def test_both_engines_remember_the_same_bit_for_bit() -> None:
     np.testing.assert_array_equal(native.memory, python.memory)
 
 
+def cubed(t: float, x: Any, memory: Any, p: Any) -> float:
+    return (1.1 - x[0]) ** 3 - x[1]
+
+
+def squared(t: float, x: Any, memory: Any, p: Any) -> float:
+    return (1.1 - x[0]) ** 2.0 - x[1]
+
+
+def rooted(t: float, x: Any, memory: Any, p: Any) -> float:
+    return math.pow(2.0, -x[1]) - abs(x[0]) ** 1.5
+
+
+@pytest.mark.parametrize("law", [cubed, squared, rooted])
+def test_powers_are_those_of_the_c_library_in_both_engines(law: Any) -> None:
+    """Compilers would take products, which round otherwise."""
+    mine = controller(law)
+    runs = [gm.simulate(physics(), mine, [0.0, 0.0], duration=0.5, engine=e) for e in ENGINES]
+    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+    np.testing.assert_array_equal(runs[0].command, runs[1].command)
+
+
 def test_a_memory_is_recorded_row_by_row_at_the_samples() -> None:
     run = run_with_pid("native")
     np.testing.assert_array_equal(run.memory["past"][10], run.state[3:11, 1][::-1])

@@ -211,6 +211,25 @@ def test_metrics_and_margins_of_a_batch_are_a_recorded_run_s(
             assert row[name][0] == value, name
 
 
+# The load takes all that the actuator gives, so that the margin of the input is 0 on every plant.
+SATURATED = """
+[[requirement]]
+deviation_below = "1 rad"
+input_below = "1 mA"
+[[actuator]]
+of = "current"
+limit = "1 mA"
+"""
+
+
+def test_a_margin_that_a_saturated_input_holds_at_zero_does_not_hide_the_others() -> None:
+    declared = campaign(servo(INERTIA, limits=SATURATED, laws=LQR), runs=2)
+    row = evaluate(declared, "lqr", declared.family.values(np.array([[0.1], [0.9]])))
+    assert row["margin input_below"].tolist() == [0.0, 0.0]
+    assert row["relative"].tolist() == row["margin deviation_below"].tolist()
+    assert 0 < row["order"][0] != row["order"][1]
+
+
 EACH_LAW = pytest.mark.parametrize("law", ["lqr", "grosmc"])
 
 

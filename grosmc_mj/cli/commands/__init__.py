@@ -64,6 +64,10 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
         "Fit a case's parameters to a log of the machine.",
     ),
     "compare": Entry("identify:CompareCommand", "Which model explains a log of the machine?"),
+    "predict": Entry(
+        "predict:PredictCommand",
+        "Does the fitted machine do what the real one did under its law?",
+    ),
     "export": Entry("export:ExportCommand", "Write a law as C, proven to be the same."),
     "report": Entry("report:ReportCommand", "Write one HTML page of results."),
     "diff": Entry("diff:DiffCommand", "Compare two results: what got worse beyond noise?"),

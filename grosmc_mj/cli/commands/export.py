@@ -33,6 +33,8 @@ class ExportCommand(Command):
     equal to the last bit, or the largest difference is told, and the verdicts under both. Without a
     compiler the C is not proven, and says so.
 
+    With --fmu the same C is packed as a source FMU (FMI 2.0, co-simulation), too.
+
     With --loop the C has the estimators, the filter and the prediction of the case's loop too, and
     gets what is measured.
 
@@ -44,6 +46,7 @@ class ExportCommand(Command):
         law: A law that grosmc-mj list shows, or a law of the file.
         float32: In single precision; the proof tells what that changes.
         loop: With the software of the case's loop.
+        fmu: As an FMU, too.
         plants: Number of random plants.
         out: Folder for the files.
     """
@@ -53,6 +56,7 @@ class ExportCommand(Command):
     law: Annotated[str, Parameter(metavar="NAME")]
     float32: Flag = False
     loop: Flag = False
+    fmu: Flag = False
     plants: Annotated[
         WholeNumber | None,
         Parameter(show_default="1000, with --loop 5"),
@@ -63,6 +67,7 @@ class ExportCommand(Command):
         """Write the law, prove it, write it once more with its proof."""
         from grosmc_mj.export.answer import NOT_PROVEN, about, export_document
         from grosmc_mj.export.compiler import write_law
+        from grosmc_mj.export.fmu import write_fmu
 
         if self.plants is not None and self.plants < 0:
             raise ArgumentError(f"--plants {self.plants} must not be below 0")
@@ -73,7 +78,9 @@ class ExportCommand(Command):
         proven = NOT_PROVEN if proof is None else proof.words
         law = replace(law, about=about(experiment, law.controller, proven, law.real))
         self.out.mkdir(parents=True, exist_ok=True)
-        files = write_law(law, self.out)
+        files = [*write_law(law, self.out)]
+        if self.fmu:
+            files.append(write_fmu(law, experiment.x0, self.out))
 
         document = export_document(experiment, law, proof)
         screen.say_result(document, self.out / f"export_{law.name}.json", full=self.verbose)
@@ -114,8 +121,7 @@ class ExportCommand(Command):
     def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
         """Run the law beside the Python law; None without a compiler."""
         from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
-        from grosmc_mj.export.loop import LoopInC
-        from grosmc_mj.export.proof import RANDOM_LOOPS, prove, prove_loop, uncertain_experiment
+        from grosmc_mj.export.proof import RANDOM_LOOPS, prove, uncertain_experiment
 
         compiler = find_compiler()
         if compiler is None:
@@ -129,9 +135,7 @@ class ExportCommand(Command):
             write_law(law, Path(folder))
             compiled = compile_law(law, Path(folder), compiler)
             with screen.progress(len(experiment.plant_names) + plants) as advance:
-                if isinstance(law, LoopInC):
-                    return prove_loop(experiment, law, compiled, plants, advance)
-                return prove(experiment, law.controller, compiled, plants, advance)
+                return prove(experiment, law, compiled, plants, advance)
 
 
 def _exit_code(law: LawInC, proof: Proof | None) -> int:

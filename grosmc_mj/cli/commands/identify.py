@@ -12,12 +12,12 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.films.film import Film
     from grosmc_mj.logs.log import Log
     from grosmc_mj.plants import Plant
 
@@ -188,14 +188,5 @@ class CompareCommand(_OfLog):
         document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(document, path, notes, full=True)
         if film is not None:
-            _write_film(film, path.with_suffix(".mp4"))
+            write_film_of_log(film, path.with_suffix(".mp4"))
         return DONE
-
-
-def _write_film(film: Film, path: Path) -> None:
-    """Write a film, and print the paths of its files."""
-    from grosmc_mj.films.write import write_film
-
-    with screen.progress(len(film.times), "frames") as advance:
-        written = write_film(film, path, advance=lambda: advance("film"))
-    screen.say_files(screen.console(), written.film, written.poster)

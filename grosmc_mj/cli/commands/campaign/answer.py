@@ -8,18 +8,17 @@ from rich.console import Console
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.results.tables import Table, number
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import (
-    ALL,
-    Findings,
-    findings_tables,
-    rate_interval,
-    screening_sentences,
-)
+from grosmc_mj.sweep.drivers import driver_words
+from grosmc_mj.sweep.findings import Findings, findings_tables
+from grosmc_mj.sweep.judges import screening_sentences
+from grosmc_mj.sweep.pass_rates import PassRate, rate_shown
 from grosmc_mj.sweep.radius import Radius, radius_table
-from grosmc_mj.sweep.statistics import PassRate, rate_shown
+from grosmc_mj.sweep.sampled import ALL
 from grosmc_mj.sweep.worst import WorstPlant, worst_table
+
+# Rows of the table of pass rates that fit beside the rest of the answer.
+_MOST_ROWS = 8
 
 
 def say_campaign_verdict(
@@ -77,7 +76,7 @@ def _laws_worst_first(findings: Findings) -> list[tuple[str, PassRate]]:
 
 def _rate_words(law: str, rate: PassRate, findings: Findings) -> str:
     """Return a sentence on how many plants a law keeps everything, with the interval."""
-    bounds = rate_interval(rate, "to")
+    bounds = rate.interval("to")
     interval = findings.sampled.intervals
     if bounds:
         interval = f"{bounds} % ({100 * rate.confidence:g} % interval)"
@@ -104,40 +103,19 @@ def say_findings(
         progress: Lines on the runs that were made.
         full: True to print every table.
     """
-    console.print(_rates_table(findings))
-    lines = [*_difference_lines(findings), *_driver_lines(findings)]
+    tables = findings_tables(campaign, findings)
+    pass_rates = tables[0].model_copy(update={"title": "", "legend": ""})
+    console.print(pass_rates.brief(_MOST_ROWS))
+    drivers = [driver_words(law, rows) for law, rows in findings.sensitivities.items()]
+    lines = [*_difference_lines(findings), *filter(None, drivers)]
     screen.say_lines(console, lines, "", full=False)
 
-    sampled = findings.sampled
-    notes = [
-        screening_sentences(findings.judges),
-        f"{sampled.words}. {sampled.footnote}",
-        *progress,
-    ]
-    for line in notes:
+    for line in (screening_sentences(findings.judges), findings.sampled.sentences, *progress):
         if line:
             console.print(line, style="dim", markup=False)
-
     if full:
-        for table in findings_tables(campaign, findings):
+        for table in tables:
             console.print("", table)
-
-
-def _rates_table(findings: Findings) -> Table:
-    """Return the table of single requirements, those that fail most first."""
-    rows = []
-    for (requirement, law), rate in sorted(findings.rates.items(), key=lambda pair: pair[1].rate):
-        if requirement == ALL:
-            continue
-        least = "-"
-        margin = findings.summaries.get((requirement, law))
-        if margin:
-            least = f"{number(margin.least)} {findings.units[requirement]}".rstrip()
-        kept = f"{rate.kept} of {rate.runs}"
-        rows.append((requirement, law, kept, rate_interval(rate, "..") or "-", least))
-
-    columns = ("requirement", "law", "kept", "interval %", "least margin")
-    return screen.brief_table("", columns, rows, words=2, most=8)
 
 
 def _difference_lines(findings: Findings) -> Iterator[str]:
@@ -150,33 +128,12 @@ def _difference_lines(findings: Findings) -> Iterator[str]:
             )
 
 
-def _driver_lines(findings: Findings) -> Iterator[str]:
-    """Yield a line on each law whose margin one parameter drives most."""
-    for law, sensitivities in findings.sensitivities.items():
-        driver = sensitivities[0]
-        if driver.drives:
-            percent = 100 * (driver.share or 0)
-            yield (
-                f"{law}: {driver.parameter} drives its margin most "
-                f"({percent:.0f} % of the variance of the ranks)"
-            )
-
-
 def say_worst(
     console: Console, campaign: Campaign, searches: Sequence[WorstPlant], *, full: bool
 ) -> None:
     """Print the worst plant under each law, the worst first."""
-    lines = []
-    for plant in sorted(searches, key=lambda plant: plant.relative):
-        line = (
-            f"{plant.controller}: worst plant, by {plant.winner}: margin {number(plant.relative)} "
-            f"of its limit, {campaign.words(plant.values)}"
-        )
-        if plant.shrunk is not None:
-            line += f"; nearest that fails: {campaign.words(plant.shrunk)}"
-        lines.append(line)
-
-    screen.say_lines(console, lines, "", full=False)
+    by_margin = sorted(searches, key=lambda plant: plant.relative)
+    screen.say_lines(console, [plant.sentence(campaign) for plant in by_margin], "", full=False)
     if full and searches:
         console.print(worst_table(campaign, searches), "")
 
@@ -186,20 +143,6 @@ def say_radius(
 ) -> None:
     """Print how far the uncertainty may grow under each law, the least first."""
     by_radius = sorted(searches, key=lambda search: search.found)
-    screen.say_lines(console, [_radius_line(search) for search in by_radius], "", full=False)
+    screen.say_lines(console, [search.sentence for search in by_radius], "", full=False)
     if full and searches:
         console.print(radius_table(campaign, searches), "")
-
-
-def _radius_line(search: Radius) -> str:
-    """Return a line on the scales of the uncertainty at which a law fails."""
-    line = f"{search.controller}: no failure up to {search.found:.3g} times the uncertainty"
-    if search.outside is not None:
-        line += f", one at {search.outside.scale:.3g}"
-    if search.promised.scale is not None:
-        line += f"; |s| is promised its bound up to {search.promised.scale:.3g}"
-    if search.stayed is not None:
-        line += f", keeps it up to {search.stayed:.3g}"
-    if search.left is not None:
-        line += f", leaves it at {search.left.scale:.3g}"
-    return line

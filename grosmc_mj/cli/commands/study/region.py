@@ -34,7 +34,7 @@ class RegionCommand(Command):
 
     Steps are implicitfast's. Where equations give MuJoCo's own accelerations, maps are made on
     these, in steps of RK4, and every start beside another outcome is confirmed in MuJoCo, with 2 %
-    of the others.
+    of the others; all are if it overturns one of these.
 
     Writes region_SYSTEM.json, .png and .svg to --out; after Ctrl-C the maps that are finished.
 

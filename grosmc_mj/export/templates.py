@@ -1,0 +1,38 @@
+"""Text of C from the templates of this package."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from grosmc_mj.export.c_text import comment
+from grosmc_mj.export.structures import definition, initial
+from grosmc_mj.plants import Signal
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return the text of a template.
+
+    Args:
+        template: Name of its file.
+        values: What its expressions name.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters = {"comment": comment, "definition": definition, "initial": initial, "listed": listed}
+    environment.filters.update(filters)
+    return environment.get_template(template).render(**values)
+
+
+def listed(signals: Sequence[Signal], array: str) -> str:
+    """Return names and units of the entries of an array."""
+    places = [f"{array}[{i}] {signal.name} [{signal.unit}]" for i, signal in enumerate(signals)]
+    return ", ".join(places)

@@ -1,0 +1,227 @@
+"""The result of a prediction: its document, tables and figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
+from grosmc_mj.results.figure import figure_written
+from grosmc_mj.results.palette import BLACK, BLUE
+from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Value, finite, result
+from grosmc_mj.results.tables import Table, number, numbers, phrases, table
+
+# Name of the row of the machine with all its properties.
+COMPLETE = "(complete)"
+# Medians over noisy runs repeat within this share on another machine.
+_NOISE = 0.05
+
+
+def prediction_result(
+    question: Question,
+    complete: Prediction,
+    lesser: Mapping[str, Prediction],
+    configuration: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the content of the result's JSON file.
+
+    Args:
+        question: The law, the machine and the log.
+        complete: Its prediction.
+        lesser: Predictions without each property of the machine.
+        configuration: Arguments of the command.
+    """
+    required = [item for item in complete.quantities if item.required]
+    outside = [item.label for item in required if not item.contains(item.measured)]
+    words = f"Predicted: {_headline(required[0])}"
+    if outside:
+        words += f"; outside the spread: {', '.join(outside)}"
+    answer = Answer(
+        question=f"Is {question.log.name} what {question.law} does on this machine",
+        verdict=NOT_KEPT if outside else KEPT,
+        words=words,
+        more=_deciding_words(complete, lesser),
+        notes=[law_words(question), *question.notes],
+    )
+    values = []
+    for item in complete.quantities:
+        median = finite(item.median)
+        values.append(
+            Value(name=f"predicted {item.name}", value=median, unit=item.unit, relative=_NOISE)
+        )
+
+    finding = question.law_on_log
+    loop = question.experiment.loop
+    return result(
+        "predict",
+        configuration,
+        seed=None if loop is None else loop.seed,
+        answers=[answer],
+        sheets=[
+            ReportTable(table=quantities_table(complete)),
+            ReportTable(table=lesser_table(question, complete, lesser)),
+        ],
+        values=values,
+        law=None if finding is None else finding._asdict(),
+        complete_machine=_document(complete),
+        without={name: _document(prediction) for name, prediction in lesser.items()},
+        deciding=deciding(complete, lesser),
+    )
+
+
+def _document(prediction: Prediction) -> dict[str, Any]:
+    """Return a prediction as plain values."""
+    quantities = [
+        {
+            "name": item.name,
+            "unit": item.unit,
+            "required": item.required,
+            "measured": finite(item.measured),
+            "predicted": list(map(finite, item.predicted.tolist())),
+        }
+        for item in prediction.quantities
+    ]
+    misfits = list(map(finite, prediction.misfits.tolist()))
+    return {"quantities": quantities, "misfits": misfits}
+
+
+# -- words and tables ------------------------------------------------------------------------------
+
+
+def law_words(question: Question) -> str:
+    """Return whether the law is that of the log, in a sentence."""
+    if question.law_on_log is None:
+        return f"Law: {question.law} is not compared with the logged commands."
+    return f"Law: {question.law_on_log.words}."
+
+
+def _headline(item: Quantity) -> str:
+    """Return the first quantity in words: median, spread, measured."""
+    low, high = item.spread
+    unit = f" {item.unit}" if item.unit not in ("", "1") else ""
+    return (
+        f"{item.name}: {_shown(item.median)}{unit} ({_shown(low)} to {_shown(high)}); measured "
+        f"{_shown(item.measured)}{unit}"
+    )
+
+
+def _shown(value: float) -> str:
+    """Write a number; infinity is never."""
+    if math.isinf(value):
+        return "never"
+    return number(value)
+
+
+def _headed(item: Quantity) -> str:
+    """Return the header of a quantity, with its unit."""
+    return item.label if item.unit in ("", "1") else f"{item.label} [{item.unit}]"
+
+
+def quantities_table(complete: Prediction) -> Table:
+    """Return the measured numbers beside the predicted ones."""
+    rows = []
+    styles = []
+    for item in complete.quantities:
+        low, high = item.spread
+        inside = item.contains(item.measured)
+        styles.append("red" if item.required and not inside else "")
+        rows.append(
+            (
+                _headed(item),
+                _shown(item.measured),
+                _shown(item.median),
+                f"{_shown(low)} to {_shown(high)}",
+                "" if inside else "outside",
+                "" if item.required else "not required",
+            )
+        )
+    return table(
+        f"Measured and predicted, {len(complete.runs)} seeds",
+        [*phrases(""), *numbers("measured", "predicted", "spread"), *phrases("", "")],
+        rows,
+        styles=styles,
+    )
+
+
+def lesser_table(
+    question: Question, complete: Prediction, lesser: Mapping[str, Prediction]
+) -> Table:
+    """Return the predictions without each property, medians over the seeds."""
+    required = [item for item in complete.quantities if item.required]
+    system = question.experiment.nominal.system
+    unit = system.states[system.controlled[0]].unit
+
+    by_misfit = sorted(lesser.items(), key=lambda item: -item[1].misfits.min())
+    rows = []
+    for name, prediction in [(COMPLETE, complete), *by_misfit]:
+        medians = [_shown(item.median) for item in prediction.quantities if item.required]
+        rows.append((name, *medians, number(float(prediction.misfits.min()))))
+    return table(
+        "",
+        [*phrases("without"), *numbers(*map(_headed, required), f"misfit [{unit}]")],
+        rows,
+        legend="Medians over the seeds; misfit: RMS distance of the nearest run from the log. A "
+        f"property decides if without it {required[0].label} leaves its spread.",
+    )
+
+
+def _deciding_words(complete: Prediction, lesser: Mapping[str, Prediction]) -> str:
+    """Return which properties decide the experiment, and which do not."""
+    decide = deciding(complete, lesser)
+    idle = [name for name in lesser if name not in decide]
+    sentences = []
+    if decide:
+        sentences.append(f"{_listed(decide)} decide{'s' * (len(decide) == 1)} this experiment")
+    if idle:
+        sentences.append(f"{_listed(idle)} do{'es' * (len(idle) == 1)} not")
+    return f"{'; '.join(sentences)}."
+
+
+def _listed(items: Sequence[str]) -> str:
+    """Return a list in words."""
+    *first, last = items
+    if not first:
+        return last
+    return f"{', '.join(first)} and {last}"
+
+
+# -- figure ----------------------------------------------------------------------------------------
+
+
+def draw_prediction(question: Question, complete: Prediction, path: Path) -> None:
+    """Draw each measured state and input over those of all seeds.
+
+    Args:
+        question: The law, the machine and the log.
+        complete: Its prediction.
+        path: The picture.
+    """
+    system = question.experiment.nominal.system
+    log = question.log
+    curves = []
+    for state in system.states:
+        if state.name in log.states:
+            predicted = [simulated.states[state.name] for simulated in complete.logs]
+            curves.append((state, log.states[state.name], predicted))
+    for index, signal in enumerate(system.inputs):
+        predicted = [simulated.inputs[:, index] for simulated in complete.logs]
+        curves.append((signal, log.inputs[:, index], predicted))
+
+    with figure_written(path, (9.0, 2.3 * len(curves) + 0.6), [".png"]) as figure:
+        axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
+        for axis, (signal, measured, predicted) in zip(axes, curves, strict=True):
+            label = f"predicted, {len(predicted)} seeds"
+            for curve in predicted:
+                axis.plot(log.time, curve, color=BLUE, lw=0.6, alpha=0.3, label=label)
+                label = None
+            nearest = predicted[complete.nearest]
+            axis.plot(log.time, nearest, color=BLUE, lw=1.4, label="predicted, the nearest seed")
+            axis.plot(log.time, measured, color=BLACK, lw=1.2, label="measured")
+            axis.set_ylabel(f"{signal.name} [{signal.unit}]")
+        axes[0].set_title(f"{question.law} on {log.name}")
+        axes[0].legend(loc="best")
+        axes[-1].set_xlabel("time [s]")

@@ -1,0 +1,99 @@
+"""An export as an FMU: valid, and the same law as the C in it."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_export import COMPILER, compiled, law_of, needs_compiler
+from test_export_loop import law_in
+
+from grosmc_mj.arrays import Array
+from grosmc_mj.export.compiler import FLAGS
+from grosmc_mj.export.fmu import write_fmu
+from grosmc_mj.export.law import LawInC
+from grosmc_mj.export.structures import size_of
+
+fmpy: Any = pytest.importorskip("fmpy")
+SAMPLES = 50
+
+
+def built(law: LawInC, x0: Any, folder: Path) -> Path:
+    """The FMU with a library for this machine, as an importer builds it; its folder."""
+    from fmpy.validation import validate_fmu
+
+    path = write_fmu(law, x0, folder)
+    assert validate_fmu(str(path)) == []
+    unpacked = folder / "unpacked"
+    fmpy.extract(str(path), str(unpacked))
+    library = unpacked / "binaries" / fmpy.platform / f"{law.name}.so"
+    library.parent.mkdir(parents=True)
+    headers = Path(fmpy.__file__).parent / "c-code"
+    sources = sorted((unpacked / "sources").glob("*.c"))
+    assert COMPILER is not None
+    command = [COMPILER, *FLAGS, "-isystem", headers, "-fPIC", "-shared", *sources]
+    subprocess.run([*command, "-o", library, "-lm"], check=True)
+    return unpacked
+
+
+def simulated(
+    law: LawInC, folder: Path, x0: Any, signals: Mapping[str, Array], step: float
+) -> Array:
+    """First output of the FMU after each step, for inputs at the begin of each step."""
+    times = np.arange(SAMPLES) * law.period
+    columns = [("time", float), *[(name, float) for name in signals]]
+    inputs = np.zeros(SAMPLES, dtype=columns)
+    inputs["time"] = times
+    for name, values in signals.items():
+        inputs[name] = values
+    result = fmpy.simulate_fmu(
+        str(built(law, x0, folder)),
+        stop_time=SAMPLES * law.period,
+        step_size=step,
+        output_interval=step,
+        input=inputs,
+        fmi_type="CoSimulation",
+    )
+    return result[law.system.inputs[0].name][1:]
+
+
+@needs_compiler
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("parts", [1, 2])
+def test_an_fmu_makes_the_samples_of_the_law(real: str, parts: int, tmp_path: Path) -> None:
+    law = law_of("servo/case1", "grosmc", real)
+    random = np.random.default_rng(1)
+    x = random.normal(size=(SAMPLES, 2))
+    names = [signal.name for signal in law.system.states]
+    signals = dict(zip(names, x.T, strict=True))
+    u = simulated(law, tmp_path, np.zeros(2), signals, law.period / parts)
+
+    in_c = compiled(law, tmp_path)
+    memory = np.zeros(size_of(law.remembered))
+    for k in range(SAMPLES):
+        expected = np.zeros(1)
+        in_c.step(k * law.period, x[k], memory, expected)
+        # Between samples the output is held.
+        assert np.all(u[k * parts : (k + 1) * parts] == expected)
+
+
+@needs_compiler
+def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
+    _, law = law_in("high-gain", predict=True)
+    y = np.linspace(0.0, 0.1, SAMPLES)
+    start = np.array([0.0, 1.0])
+    signals = {"rotor angle": y}
+    u = simulated(law, tmp_path, start, signals, law.period)
+
+    in_c = compiled(law, tmp_path)
+    memory = np.zeros(size_of(law.remembered))
+    in_c.begin(memory, start)
+    ticks = round(law.period / law.loop.timestep)
+    for k in range(SAMPLES):
+        expected = np.zeros(1)
+        in_c.step_in_loop(k * ticks, y[k : k + 1], np.ones(1), memory, expected)
+        assert u[k] == expected[0]

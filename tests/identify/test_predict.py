@@ -1,0 +1,218 @@
+"""A closed loop on a machine that is known is predicted; without what decides it, it is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
+from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
+from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
+from grosmc_mj.logs.log import Log
+from grosmc_mj.loop import Loop
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+
+CASE = """
+title = "A servo that turns by 1 rad"
+plant = { system = "servo", compare = ["physics"] }
+[run]
+start = { "rotor angle" = "0 rad" }
+duration = "3 s"
+control_period = "5 ms"
+[computing]
+delay = "5 ms"
+[[sensor]]
+of = "rotor angle"
+resolution = "1 mrad"
+bias = "0.02 rad"
+[[sensor]]
+of = "rotor speed"
+noise = "0.05 rad/s"
+[[edit]]
+body = "rotor"
+mass_scale = 1.5
+[[edit]]
+joint = "shaft"
+friction = "0.02 N m"
+[[controller]]
+law = "lqr"
+[[requirement]]
+reaches_within = "2.5 s"
+band = "0.1 rad"
+"""
+SYSTEM = MujocoPlant.load("servo").system
+FREE = np.array([[-np.inf], [np.inf]])
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    """A servo whose friction, mass and sensors are known."""
+    path = tmp_path_factory.mktemp("predict") / "machine.toml"
+    path.write_text(CASE, encoding="utf-8")
+    return Experiment.load(path)
+
+
+def log_of(machine: Experiment) -> Log:
+    """The log of a run: what the law was told and what it commanded, at its samples."""
+    run = machine.varied(run_number=77, duration=3.005).run(law="lqr").trajectory
+    assert run.seen is not None
+    rows = np.arange(0, len(run.seen), 5)
+    names = [state.name for state in run.system.states]
+    return Log(
+        name="simulated",
+        time=run.time[rows],
+        inputs=run.command[rows][:, None],
+        states={name: run.seen[rows, j] for j, name in enumerate(names)},
+        pieces=[slice(0, len(rows))],
+    )
+
+
+def found(machine: Experiment, log: Log) -> LawOnLog:
+    """The law of a machine beside a log."""
+    applied = machine.applied_loop("physics", "lqr")
+    assert applied is not None
+    return law_on_log(applied, log, np.array(machine.x0), FREE)
+
+
+# -- the law on logged states ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_the_law_that_made_a_log_reproduces_its_commands(machine: Experiment, rows: int) -> None:
+    """Also where they stand some rows after the states that they were computed from."""
+    log = log_of(machine)
+    end = len(log.time) - rows
+    states = {name: values[:end] for name, values in log.states.items()}
+    late = np.vstack([np.zeros((rows, 1)), log.inputs[:end]])[:end]
+    shifted = replace(log, time=log.time[:end], inputs=late, states=states, pieces=[slice(0, end)])
+    finding = found(machine, shifted)
+    assert finding.first is None
+    assert finding.rows == rows
+    assert finding.largest < 1e-12
+
+
+def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> None:
+    log = log_of(machine)
+    finding = found(machine, replace(log, inputs=1.1 * log.inputs))
+    assert finding.first == 0.0
+    assert finding.logged == pytest.approx(1.1 * finding.asked)
+
+
+def test_a_rate_that_is_not_logged_is_differenced_as_in_the_loop(machine: Experiment) -> None:
+    loop = machine.loop
+    assert loop is not None
+    differencing = machine.varied(loop=Loop(loop.computing, loop.sensors[:1]).completed(SYSTEM))
+    log = log_of(differencing)
+    angle = {"rotor angle": log.states["rotor angle"]}
+    finding = found(differencing, replace(log, states=angle))
+    assert finding.first is None
+    assert finding.largest < 1e-12
+
+
+def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment) -> None:
+    log = log_of(machine)
+    angle = {"rotor angle": log.states["rotor angle"]}
+    with pytest.raises(ArgumentError, match="does not measure rotor speed"):
+        found(machine, replace(log, states=angle))
+    with pytest.raises(ArgumentError, match="a row every 10 ms, the law runs every 5 ms"):
+        found(machine, replace(log, time=2 * log.time))
+
+
+# -- what is left out ------------------------------------------------------------------------------
+
+
+def test_each_property_of_a_machine_is_left_out_alone(machine: Experiment) -> None:
+    lesser = without_each(machine)
+    assert set(lesser) == {
+        "computing delay",
+        "rotor angle resolution",
+        "rotor angle bias",
+        "rotor speed noise",
+        "shaft damping",
+        "shaft friction",
+        FITTED_MASSES,
+    }
+    for name, experiment in lesser.items():
+        assert set(without_each(experiment)) == set(lesser) - {name}
+
+
+def test_a_machine_without_its_fitted_masses_has_those_of_the_model(machine: Experiment) -> None:
+    plant = without_each(machine)[FITTED_MASSES].plant("physics")
+    assert isinstance(plant, MujocoPlant)
+    nominal = MujocoPlant.load("servo").model
+    assert plant.model.body_mass.tolist() == nominal.body_mass.tolist()
+    assert plant.model.dof_frictionloss.tolist() == [0.02]
+
+
+def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> None:
+    log = log_of(machine)
+    asking_nothing = machine.varied(file=machine.file.model_copy(update={"requirement": []}))
+    with pytest.raises(ArgumentError, match="no requirement that can be predicted: there is none"):
+        question_of(asking_nothing, "lqr", log, log)
+
+
+# -- prediction ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def question(machine: Experiment) -> Question:
+    """The machine beside the log of one of its runs."""
+    log = log_of(machine)
+    return question_of(machine, "lqr", log, log)
+
+
+def required_inside(prediction: Prediction) -> bool:
+    """Whether each required number lies within the spread, as measured."""
+    return all(item.contains(item.measured) for item in prediction.quantities if item.required)
+
+
+def test_start_and_sensors_are_those_of_the_log(question: Question) -> None:
+    loop = question.experiment.loop
+    assert loop is not None
+    assert question.experiment.x0[0] == pytest.approx(0.0, abs=2e-3)
+    sensors = {sensor.of: sensor for sensor in loop.sensors}
+    assert sensors["rotor angle"].resolution == pytest.approx(1e-3, rel=1e-6)
+    assert sensors["rotor angle"].bias == 0.02
+    assert sensors["rotor speed"].noise == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
+    question: Question,
+) -> None:
+    complete = predict(question, 16)
+    assert required_inside(complete)
+    # An encoder of 1 mrad, and noise of the velocity: the runs differ by little.
+    assert complete.misfits.max() < 5e-3
+
+
+def test_without_its_friction_the_machine_is_another_one(question: Question) -> None:
+    complete = predict(question, 16)
+    lesser = {
+        name: predict(question, 4, experiment)
+        for name, experiment in without_each(question.experiment).items()
+    }
+    decide = deciding(complete, lesser)
+    assert "shaft friction" in decide
+    assert "rotor angle resolution" not in decide
+    assert lesser["shaft friction"].misfits.min() > 5 * complete.misfits.min()
+
+
+def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:
+    """Until the first command arrives nothing acts: the first one did not act before the log."""
+    log = log_of(machine)
+    late = without_each(machine)["rotor speed noise"]
+    start = question_of(late, "lqr", log, log).experiment.x0
+    assert start[1] == pytest.approx(0.0, abs=0.02)
+
+
+def test_seeds_differ_by_their_noise_alone(question: Question) -> None:
+    """Without noise all runs are one."""
+    quiet = without_each(question.experiment)["rotor speed noise"]
+    runs = predict(question, 3, quiet).runs
+    assert np.array_equal(runs[0].state, runs[2].state)
+    noisy = predict(question, 3).runs
+    assert not np.array_equal(noisy[0].state, noisy[2].state)
