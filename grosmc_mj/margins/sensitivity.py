@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -180,7 +180,10 @@ class Sensitivity:
         count = len(self.own)
         if count < 2:
             return UNKNOWN
-        without_one = [self._margins(np.delete(self.own, i, axis=0)) for i in range(count)]
+        without_one = []
+        for i in range(count):
+            margins = self._margins(np.delete(self.own, i, axis=0))
+            without_one.append(astuple(margins))
         with np.errstate(invalid="ignore"):
             spread = np.var(without_one, axis=0)
         return Margins(*np.sqrt((count - 1) * spread).tolist())
