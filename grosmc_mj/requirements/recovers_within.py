@@ -18,11 +18,12 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 @dataclass(frozen=True, kw_only=True)
 class RecoversWithin(Requirement):
-    """Longest time from the onset of a disturbance until the error is in a band for good [s].
+    """Longest time from a change of the disturbances until the error is in a band for good [s].
 
-    A disturbance begins where all of them were zero before. For good is up to the next onset, or
-    to the end of the run. An onset at which the error is outside the band already prolongs the
-    recovery from the one before; an onset is not asked if the run ends before the time is over.
+    A change is an instant at which a disturbance begins to act or at which the last one ends; those
+    that act from the start are part of the transient. For good is up to the next change, or to the
+    end of the run. A change at which the error is outside the band already prolongs the recovery
+    from the one before; a recovery is not asked if the run ends before its time is over.
 
     Attributes:
         band: Half width of the band in the unit of the state or output.
@@ -56,7 +57,8 @@ class RecoversWithin(Requirement):
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the longest recovery, and say if there was none to make."""
         value = self.replayed(run)
-        if not len(self._onsets(run.trajectory)):
+        changes = _changes(run.trajectory)
+        if not any(self._in_time(run.trajectory, change) for change in changes):
             return value, "no disturbance begins in time"
         return value, ""
 
@@ -64,23 +66,25 @@ class RecoversWithin(Requirement):
         """Return the longest recovery; one that is not over counts up to the end of the run."""
         (name,) = self.watched(law.designed.error) if self.signal else (ERROR,)
         outside = np.abs(signals_of(run, law, [name])[name]) > self.band
-        onsets = self._onsets(run)
-        # The first onset counts wherever the error is.
-        counting = [onset for i, onset in enumerate(onsets) if i == 0 or not outside[onset]]
+        # The first change counts wherever the error is.
+        begins = [i for n, i in enumerate(_changes(run)) if n == 0 or not outside[i]]
+        ends = [*begins[1:], len(outside)]
 
         longest = 0
-        ends = [*counting[1:], len(outside)]
-        for onset, end in zip(counting, ends, strict=False):
-            late = np.flatnonzero(outside[onset:end])
-            if len(late):
+        for begin, end in zip(begins, ends, strict=False):
+            late = np.flatnonzero(outside[begin:end])
+            if len(late) and self._in_time(run, begin):
                 longest = max(longest, int(late[-1]) + 1)
         return longest * float(run.time[1])
 
-    def _onsets(self, run: Trajectory) -> list[int]:
-        """Return the indices of the instants at which a disturbance begins, in time."""
-        acts: Any = run.disturbed
-        if acts is None:
-            return []
-        begins = np.flatnonzero(np.diff(acts, prepend=False) & acts)
-        in_time = run.time[begins] + self.number <= run.time[-1] * (1 + 1e-12)
-        return begins[in_time].tolist()
+    def _in_time(self, run: Trajectory, index: int) -> bool:
+        """Whether the run is long enough to recover from a change at an instant."""
+        return bool(run.time[index] + self.number <= run.time[-1] * (1 + 1e-12))
+
+
+def _changes(run: Trajectory) -> list[int]:
+    """Return the indices of the instants at which disturbances begin to act or end."""
+    acts: Any = run.disturbed
+    if acts is None:
+        return []
+    return np.flatnonzero(np.diff(acts, prepend=acts[0])).tolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from case_texts import load
 
@@ -108,6 +109,34 @@ def test_recovery_counts_from_each_onset_to_the_last_instant_outside_the_band(tm
     expected = [recovery(experiment, 5e-3, 4, 8), recovery(experiment, 5e-3, 8, 12)]
     assert min(expected) > 0.1
     assert measured(experiment) == [pytest.approx(max(expected), abs=1e-9)]
+
+
+def test_the_end_of_a_load_has_a_recovery_of_its_own(tmp_path) -> None:
+    """The rotor turns for a while after the load comes, and after it goes."""
+    table = '[[requirement]]\nstate = "rotor speed"\nrecovers_within = "3 s"\nband = "2 mrad/s"\n'
+    experiment = servo(tmp_path, table, PUSH.format("5 s", "8 s"))
+    trajectory = experiment.run("corrected", "lqr").trajectory
+    outside = np.abs(trajectory.state[:, 1]) > 2e-3
+    lengths = []
+    for begin, end in ((5, 8), (8, 12)):
+        window = (trajectory.time > begin - 1e-9) & (trajectory.time < end - 1e-9)
+        last = trajectory.time[window & outside].max() + trajectory.time[1]
+        lengths.append(last - begin)
+    assert 0.5 < max(lengths) < 3
+    assert measured(experiment) == [pytest.approx(max(lengths), abs=1e-9)]
+
+
+def test_a_late_onset_is_no_part_of_the_recovery_before_it(tmp_path) -> None:
+    early = PUSH.format("4 s", "4.5 s")
+    (alone,) = measured(recovering(tmp_path, early))
+    assert measured(recovering(tmp_path, early + PUSH.format("11 s", "11.5 s"))) == [alone]
+
+
+def test_a_load_from_the_start_has_no_onset(tmp_path) -> None:
+    experiment = recovering(tmp_path, PUSH.format("0 s", "20 s"))
+    (limit,) = experiment.limits
+    judgement = judge_run(limit, experiment.run("corrected", "lqr"))
+    assert (judgement.measured, judgement.note) == (0.0, "no disturbance begins in time")
 
 
 def test_an_onset_outside_the_band_prolongs_the_recovery_before_it(tmp_path) -> None:
