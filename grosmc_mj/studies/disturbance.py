@@ -244,7 +244,7 @@ class DisturbanceStudy:
         while change > AGREES and search.share <= ENDED and self._divisible(pieces):
             pieces *= 2
             finer = self._searched(law, pieces, search, advance)
-            change = abs(finer.share - search.share) / finer.share
+            change = _relative_change(search.share, finer.share)
             runs += finer.runs
             search = finer
 
@@ -325,6 +325,13 @@ class DisturbanceStudy:
 
         low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH)
         return low * self.disturbance.bound, high * self.disturbance.bound
+
+
+def _relative_change(coarse: float, fine: float) -> float:
+    """Difference of two shares in parts of the larger one; 0 if both are nothing."""
+    if coarse == fine:
+        return 0.0
+    return abs(fine - coarse) / max(fine, coarse)
 
 
 def watched(limits: Sequence[Requirement], error: Any) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -52,12 +51,14 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     """Return the answer for a law in a line."""
     if worst.ends:
         return f"{worst.law}: the run ends early; {worst.runs} runs"
-    ratio = worst.share / worst.compared_share if worst.compared_share > 0 else math.inf
+    beside = f"{study.disturbance.compared} 0"
+    if worst.compared_share > 0:
+        ratio = worst.share / worst.compared_share
+        beside = f"{ratio:.2g} times {study.disturbance.compared}"
     switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
     line = (
-        f"{worst.law}: {worst.share:.3g} of {worst.requirement}, {ratio:.2g} times "
-        f"{study.disturbance.compared}; {switches}; {worst.runs} runs; telegraph "
-        f"{worst.telegraph_share:.3g} ({worst.runs})"
+        f"{worst.law}: {worst.share:.3g} of {worst.requirement}, {beside}; {switches}; "
+        f"{worst.runs} runs; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
     )
     if worst.change > AGREES:
         line += f"; {worst.pieces} pieces may be too few"

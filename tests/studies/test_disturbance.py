@@ -18,6 +18,7 @@ from grosmc_mj.studies.disturbance_answer import (
     charts,
     disturbance_document,
     disturbance_film,
+    words_of,
 )
 from grosmc_mj.sweep.signal_search import SignalSearch
 
@@ -265,6 +266,15 @@ def test_a_study_that_was_interrupted_is_open_unless_a_law_has_failed(tmp_path) 
         ("0.5 N m", True): "not kept",
         ("0.5 N m", False): "not kept",
     }
+
+
+def test_a_requirement_that_no_signal_touches_has_a_share_of_nothing(tmp_path) -> None:
+    """The disturbance acts from the start on: there is nothing to recover from."""
+    requirement = 'recovers_within = "1 s"\nband = "0.1 rad"'
+    study = disturbance_study(str(linear(tmp_path, requirement)), "u", "1 A", pieces=4)
+    worst = study.find("law", lambda _: None)
+    assert (worst.share, worst.change) == (0.0, 0.0)
+    assert words_of(study, worst).startswith("law: 0 of recovers within 1 s")
 
 
 def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypatch) -> None:
