@@ -44,8 +44,8 @@ class BoundedDisturbance:
         bound: The bound, in its unit.
         slew: Bound of its rate, in the unit a second; infinite for none.
         starts: Bound of the deviation of each state at the start, by index.
-        own: The case's own disturbance at this place; None if there is none.
-        own_index: Its place among the case's disturbances.
+        replaced: The case's own disturbance at this place; None if there is none.
+        replaced_index: Its place among the case's disturbances.
     """
 
     experiment: Experiment
@@ -54,8 +54,8 @@ class BoundedDisturbance:
     bound: float
     slew: float = math.inf
     starts: Mapping[int, float] = field(default_factory=dict)
-    own: AnyDisturbance | None = None
-    own_index: int = -1
+    replaced: AnyDisturbance | None = None
+    replaced_index: int = -1
 
     @property
     def place(self) -> str:
@@ -124,9 +124,9 @@ class BoundedDisturbance:
     @property
     def compared(self) -> str:
         """Name of the disturbance that it is compared with: the case's own, or a constant one."""
-        if self.own is None:
+        if self.replaced is None:
             return "a constant one"
-        profile = self.own.profile
+        profile = self.replaced.profile
         if isinstance(profile, Pulse):
             return f"a {profile.stop - profile.start:g} s pulse"
         if isinstance(profile, SineFrom):
@@ -136,7 +136,7 @@ class BoundedDisturbance:
     @property
     def compared_case(self) -> Experiment:
         """Case with that disturbance, at the bound."""
-        return self.case_with(Constant() if self.own is None else self.own.profile)
+        return self.case_with(Constant() if self.replaced is None else self.replaced.profile)
 
 
 def bounded_disturbance(
@@ -172,17 +172,17 @@ def bounded_disturbance(
     size = _magnitude("--bound", bound, unit)
 
     kind = _kind_of(on, system)
-    own = None
-    own_index = -1
+    replaced = None
+    replaced_index = -1
     kept = list(experiment.disturbances)
     for index, disturbance in enumerate(experiment.disturbances):
         if type(disturbance) is kind and disturbance.of == on:
-            own = kept.pop(index)
-            own_index = index
+            replaced = kept.pop(index)
+            replaced_index = index
             break
 
     if kind is Disturbance:
-        unit_disturbance = Disturbance(on, _wrench(own, unit, size, axis))
+        unit_disturbance = Disturbance(on, _wrench(replaced, unit, size, axis))
     else:
         unit_disturbance = kind(on, size)
         if axis:
@@ -194,8 +194,8 @@ def bounded_disturbance(
         bound=size,
         slew=_magnitude("--slew", slew, rate_unit(unit)) if slew else math.inf,
         starts=_start_bounds(starts, system),
-        own=own,
-        own_index=own_index,
+        replaced=replaced,
+        replaced_index=replaced_index,
     )
 
 
@@ -232,15 +232,15 @@ def _magnitude(option: str, text: str, unit: str) -> float:
     return number
 
 
-def _wrench(own: AnyDisturbance | None, unit: str, bound: float, axis: str) -> Any:
+def _wrench(replaced: AnyDisturbance | None, unit: str, bound: float, axis: str) -> Any:
     """Return the wrench of a force or torque at its bound, (6,)."""
     first = 0 if unit == "N" else 3
     direction = np.zeros(3)
     if axis:
         require_known("axis", axis, tuple(_AXES))
         direction[_AXES.index(axis)] = 1.0
-    elif own is not None and any(own.amplitudes[first : first + 3]):
-        direction = np.array(own.amplitudes[first : first + 3])
+    elif replaced is not None and any(replaced.amplitudes[first : first + 3]):
+        direction = np.array(replaced.amplitudes[first : first + 3])
         direction = direction / np.linalg.norm(direction)
     else:
         direction[0 if unit == "N" else 1] = 1.0

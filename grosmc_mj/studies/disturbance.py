@@ -27,7 +27,7 @@ from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import BENCH, UNDER_LOAD, Condition, case_for
 from grosmc_mj.sweep.runs import Row, recorded_runs, run_rows
 from grosmc_mj.sweep.search import largest_passing
-from grosmc_mj.sweep.signal_search import FoundError, SignalSearch
+from grosmc_mj.sweep.signal_search import EnoughError, SignalSearch
 
 # Shares of the limits with N and with 2 N pieces that agree.
 AGREES = 0.05
@@ -47,7 +47,7 @@ _BEYOND = float(np.nextafter(1.0, 2.0))
 Advance = Callable[[str], object]
 
 
-class Found(BaseModel):
+class WorstDisturbance(BaseModel):
     """The worst disturbance of a law that was found.
 
     Attributes:
@@ -210,16 +210,27 @@ class DisturbanceStudy:
         disturbance: BoundedDisturbance,
         pieces: int,
         enough: float = math.inf,
+        advance: Advance = lambda _: None,
     ) -> SignalSearch:
-        """Return a search with so many pieces that has not begun."""
+        """Return a search with so many pieces that has not begun.
+
+        Args:
+            law: Name of the law.
+            disturbance: The disturbance, whose bound may be another one.
+            pieces: Number of pieces.
+            enough: Share at which it ends.
+            advance: Told how far it is.
+        """
+        name = f"{law}: {disturbance.bound:.3g} {disturbance.unit}, {pieces} pieces"
         return SignalSearch(
             shares=lambda signals: self.shares(law, list(map(disturbance.case_of, signals))),
             responses=lambda signals: self.responses(law, disturbance, signals),
             size=pieces + len(disturbance.starts),
             enough=enough,
+            advance=lambda text: advance(f"{name}, {text}"),
         )
 
-    def find(self, law: str, advance: Advance) -> Found:
+    def find(self, law: str, advance: Advance) -> WorstDisturbance:
         """Find the worst disturbance of a law: N pieces and 2 N, until they agree.
 
         Args:
@@ -237,11 +248,10 @@ class DisturbanceStudy:
             runs += finer.runs
             search = finer
 
-        control = self.search(law, self.disturbance, pieces)
+        control = self.search(law, self.disturbance, pieces, advance=advance)
         control.telegraphs(runs, np.random.default_rng(0))
-        advance(f"{law}: {runs} telegraph signals {control.share:.3g}")
         best = control if control.share > search.share * BETTER else search
-        return Found(
+        return WorstDisturbance(
             law=law,
             bound=self.disturbance.bound,
             signal=best.best.tolist(),
@@ -262,14 +272,12 @@ class DisturbanceStudy:
         advance: Advance,
     ) -> SignalSearch:
         """Search with so many pieces, from the worst signal of half as many."""
-        search = self.search(law, self.disturbance, pieces)
+        search = self.search(law, self.disturbance, pieces, advance=advance)
         if coarser is not None:
             halves, deviations = np.split(coarser.best, [pieces // 2])
             search.judge(np.concatenate([np.repeat(halves, 2), deviations])[None])
         search.pulses()
-        advance(f"{law}: {pieces} pieces, pulses {search.share:.3g}")
         search.flips(_FLIPS * search.size)
-        advance(f"{law}: {pieces} pieces, flips {search.share:.3g}")
         return search
 
     def _divisible(self, pieces: int) -> bool:
@@ -279,15 +287,15 @@ class DisturbanceStudy:
 
     def _beside(self, law: str, signal: Array) -> dict[str, Any]:
         """Return what a signal is compared with, MuJoCo's share, and the nearest requirement."""
-        worst = self.disturbance.case_of(signal)
+        case = self.disturbance.case_of(signal)
         (compared_share,) = self.shares(law, [self.disturbance.compared_case])
         confirmed = None
         truest = self.experiment.nominal.truest
         if truest != self.plant:
-            confirmed = float(self.shares(law, [worst], truest)[0])
+            confirmed = float(self.shares(law, [case], truest)[0])
 
         limits = self.limits(law)
-        outcomes = run_rows(self.experiment, [Row(law, case=worst)], limits, self.plant)
+        outcomes = run_rows(self.experiment, [Row(law, case=case)], limits, self.plant)
         nearest = int(np.argmin([share[0] for share in outcomes.shares]))
         return {
             "compared_share": float(compared_share),
@@ -307,13 +315,12 @@ class DisturbanceStudy:
 
         def passes(factor: float) -> bool:
             disturbance = self.disturbance.scaled(factor)
-            search = self.search(law, disturbance, self.pieces, enough=_BEYOND)
+            search = self.search(law, disturbance, self.pieces, _BEYOND, advance)
             try:
                 search.pulses()
                 search.flips(_FLIPS * search.size)
-            except FoundError:
+            except EnoughError:
                 pass
-            advance(f"{law}: bound {disturbance.bound:.3g} {disturbance.unit}, {search.share:.3g}")
             return search.share <= 1
 
         low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH)
@@ -365,7 +372,7 @@ def disturbance_study(
     return DisturbanceStudy(disturbance, requirement, pieces).with_required_laws(laws)
 
 
-def cells_of(study: DisturbanceStudy, folder: Path) -> Cells[Found]:
+def cells_of(study: DisturbanceStudy, folder: Path) -> Cells[WorstDisturbance]:
     """Return the finished laws of a study in a folder."""
     condition = Condition(UNDER_LOAD, study.experiment.title, study.experiment)
-    return Cells(folder, Found, study_key(study.configuration(), [condition]))
+    return Cells(folder, WorstDisturbance, study_key(study.configuration(), [condition]))

@@ -35,7 +35,7 @@ from grosmc_mj.results.result import (
 from grosmc_mj.results.tables import Table, names, numbers, table, words
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.studies.bounded_disturbance import BoundedDisturbance
-from grosmc_mj.studies.disturbance import AGREES, ENDED, DisturbanceStudy, Found, watched
+from grosmc_mj.studies.disturbance import AGREES, ENDED, DisturbanceStudy, WorstDisturbance, watched
 from grosmc_mj.sweep.plant_file import written
 from grosmc_mj.sweep.runs import Row, recorded_runs
 
@@ -48,28 +48,28 @@ _WORST = "worst found"
 # -- words and table -------------------------------------------------------------------------------
 
 
-def words_of(study: DisturbanceStudy, found: Found) -> str:
+def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     """Return the answer for a law in a line."""
-    if found.ends:
-        return f"{found.law}: the run ends early; {found.runs} runs"
-    ratio = found.share / found.compared_share if found.compared_share > 0 else math.inf
-    switches = "1 switch" if found.switches == 1 else f"{found.switches} switches"
+    if worst.ends:
+        return f"{worst.law}: the run ends early; {worst.runs} runs"
+    ratio = worst.share / worst.compared_share if worst.compared_share > 0 else math.inf
+    switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
     line = (
-        f"{found.law}: {found.share:.3g} of {found.requirement}, {ratio:.2g} times "
-        f"{study.disturbance.compared}; {switches}; {found.runs} runs; telegraph "
-        f"{found.telegraph_share:.3g} ({found.runs})"
+        f"{worst.law}: {worst.share:.3g} of {worst.requirement}, {ratio:.2g} times "
+        f"{study.disturbance.compared}; {switches}; {worst.runs} runs; telegraph "
+        f"{worst.telegraph_share:.3g} ({worst.runs})"
     )
-    if found.change > AGREES:
-        line += f"; {found.pieces} pieces may be too few"
-    if found.largest:
-        line += f"; all is kept up to {found.largest[0]:.3g} {study.disturbance.unit}"
+    if worst.change > AGREES:
+        line += f"; {worst.pieces} pieces may be too few"
+    if worst.largest:
+        line += f"; all is kept up to {worst.largest[0]:.3g} {study.disturbance.unit}"
     return line
 
 
-def verdict(study: DisturbanceStudy, rows: Sequence[Found]) -> str:
+def verdict(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> str:
     """Return which laws keep everything under the worst disturbance that was found."""
     disturbance = study.disturbance
-    keeping = [found.law for found in rows if found.kept]
+    keeping = [worst.law for worst in rows if worst.kept]
     return (
         f"{study.experiment.target}, {disturbance.bound:g} {disturbance.unit} on "
         f"{disturbance.place}: {len(keeping)} of {len(rows)} laws keep all under the worst "
@@ -77,7 +77,7 @@ def verdict(study: DisturbanceStudy, rows: Sequence[Found]) -> str:
     )
 
 
-def answer_table(study: DisturbanceStudy, rows: Sequence[Found]) -> Table:
+def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> Table:
     """Return a row for each law, the one that breaks most first."""
     disturbance = study.disturbance
     columns = [
@@ -88,18 +88,18 @@ def answer_table(study: DisturbanceStudy, rows: Sequence[Found]) -> Table:
         *numbers("in\nMuJoCo", "largest\nbound"),
     ]
     texts = []
-    for found in sorted(rows, key=lambda found: -found.share):
+    for worst in sorted(rows, key=lambda worst: -worst.share):
         row = [
-            found.law,
-            _share_text(found.share),
-            _share_text(found.compared_share),
-            str(found.switches),
-            str(found.pieces),
-            str(found.runs),
-            _share_text(found.telegraph_share),
-            "telegraph" if found.telegraph_won else "search",
-            _share_text(found.confirmed),
-            f"{found.largest[0]:.3g}" if found.largest else "-",
+            worst.law,
+            _share_text(worst.share),
+            _share_text(worst.compared_share),
+            str(worst.switches),
+            str(worst.pieces),
+            str(worst.runs),
+            _share_text(worst.telegraph_share),
+            "telegraph" if worst.telegraph_won else "search",
+            _share_text(worst.confirmed),
+            f"{worst.largest[0]:.3g}" if worst.largest else "-",
         ]
         texts.append(row)
     title = f"Worst disturbance within {disturbance.bound:g} {disturbance.unit}"
@@ -117,15 +117,15 @@ def _share_text(share: float | None) -> str:
 # -- charts and film -------------------------------------------------------------------------------
 
 
-def charts(study: DisturbanceStudy, found: Found) -> list[LineChart]:
+def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
     """Return the worst disturbance of a law over time, and the quantity nearest to its limit.
 
     Each is shown beside that of the disturbance that it is compared with.
     """
     disturbance = study.disturbance
-    cases = _cases(study, found)
-    rows = [Row(found.law, case=case) for case in cases.values()]
-    (limit, *_) = [item for item in study.limits(found.law) if item.words == found.requirement]
+    cases = _cases(study, worst)
+    rows = [Row(worst.law, case=case) for case in cases.values()]
+    (limit, *_) = [item for item in study.limits(worst.law) if item.words == worst.requirement]
 
     signals: list[Series] = []
     courses: list[Series] = []
@@ -150,9 +150,9 @@ def charts(study: DisturbanceStudy, found: Found) -> list[LineChart]:
     place = f"{disturbance.place} [{disturbance.unit}]"
     level = limit.number if limit.figure and limit.is_level else None
     return [
-        LineChart(name=f"{found.law}: disturbance", titles=(seconds, place), lines=signals),
+        LineChart(name=f"{worst.law}: disturbance", titles=(seconds, place), lines=signals),
         LineChart(
-            name=f"{found.law}: {found.requirement}",
+            name=f"{worst.law}: {worst.requirement}",
             titles=(seconds, quantity),
             lines=courses,
             limit=level,
@@ -160,11 +160,13 @@ def charts(study: DisturbanceStudy, found: Found) -> list[LineChart]:
     ]
 
 
-def _cases(study: DisturbanceStudy, found: Found) -> dict[str, Experiment]:
+def _cases(study: DisturbanceStudy, worst: WorstDisturbance) -> dict[str, Experiment]:
     """Return the cases of the compared disturbance and of the worst one, by name."""
     disturbance = study.disturbance
-    worst = disturbance.case_of(np.array(found.signal))
-    return {disturbance.compared: disturbance.compared_case, _WORST: worst}
+    return {
+        disturbance.compared: disturbance.compared_case,
+        _WORST: disturbance.case_of(np.array(worst.signal)),
+    }
 
 
 def require_filmable(study: DisturbanceStudy, law: str) -> None:
@@ -180,45 +182,47 @@ def require_filmable(study: DisturbanceStudy, law: str) -> None:
         )
 
 
-def disturbance_film(study: DisturbanceStudy, found: Found, form: Format | None = None) -> Film:
+def disturbance_film(
+    study: DisturbanceStudy, worst: WorstDisturbance, form: Format | None = None
+) -> Film:
     """Return a film of a law under the worst disturbance, beside the one it is compared with."""
-    cases = _cases(study, found)
-    runs = [case.run("physics", found.law) for case in cases.values()]
+    cases = _cases(study, worst)
+    runs = [case.run("physics", worst.law) for case in cases.values()]
     film = film_of(runs, form, list(cases))
-    return replace(film, title=f"{study.experiment.target}: {_title(study)} for {found.law}")
+    return replace(film, title=f"{study.experiment.target}: {_title(study)} for {worst.law}")
 
 
 # -- document --------------------------------------------------------------------------------------
 
 
 def disturbance_document(
-    study: DisturbanceStudy, rows: Sequence[Found], *, complete: bool
+    study: DisturbanceStudy, rows: Sequence[WorstDisturbance], *, complete: bool
 ) -> dict[str, Any]:
     """Return the content of disturbance_NAME.json; ``complete`` if it has every law."""
     target = study.experiment.target
     standings = []
     values = []
     panels: list[LineChart] = []
-    for found in rows:
-        breaks_at = "" if found.kept else "worst disturbance"
+    for worst in rows:
+        breaks_at = "" if worst.kept else "worst disturbance"
         standings.append(
             StudyVerdict(
                 case=target,
-                law=found.law,
+                law=worst.law,
                 breaks_at=breaks_at,
-                words=words_of(study, found),
+                words=words_of(study, worst),
                 complete=complete,
             )
         )
-        name = f"{target} {found.law} {study.disturbance.place} worst share"
-        values.append(Value(name=name, value=finite(found.share), better=-1, relative=0.1))
-        panels += charts(study, found)
+        name = f"{target} {worst.law} {study.disturbance.place} worst share"
+        values.append(Value(name=name, value=finite(worst.share), better=-1, relative=0.1))
+        panels += charts(study, worst)
 
     answer = Answer(
         question=f"Worst disturbance of {target}",
         verdict=_verdict(rows, complete=complete),
         words=verdict(study, rows),
-        notes=[words_of(study, found) for found in rows],
+        notes=[words_of(study, worst) for worst in rows],
     )
     return result(
         "disturbance",
@@ -229,13 +233,13 @@ def disturbance_document(
         standings=standings,
         sheets=[ReportTable(table=answer_table(study, rows), charts=panels)],
         values=values,
-        found=[found.model_dump() for found in rows],
+        found=[worst.model_dump() for worst in rows],
     )
 
 
-def _verdict(rows: Sequence[Found], *, complete: bool) -> Any:
+def _verdict(rows: Sequence[WorstDisturbance], *, complete: bool) -> Any:
     """Return whether all laws keep everything; open as long as a missing law may not."""
-    if not all(found.kept for found in rows):
+    if not all(worst.kept for worst in rows):
         return NOT_KEPT
     return KEPT if complete else OPEN
 
@@ -258,28 +262,28 @@ def require_replayable(study: DisturbanceStudy, folder: Path) -> None:
         raise ArgumentError(f"{path} names files beside it: give --out {path.parent}")
 
 
-def case_text(study: DisturbanceStudy, found: Found) -> str:
+def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     """Return a complete case file that has the worst disturbance, and so replays it."""
     disturbance = study.disturbance
-    case = disturbance.case_of(np.array(found.signal))
+    case = disturbance.case_of(np.array(worst.signal))
     content = read_content(study.experiment.path)
     content.pop("name", None)
     title = _title(study)
-    content["title"] = f"{study.experiment.title}: {title} for {found.law}"
+    content["title"] = f"{study.experiment.title}: {title} for {worst.law}"
 
     states = study.experiment.nominal.system.states
     for index in disturbance.starts:
         start = content["run"].setdefault("start", {})
         start[states[index].name] = written(case.x0[index], states[index].unit)
-    if found.law not in [table.called for table in study.experiment.file.controller]:
-        content["controller"].append({"law": found.law})
+    if worst.law not in [table.called for table in study.experiment.file.controller]:
+        content["controller"].append({"law": worst.law})
 
     tables = content.setdefault("disturbance", [])
-    if disturbance.own is not None:
-        tables.pop(disturbance.own_index)
+    if disturbance.replaced is not None:
+        tables.pop(disturbance.replaced_index)
     tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
-    share = f"{found.share!r} of {found.requirement}"
-    return f"# {title} under {found.law}: {share}.\n{tomli_w.dumps(content)}"
+    share = f"{worst.share!r} of {worst.requirement}"
+    return f"# {title} under {worst.law}: {share}.\n{tomli_w.dumps(content)}"
 
 
 def _title(study: DisturbanceStudy) -> str:
@@ -288,20 +292,22 @@ def _title(study: DisturbanceStudy) -> str:
     return f"worst {disturbance.bound:g} {disturbance.unit} on {disturbance.place}"
 
 
-def _disturbance_table(disturbance: BoundedDisturbance, worst: AnyDisturbance) -> dict[str, Any]:
+def _disturbance_table(disturbance: BoundedDisturbance, applied: AnyDisturbance) -> dict[str, Any]:
     """Return the table of a disturbance with a table of values."""
-    profile: Any = worst.profile
-    key = {"w": "body", "input_disturbance": "input", "output_disturbance": "measured"}[worst.part]
-    content: dict[str, Any] = {key: worst.of}
+    profile: Any = applied.profile
+    key = {"w": "body", "input_disturbance": "input", "output_disturbance": "measured"}[
+        applied.part
+    ]
+    content: dict[str, Any] = {key: applied.of}
     if key == "body":
-        content["force"] = [written(part, "N") for part in worst.amplitudes[:3]]
-        content["torque"] = [written(part, "N m") for part in worst.amplitudes[3:]]
+        content["force"] = [written(part, "N") for part in applied.amplitudes[:3]]
+        content["torque"] = [written(part, "N m") for part in applied.amplitudes[3:]]
     else:
-        content["amplitude"] = written(worst.amplitudes[0], disturbance.unit)
+        content["amplitude"] = written(applied.amplitudes[0], disturbance.unit)
     return {
         **content,
         "profile": "table",
         "values": list(profile.values),
         "hold": written(profile.hold, "s"),
-        "label": worst.label,
+        "label": applied.label,
     }

@@ -110,7 +110,7 @@ class LawMargins(BaseModel):
         indices = range(len(LEVELS)) if self.levels else ()
         return [i for i in indices if not any(level.doubt for level in self.at(i))]
 
-    def shown(self, shared: int | None) -> int | None:
+    def level_index(self, shared: int | None) -> int | None:
         """Return the index of the amplitude to show; None if none can be trusted.
 
         Args:

@@ -109,15 +109,15 @@ def _change_text(margin: TaskMargin) -> str:
 
 def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str]:
     """Texts of the margins by S at the inputs, of the input with the least disk margin."""
-    shown = row.shown(shared)
-    if shown is None:
+    index = row.level_index(shared)
+    if index is None:
         return ["-"] * (5 if several else 4)
 
-    levels = row.at(shown)
+    levels = row.at(index)
     worst = min(levels, key=lambda level: level.margins.disk)
     margins = worst.margins
     errors = worst.errors
-    mark = "" if shown == shared else "*"
+    mark = "" if index == shared else "*"
     cells = [
         _with_error(1e3 * margins.delay, 1e3 * errors.delay) + mark,
         _with_error(margins.phase, 0.0),

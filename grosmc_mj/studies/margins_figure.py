@@ -30,11 +30,11 @@ def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
     nyquist: list[Series] = []
     disks: list[tuple[float, str]] = []
     for row in rows:
-        shown = row.shown(shared)
-        if shown is None:
+        index = row.level_index(shared)
+        if index is None:
             continue
 
-        level = row.at(shown)[0]
+        level = row.at(index)[0]
         loop = interpolated(level.frequency, level.column[:, level.index])
         size = np.abs(loop.L)
         bode = size > _LEAST

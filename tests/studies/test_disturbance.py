@@ -12,7 +12,7 @@ from commands import Screen, assert_one_line, run
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.studies.disturbance import Found, disturbance_study
+from grosmc_mj.studies.disturbance import DisturbanceStudy, WorstDisturbance, disturbance_study
 from grosmc_mj.studies.disturbance_answer import (
     case_text,
     charts,
@@ -101,7 +101,7 @@ def held(folder: Path) -> Path:
     return path
 
 
-def found_for_lqr(path: Path, bound: str, **options) -> Found:
+def found_for_lqr(path: Path, bound: str, **options) -> WorstDisturbance:
     """Worst disturbance of the held servo's rotor under LQR."""
     study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10, **options)
     return study.find("lqr", lambda _: None)
@@ -276,6 +276,18 @@ def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypa
     monkeypatch.setattr(SignalSearch, "judge", None)
     run(*command, *out, "--resume")
     assert capsys.readouterr().out == first
+
+
+def test_resume_goes_on_between_the_worst_signal_and_the_largest_bound(
+    tmp_path, capsys: Screen, monkeypatch
+) -> None:
+    command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
+    options = ("--pieces", "10", "--out", tmp_path)
+    run(*command, *options)
+    capsys.readouterr()
+    monkeypatch.setattr(DisturbanceStudy, "find", None)
+    run(*command, *options, "--largest", "--resume")
+    assert "all is kept up to" in capsys.readouterr().out
 
 
 WRONG = {

@@ -23,7 +23,8 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.disturbance import DisturbanceStudy, Found
+    from grosmc_mj.studies.cells import Cells
+    from grosmc_mj.studies.disturbance import Advance, DisturbanceStudy, WorstDisturbance
 
 _Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
 
@@ -101,7 +102,7 @@ class DisturbanceCommand(Command):
         if self.film:
             require_filmable(study, self.film)
 
-        rows: list[Found] = []
+        rows: list[WorstDisturbance] = []
         with screen.partial_results_kept(
             lambda: self._write(study, rows, complete=False),
             "interrupted; the same command with --resume runs what is missing",
@@ -114,9 +115,9 @@ class DisturbanceCommand(Command):
         if self.film:
             files = (*files, self._film(study, rows))
         screen.say_files(screen.console(), *files)
-        return DONE if all(found.kept for found in rows) else DIFFERS
+        return DONE if all(worst.kept for worst in rows) else DIFFERS
 
-    def _search(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+    def _search(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
         """Search for each law, or read what was found if --resume is given.
 
         Args:
@@ -129,22 +130,37 @@ class DisturbanceCommand(Command):
         laws = study.experiment.controllers
         with screen.progress(len(laws), "laws") as advance:
             for law in laws:
-                found = cells.read(law, self.largest) if self.resume else None
-                if found is None:
-                    found = study.find(law, lambda text: advance(text, 0))
-                    if self.largest:
-                        bounds = study.largest(law, lambda text: advance(text, 0))
-                        found = found.model_copy(update={"largest": bounds})
-                    cells.write(found)
-                rows.append(found)
+                worst = self._worst(study, cells, law, lambda text: advance(text, 0))
+                rows.append(worst)
                 advance(law, 1)
+
+    def _worst(
+        self,
+        study: DisturbanceStudy,
+        cells: Cells[WorstDisturbance],
+        law: str,
+        advance: Advance,
+    ) -> WorstDisturbance:
+        """Search for a law; with --resume only what is missing."""
+        worst = None
+        if self.resume:
+            worst = cells.read(law, self.largest) or cells.read(law, False)
+        if worst is None:
+            worst = study.find(law, advance)
+            cells.write(worst)
+
+        if self.largest and worst.largest is None:
+            bounds = study.largest(law, advance)
+            worst = worst.model_copy(update={"largest": bounds})
+            cells.write(worst)
+        return worst
 
     def _path(self, study: DisturbanceStudy) -> Path:
         """Return the path of the result."""
         return self.out / f"disturbance_{result_name(study.experiment.path)}.json"
 
     def _write(
-        self, study: DisturbanceStudy, rows: list[Found], *, complete: bool
+        self, study: DisturbanceStudy, rows: list[WorstDisturbance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document, figure and case files; returns their paths, none without a row."""
         from grosmc_mj.files import atomic_write, name_in_files
@@ -158,25 +174,25 @@ class DisturbanceCommand(Command):
         write_json(path, answer.disturbance_document(study, rows, complete=complete))
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
-        write_panels(figure, title, [answer.charts(study, found) for found in rows])
+        write_panels(figure, title, [answer.charts(study, worst) for worst in rows])
 
         files = [path, figure]
-        for found in rows:
-            file = path.with_name(f"{path.stem}_{name_in_files(found.law)}.toml")
+        for worst in rows:
+            file = path.with_name(f"{path.stem}_{name_in_files(worst.law)}.toml")
             with atomic_write(file) as part:
-                part.write_text(answer.case_text(study, found), encoding="utf-8")
+                part.write_text(answer.case_text(study, worst), encoding="utf-8")
             files.append(file)
         return tuple(files)
 
-    def _film(self, study: DisturbanceStudy, rows: list[Found]) -> Path:
+    def _film(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> Path:
         """Write the film; returns its path."""
         from grosmc_mj.experiments.films import SMALL, write_case_film
         from grosmc_mj.studies.disturbance_answer import disturbance_film
 
-        (found,) = [row for row in rows if row.law == self.film]
+        (worst,) = [row for row in rows if row.law == self.film]
         path = self._path(study)
         path = path.with_name(f"{path.stem}_film.mp4")
-        film = disturbance_film(study, found, SMALL)
+        film = disturbance_film(study, worst, SMALL)
         settings = study.experiment.settings
         with screen.progress(len(film.times), "frames") as advance:
             written = write_case_film(
@@ -189,12 +205,12 @@ class DisturbanceCommand(Command):
             )
         return written.film
 
-    def _print_answer(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+    def _print_answer(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
         """Print which laws keep all, and what was found for each."""
         from grosmc_mj.studies import disturbance_answer as answer
 
         console = screen.console()
         console.print(answer.verdict(study, rows), style="bold", markup=False)
-        for found in rows:
-            console.print(answer.words_of(study, found), markup=False)
+        for worst in rows:
+            console.print(answer.words_of(study, worst), markup=False)
         console.print(answer.answer_table(study, rows))

@@ -133,7 +133,9 @@ class MarginsCommand(Command):
 
         console = screen.console()
         console.print(answer.verdict(rows), style="bold", markup=False)
-        for setup, of_setup in answer.by_setup(studied, rows):
+        measured = list(answer.by_setup(studied, rows))
+        # One screen has no room for all: those nearest to the machine.
+        for setup, of_setup in measured if self.verbose else measured[-2:]:
             console.print(answer.margin_table(setup, of_setup))
             screen.say_lines(console, answer.notes(of_setup), "dim", full=self.verbose)
         if self.verbose:
