@@ -137,6 +137,7 @@ def test_a_log_tells_the_time_at_the_limit(tmp_path: Path) -> None:
     (of_run,) = run.requirements
     (of_log,) = measured(case, write_log(run, tmp_path / "log.csv", ["rotor angle"])).requirements
     assert of_log.measured == of_run.measured
+    assert of_run.measured is not None
     assert of_run.measured > 0.01
 
 

@@ -22,6 +22,7 @@ from grosmc_mj.plants.system import Signal
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.result import KEPT
+from grosmc_mj.results.tables import Table
 
 # Rows of a table in an answer, which fits on a screen.
 _MOST_ROWS = 9
@@ -116,8 +117,8 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
     console = screen.console()
     _print_verdict(console, answer, f"{answer.words}.", verbose=verbose)
     if answer.judgements:
-        console.print(requirements_table(answer.judgements).brief(_MOST_ROWS))
-    console.print(results_table(answer.results).brief(_MOST_ROWS))
+        console.print(_brief(requirements_table(answer.judgements)))
+    console.print(_brief(results_table(answer.results)))
 
     screen.say_lines(console, _log_lines(answer.results), "dim", full=verbose)
     if not any(result.simulated for result in answer.results):
@@ -128,13 +129,18 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
     screen.say_lines(console, _rest_lines(experiment), "dim", full=verbose)
 
 
+def _brief(table: Table) -> Table:
+    """Return a table as the answer has it: its first rows, below the verdict, without a title."""
+    return table.brief(_MOST_ROWS).model_copy(update={"title": ""})
+
+
 def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
     """Print the answer of one of several experiments, with the requirements that fail."""
     console = screen.console()
     _print_verdict(console, answer, f"{name}: {answer.words}.", verbose=verbose)
     if answer.judgements and not answer.kept:
         failed = [judgement for judgement in answer.judgements if not judgement.kept]
-        console.print(requirements_table(failed).brief(_MOST_ROWS))
+        console.print(_brief(requirements_table(failed)))
 
 
 def _print_verdict(
