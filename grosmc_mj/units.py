@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,29 +23,116 @@ if TYPE_CHECKING:
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Units with powers of one digit: nothing that takes long to compute.
 _UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
-# Factors of common units, which need not wait for pint to load: (written, wanted).
-_KNOWN = {
-    ("us", "s"): 1e-6,
-    ("ms", "s"): 1e-3,
-    ("um", "m"): 1e-6,
-    ("mm", "m"): 1e-3,
-    ("cm", "m"): 1e-2,
-    ("cm/s", "m/s"): 1e-2,
-    ("g", "kg"): 1e-3,
-    ("urad", "rad"): 1e-6,
-    ("mrad", "rad"): 1e-3,
-    ("deg", "rad"): math.pi / 180,
-    ("mrad/s", "rad/s"): 1e-3,
-    ("deg/s", "rad/s"): math.pi / 180,
-    ("Hz", "rad/s"): 2 * math.pi,
-    ("mA", "A"): 1e-3,
-    ("mN", "N"): 1e-3,
-    ("mN m", "N m"): 1e-3,
-    ("kN/m", "N/m"): 1e3,
-    ("kN m/rad", "N m/rad"): 1e3,
-}
 _PERCENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+
+
+# -- common units ----------------------------------------------------------------------------------
+
+# Factor and base units of common units, which need not wait for pint to load. A radian is a base
+# unit here, so that no angle is taken for a number without a unit; any other name is a unit of its
+# own, such as one of a user's plant.
+_COMMON = {
+    "s": (1.0, "s"),
+    "ms": (1e-3, "s"),
+    "us": (1e-6, "s"),
+    "rad": (1.0, "rad"),
+    "mrad": (1e-3, "rad"),
+    "urad": (1e-6, "rad"),
+    "deg": (math.pi / 180, "rad"),
+    "Hz": (2 * math.pi, "rad/s"),
+    "m": (1.0, "m"),
+    "cm": (1e-2, "m"),
+    "mm": (1e-3, "m"),
+    "um": (1e-6, "m"),
+    "kg": (1.0, "kg"),
+    "g": (1e-3, "kg"),
+    "N": (1.0, "kg m/s^2"),
+    "mN": (1e-3, "kg m/s^2"),
+    "kN": (1e3, "kg m/s^2"),
+    "A": (1.0, "A"),
+    "mA": (1e-3, "A"),
+    "V": (1.0, "V"),
+    "mV": (1e-3, "V"),
+}
+# A name with the separator before it and its power.
+_PART = re.compile(r"([ */]*)([^\W\d]+|1)(?:\^(\d))?")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit in base units: a factor and the power of each of them."""
+
+    factor: float = 1.0
+    powers: tuple[tuple[str, int], ...] = ()
+
+    @classmethod
+    def of(cls, text: str) -> Unit:
+        """Read a unit such as ``N m/rad``."""
+        unit = Unit()
+        for separator, name, exponent in _PART.findall(text):
+            power = int(exponent or 1)
+            if "/" in separator:
+                power = -power
+            if name != "1":
+                unit = unit.times(_simple(name), power)
+        return unit
+
+    def times(self, other: Unit, power: int = 1) -> Unit:
+        """Return the product with a power of another unit."""
+        powers = Counter(dict(self.powers))
+        for name, exponent in other.powers:
+            powers[name] += power * exponent
+        present = [item for item in powers.items() if item[1]]
+        return Unit(self.factor * other.factor**power, tuple(sorted(present)))
+
+    def __str__(self) -> str:
+        """Write the base units."""
+        above = [_power_text(name, power) for name, power in self.powers if power > 0]
+        below = [f"/{_power_text(name, -power)}" for name, power in self.powers if power < 0]
+        return (" ".join(above) or "1") + "".join(below)
+
+
+def _simple(name: str) -> Unit:
+    """Return the unit of one name."""
+    if name not in _COMMON:
+        return Unit(1.0, ((name, 1),))
+    factor, base = _COMMON[name]
+    if base == name:
+        return Unit(1.0, ((name, 1),))
+    return Unit(factor, Unit.of(base).powers)
+
+
+def _power_text(name: str, power: int) -> str:
+    """Write a power of a base unit."""
+    return name if power == 1 else f"{name}^{power}"
+
+
+def unit_pattern(*units: str) -> str:
+    """Return a regular expression for common units and further ones, alone or multiplied."""
+    names = set(_COMMON)
+    for unit in units:
+        names.update(name for _, name, _ in _PART.findall(unit))
+    longest_first = sorted(names - {"1"}, key=len, reverse=True)
+    one = rf"(?:{'|'.join(map(re.escape, longest_first))})(?:\^\d)?"
+    return rf"{one}(?:[ */]{one})*(?![\w^])"
+
+
+# Reading a formula of units takes a moment, and a case file has the same ones many times.
+@cache
+def _common_factor(written: str, unit: str) -> float | None:
+    """Return the factor from one product of common units to another; None where pint must tell."""
+    pattern = unit_pattern()
+    if not re.fullmatch(pattern, written) or not re.fullmatch(pattern, unit):
+        return None
+    first = Unit.of(written)
+    second = Unit.of(unit)
+    if first.powers != second.powers:
+        return None
+    return first.factor / second.factor
+
+
+# -- numbers with units ----------------------------------------------------------------------------
 
 
 # Reads a file of units.
@@ -136,7 +225,7 @@ def number_in(value: Any, unit: str) -> float:
 
     if written == unit:
         return _finite(number, value)
-    factor = _KNOWN.get((written, unit))
+    factor = _common_factor(written, unit)
     if factor is not None:
         return _finite(number * factor, value)
     try:

@@ -33,10 +33,8 @@ class OtherLaws(RunCache):
         super().__init__(settings or Settings())
         self._change = change
 
-    def controller(
-        self, experiment: Experiment, plant: PlantName, name: str, believed: PlantName | None = None
-    ) -> Controller:
-        law = super().controller(experiment, plant, name, believed)
+    def controller(self, experiment: Experiment, plant: PlantName, name: str) -> Controller:
+        law = super().controller(experiment, plant, name)
         return self._change(law, experiment, plant)
 
 

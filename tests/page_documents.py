@@ -21,21 +21,7 @@ from grosmc_mj.results.result import (
     Value,
     result,
 )
-from grosmc_mj.results.tables import numbers, table, words
-
-CLAIM = {
-    "id": "servo-index",
-    "system": "servo",
-    "source": "eq. (12)",
-    "statement": "J is least",
-    "equation": r"\frac{a}{b}",
-    "criterion": "J of every other law is larger",
-    "threshold": 1.0,
-    "verdict": "refuted",
-    "cause": "a misprint",
-    "plants": {"physics": {"value": 2.0, "note": "n", "verdict": "refuted"}},
-    "expected": {"verdicts": {"physics": "refuted"}, "reason": "as recorded"},
-}
+from grosmc_mj.results.tables import numbers, table, verdicts, words
 
 
 def _document(kind: str, **parts: Any) -> dict[str, Any]:
@@ -54,8 +40,14 @@ RUN = _document(
         )
     ],
     standings=[
-        StudyVerdict(case="servo/case1", law="lqr", breaks_at="physics", words="3 of 2.0e-3 rad"),
-        StudyVerdict(case="servo/case1", law="grosmc", words="1 of 2.0e-3 rad"),
+        StudyVerdict(
+            case="servo/case1",
+            law="lqr",
+            breaks_at="physics",
+            words="stays within 2: 3 rad",
+            share=1.5,
+        ),
+        StudyVerdict(case="servo/case1", law="grosmc", words="stays within 2: 1 rad", share=0.5),
     ],
     sheets=[
         ReportTable(
@@ -113,9 +105,16 @@ REGION = _document(
 CLAIMS = _document(
     "claims",
     answers=[Answer(question="Claims", verdict="kept", words="1 of 1 as expected")],
-    claims=[CLAIM],
+    sheets=[
+        ReportTable(
+            table=table(
+                "Claims", [*words("claim"), *verdicts("verdict")], [("servo-index", "refuted")]
+            )
+        )
+    ],
 )
 CURVES = {
+    "kind": "curves",
     "schema_version": 1,
     "system": "servo",
     "case": "case1",
@@ -148,6 +147,7 @@ CURVES = {
     ],
 }
 FILM = {
+    "kind": "film",
     "schema_version": 1,
     "drawn_from": "ab",
     "sha256": "cd",

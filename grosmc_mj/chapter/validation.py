@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from typing import Any
 
 from grosmc_mj.chapter import expected_results
-from grosmc_mj.chapter.claims.claim import Finding, Kind, Verdict, verdicts_of
+from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.chapter.claims.judging import verdict_differences
-from grosmc_mj.chapter.claims.results import (
-    claim_numbers,
-    claims_sheets,
-    claims_values,
-    counts_words,
-)
+from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
+from grosmc_mj.chapter.claims.story import claims_tables
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.case_document import case_document
-from grosmc_mj.experiments.document import run_document, standings
+from grosmc_mj.experiments.document import run_document, run_values, standings
 from grosmc_mj.experiments.experiment import RunResult
-from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.experiments.tables import metric_cell
-from grosmc_mj.requirements.metrics import Metric, largest_of, tolerance_of
-from grosmc_mj.results.document import plain
+from grosmc_mj.requirements.metrics import Metric, largest_of
 from grosmc_mj.results.result import (
     KEPT,
     NOT_KEPT,
@@ -105,10 +99,10 @@ class Validation:
             sentence += f" All {len(self.findings)} verdicts of the claims are as expected."
         return sentence
 
-    def document(self, lab: RunCache) -> dict[str, Any]:
+    def document(self) -> dict[str, Any]:
         """Return the content of validation.json."""
         differences = self.differences
-        configuration = asdict(lab.settings)
+        configuration = asdict(Settings())
         configuration["cases"] = [case_document(case) for case in self.selected]
         return result(
             "validation",
@@ -118,12 +112,12 @@ class Validation:
             answers=[self._answer()],
             standings=self._standings(),
             sheets=self._sheets(),
-            values=[*self._values(), *claims_values(self.findings)],
+            values=self._values(),
             as_recorded=not differences if self.complete else None,
             differences=differences,
             runs=[run_document(run) for run in self.results],
             agreement=[agreement._asdict() for agreement in self.agreements],
-            claims=[claim_numbers(finding, lab) for finding in self.findings],
+            claims=[claim_numbers(finding) for finding in self.findings],
         )
 
     def _answer(self) -> Answer:
@@ -140,20 +134,22 @@ class Validation:
         )
 
     def _sheets(self) -> list[ReportTable]:
+        """The two tables that answer on the terminal come first."""
+        claims = claims_tables(self.findings)
         tables = [
-            systems_table(self),
             deviations_table(self.results),
+            claims[0],
             cases_table(self.results),
+            agreement_table(self.agreements),
+            *claims[1:],
         ]
-        if self.agreements:
-            tables.append(agreement_table(self.agreements))
-        return [ReportTable(table=rows) for rows in tables] + claims_sheets(self.findings)
+        return [ReportTable(table=rows) for rows in tables if rows.rows]
 
     def _standings(self) -> Iterator[StudyVerdict]:
         """Verdict on each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
         differing = {line.partition(": ")[0] for line in self.differing}
-        for target, group in groupby(self.results, _target):
+        for target, group in groupby(self.results, lambda run: run.case.target):
             runs = list(group)
             judgements = [judgement for run in runs for judgement in run.requirements]
             yield from standings(target, runs, judgements, complete=self.complete)
@@ -185,72 +181,12 @@ class Validation:
         )
 
     def _values(self) -> Iterator[Value]:
-        """Status and metrics of each run."""
+        """Whether all is as recorded, status and metrics of each run, and the claims."""
         if self.complete:
             words = "not as recorded" if self.differences else "as recorded"
             yield Value(name="all runs", value=words)
-
-        for run in self.results:
-            name = f"{run.case.system}/{run.case.name} {run.plant} {run.controller.name}"
-            yield Value(name=f"{name}: status", value=run.status.name.lower())
-
-            switched = run.trajectory.sliding is not None
-            for key, metric in run.metrics.items():
-                relative, absolute = tolerance_of(key, switched=switched)
-                yield Value(
-                    name=f"{name}: {key}",
-                    value=plain(metric.value),
-                    unit=metric.unit,
-                    relative=relative,
-                    absolute=absolute,
-                )
-
-
-def _target(run: RunResult) -> str:
-    """SYSTEM/CASE of a run."""
-    return run.key.rsplit("/", 2)[0]
-
-
-def systems_table(done: Validation) -> Table:
-    """Return the table of the systems.
-
-    Runs, runs that ended early, accelerations against MuJoCo's, and verdicts.
-    """
-    systems = dict.fromkeys(case.system for case in done.selected)
-    headers = ["runs", "to MuJoCo", *(verdict.value for verdict in Verdict)]
-    return table(
-        "Systems",
-        [*words("system"), *numbers(*headers)],
-        [_system_row(done, system) for system in systems],
-        legend="Verdicts of the chapter's sentences, equations and proofs: grosmc-mj claims has "
-        "all.",
-    )
-
-
-def _system_row(done: Validation, system: str) -> list[str]:
-    runs = [run for run in done.results if run.case.system == system]
-    ended_early = sum(bool(run.ended) for run in runs)
-    count = str(len(runs))
-    if ended_early:
-        count += f" ({ended_early} early)"
-
-    corrected = [row for row in done.agreements if row.variant == "corrected"]
-    errors = [row.acceleration for row in corrected if row.system == system]
-    error = number(max(errors, default=None))
-
-    return [system, count, error, *_verdict_cells(done.findings, system)]
-
-
-def _verdict_cells(findings: Sequence[Finding], system: str) -> list[str]:
-    """Counts of a system's verdicts; the questions of this project are not counted."""
-    findings = [finding for finding in findings if finding.claim.system == system]
-    counts = Counter[Verdict]()
-    for kind in Kind:
-        if kind is not Kind.QUESTION:
-            counts.update(verdicts_of(findings, kind))
-    if not counts:
-        return ["-"] * len(Verdict)
-    return [str(counts[verdict]) for verdict in Verdict]
+        yield from run_values(self.results)
+        yield from claims_values(self.findings)
 
 
 def deviations_table(results: Sequence[RunResult]) -> Table:

@@ -88,15 +88,18 @@ def film_results(
 def film_runs(
     console: Console, results: Sequence[RunResult], settings: Settings, path: Path
 ) -> None:
-    """Film runs in MuJoCo, side by side, or say in one line why not; a current film is kept."""
+    """Film runs side by side, in MuJoCo if there are some; a current film is kept.
+
+    A line says why there is no film.
+    """
     from grosmc_mj.experiments.films import film_of
     from grosmc_mj.films.film import MOST_TAKES
 
-    in_mujoco = [result for result in results if result.plant == "physics"]
-    filmed = in_mujoco[-MOST_TAKES:]
+    plants = [result.plant for result in results]
+    plant = "physics" if "physics" in plants else plants[-1]
+    filmed = [result for result in results if result.plant == plant][-MOST_TAKES:]
     films: dict[Path, tuple[Case, Film]] = {}
-    if filmed:
-        films[path] = (filmed[0].case, film_of(filmed))
+    films[path] = (filmed[0].case, film_of(filmed))
     _write_missing(console, films, settings)
 
 
@@ -107,20 +110,19 @@ def _write_missing(
 ) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
-    from grosmc_mj.films.pool import open_pool
+    from grosmc_mj.films.pool import NO_GRAPHICS, open_pool
 
     missing = {path: item for path, item in films.items() if not is_current(item[1], path)}
 
     try:
         if missing:
-            with open_pool() as pool:
+            pictures = any(film.model is not None for _, film in missing.values())
+            with open_pool(None if pictures else NO_GRAPHICS) as pool:
                 for path, (case, film) in missing.items():
                     write_with_progress(console, case, film, path, settings, pool=pool)
     except SetupError as error:
         console.print(f"No films: {error}", style="yellow", soft_wrap=True)
 
-    if not films:
-        console.print("No film: there is no run in MuJoCo.", style="yellow")
     kept = len(films) - len(missing)
     if kept:
         console.print(f"Kept {kept} films drawn from the same data")

@@ -124,16 +124,7 @@ def brief_table(
     from grosmc_mj.results.tables import numbers, phrases, table
 
     headers = [*phrases(*columns[:words]), *numbers(*columns[words:])]
-    return first_rows(table(title, headers, rows, styles=styles), most)
-
-
-def first_rows(table: Table, most: int) -> Table:
-    """Return the first rows of a table; the caption says how many there are more."""
-    more = len(table.rows) - most
-    if more <= 0:
-        return table
-    legend = f"... and {more} more: --verbose has them"
-    return table.model_copy(update={"rows": table.rows[:most], "legend": legend})
+    return table(title, headers, rows, styles=styles).brief(most)
 
 
 def say_result(
@@ -188,7 +179,7 @@ def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
         if brief is None:
             wide_console().print(table, "")
         else:
-            console().print(first_rows(table, _MOST_ROWS))
+            console().print(table.brief(_MOST_ROWS))
 
 
 class _Lines:

@@ -84,15 +84,9 @@ class _PolicyLaboratory(RunCache):
         super().__init__(settings)
         self._policy = policy
 
-    def controller(
-        self,
-        experiment: Experiment,
-        plant: PlantName,
-        name: str,
-        believed: PlantName | None = None,
-    ) -> Controller:
+    def controller(self, experiment: Experiment, plant: PlantName, name: str) -> Controller:
         """Controller of the case, or the policy."""
-        law = super().controller(experiment, plant, name, believed)
+        law = super().controller(experiment, plant, name)
         if law.name != REPLACED:
             return law
         judged = policy_controller(self._policy, law)

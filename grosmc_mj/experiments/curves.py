@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case_document import seed_of
 from grosmc_mj.experiments.experiment import Case, RunResult
 from grosmc_mj.requirements.judging import Judgement
@@ -94,10 +95,7 @@ def panels_of(results: Sequence[RunResult]) -> list[Panel]:
         return [*_output_panels(measured), *_state_panels(measured), _input_panel(measured)]
 
     on_last_plant = [run for run in simulated if run.plant == simulated[-1].plant]
-    # A curve that chatters is drawn first, below the smooth ones.
-    chattering_first = sorted(
-        on_last_plant, key=lambda run: -(run.metrics["total_variation"].value or 0.0)
-    )
+    chattering_first = _chattering_first(on_last_plant)
     panels = _output_panels([*simulated, *measured])
     panels.append(_deviation_panel(simulated, single=len(panels) == 1))
     panels += _state_panels([*simulated, *measured])
@@ -107,6 +105,38 @@ def panels_of(results: Sequence[RunResult]) -> list[Panel]:
     panels += _sliding_panels(simulated, chattering_first)
     panels.append(_input_panel([*chattering_first, *measured]))
     return panels + _hidden_panels(chattering_first)[:_MOST_HIDDEN]
+
+
+def _chattering_first(results: Sequence[RunResult]) -> list[RunResult]:
+    """Return runs in the order in which their inputs are drawn: smooth ones above the others."""
+    return sorted(results, key=lambda run: -(run.metrics["total_variation"].value or 0.0))
+
+
+def panel_of(results: Sequence[RunResult], quantity: str) -> Panel:
+    """Return the panel of one quantity of runs.
+
+    Args:
+        results: Runs of one case.
+        quantity: ``output``, ``deviation``, ``sliding``, ``input``, or the name of a state.
+
+    Raises:
+        ArgumentError: If the runs have no such quantity.
+    """
+    with_surface = [run for run in results if run.trajectory.sliding is not None]
+    panels = [
+        *_output_panels(results),
+        _deviation_panel(results, single=len(results[0].comparison.outputs) == 1),
+        *_sliding_panels(results, with_surface),
+        _input_panel(_chattering_first(results)),
+    ]
+    states = results[0].trajectory.system.states
+    panels += [_tracked_state_panel(results, row) for row in range(len(states))]
+    for panel in panels:
+        if quantity in panel.shows:
+            return panel
+
+    known = [name for panel in panels for name in panel.shows]
+    raise ArgumentError(f"no quantity {quantity!r} of these runs: one of {', '.join(known)}")
 
 
 def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
@@ -164,9 +194,28 @@ def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
     panels = []
     for i, state in enumerate(first.trajectory.system.states):
         if state.name in named and state.name not in outputs:
-            curves = [Curve(run, run.trajectory.state[:, i]) for run in results]
-            panels.append(Panel(f"{state.name} [{state.unit}]", curves, shows=(state.name,)))
+            panels.append(_state_panel(results, i))
     return panels
+
+
+def _state_panel(results: Sequence[RunResult], row: int) -> Panel:
+    """Return the panel of a state, by its row."""
+    state = results[0].trajectory.system.states[row]
+    curves = [Curve(run, run.trajectory.state[:, row]) for run in results]
+    return Panel(f"{state.name} [{state.unit}]", curves, shows=(state.name,))
+
+
+def _tracked_state_panel(results: Sequence[RunResult], row: int) -> Panel:
+    """Return the panel of a state, with its reference where its error is one of the laws'."""
+    panel = _state_panel(results, row)
+    first = results[0]
+    error = first.controller.designed.error
+    name = first.trajectory.system.states[row].name
+    if error.outputs is not None or name not in error.names:
+        return panel
+
+    z = first.comparison.z[:, error.names.index(name)]
+    return panel._replace(reference=first.trajectory.state[:, row] - error.sign * z)
 
 
 def _measurement_error_panel(results: Sequence[RunResult]) -> Panel:
@@ -369,7 +418,7 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     styles = law_styles(result.controller.name for result in results)
     in_common_legend = []
     for panel_axes, panel in zip(axes, panels, strict=False):
-        _draw_panel(panel_axes, panel, styles, results)
+        draw_panel(panel_axes, panel, styles, results)
         judgements = judged_in(panel, results)
         _draw_limits(panel_axes, panel, judgements)
         failed = [item for item in judgements if not item.kept]
@@ -394,13 +443,13 @@ def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
     return columns, math.ceil(panels / columns)
 
 
-def _draw_panel(
+def draw_panel(
     axes: Axes,
     panel: Panel,
     styles: dict[str, LawStyle],
     results: Sequence[RunResult],
 ) -> None:
-    """Draw curves, reference, backlash and disturbances of a panel."""
+    """Draw curves, reference, backlash and disturbances of a panel on its own axes."""
     several_plants = len({curve.run.plant for curve in panel.curves}) > 1
     for curve in panel.curves:
         _draw_curve(axes, curve, styles, several_plants=several_plants)
@@ -569,6 +618,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
     ]
     laws = {name: {"label": style.label, "colour": style.colour} for name, style in styles.items()}
     return {
+        "kind": "curves",
         **origin(seed_of(case)),
         "system": case.system,
         "case": case.name,

@@ -161,17 +161,28 @@ def standings(
             law=law,
             breaks_at="" if worst.kept else worst.plant,
             words=_measured(worst),
+            share=finite(worst.share),
             complete=complete,
         )
 
 
 def _measured(item: Judgement) -> str:
-    """Return a requirement with its measured value, in words."""
+    """Return a requirement with its measured value, in the unit in which the file writes it."""
     requirement = item.requirement
-    value = f"{number(item.measured)} of {number(requirement.number)}"
-    if requirement.unit not in ("", "1"):
-        value += f" {requirement.unit}"
-    return f"{requirement.title}: {value}"
+    if item.measured is None:
+        reason = item.note.partition(";")[0]
+        return f"{requirement.words}: {reason or 'not measured'}"
+
+    allowed, _, unit = requirement.written.partition(" ")
+    value = item.measured
+    try:
+        value *= float(allowed) / requirement.number
+    except ValueError:
+        # What is asked for with ``true`` has no number in the file.
+        unit = requirement.unit
+    if unit == "1":
+        unit = ""
+    return f"{requirement.words}: {number(value)} {unit}".rstrip()
 
 
 def _judgement_document(item: Judgement) -> dict[str, Any]:

@@ -52,24 +52,23 @@ def film_of(
     form: Format | None = None,
     names: Sequence[str] = (),
 ) -> Film:
-    """Film of one case: its runs in MuJoCo, side by side.
+    """Film of one case: its runs on one plant, side by side; equations show their curves alone.
 
     The ghost is the nominal optimal trajectory of each law or, where the reference moves, the
     reference.
 
     Args:
-        results: Runs of one case on physics.
+        results: Runs of one case on one plant.
         form: Format of the film.
         names: Names of the controllers in the film; by default their own.
 
     Raises:
-        ArgumentError: If the runs are not of one case on physics.
+        ArgumentError: If the runs are not of one case on one plant.
     """
     _refuse_several_cases(results)
     case = results[0].case
     system = results[0].trajectory.system
-    physics = results[0].true
-    assert isinstance(physics, MujocoPlant)
+    plant = results[0].true
 
     moving = _reference_moves(results)
     names = names or [result.controller.name for result in results]
@@ -88,27 +87,28 @@ def film_of(
 
     return Film(
         title=f"{system.title}, {case.name}: {case.title}",
-        model=physics.model,
+        model=plant.model if isinstance(plant, MujocoPlant) else None,
         takes=tuple(takes),
         format=form or Format(),
         ghost_label="reference" if moving else "nominal optimum",
         ghost_symbol="yᵣ" if moving else "x*",
+        one_ghost=moving,
         beside=_coordinate_beside(results),
     )
 
 
 def _refuse_several_cases(results: Sequence[Run]) -> None:
-    """Raise an ArgumentError if the runs are not of one case on physics."""
+    """Raise an ArgumentError if the runs are not of one case on one plant."""
     cases = {(result.case.system, result.case.name) for result in results}
-    on_physics = all(result.plant == "physics" for result in results)
-    if len(cases) != 1 or not on_physics:
-        raise ArgumentError("a film shows runs of one case on physics")
+    plants = {result.plant for result in results}
+    if len(cases) != 1 or len(plants) != 1:
+        raise ArgumentError("a film shows runs of one case on one plant")
 
 
 def _reference_moves(results: Sequence[Run]) -> bool:
     """True if the reference of any run moves."""
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
-    return max(spans) > _STILL
+    return bool(max(spans) > _STILL)
 
 
 def _early_end(result: Run) -> str:
@@ -123,13 +123,16 @@ def _early_end(result: Run) -> str:
 def _coordinate_beside(results: Sequence[Run]) -> int | None:
     """First coordinate that is not controlled, to be shown in place of s.
 
-    None unless there is a law of the whole state, which holds more than the controlled coordinates.
+    None if a law has s, unless there is a law of the whole state, which holds more than the
+    controlled coordinates.
     """
-    errors = [result.controller.designed.error for result in results]
-    if not any(isinstance(error, StateCoordinates) for error in errors):
+    designs = [result.controller.designed for result in results]
+    of_whole_state = any(isinstance(design.error, StateCoordinates) for design in designs)
+    if not of_whole_state and any(design.sliding_unit for design in designs):
         return None
     system = results[0].trajectory.system
-    return next(i for i in range(len(system.states)) if i not in system.controlled)
+    others = [i for i in range(len(system.states)) if i not in system.controlled]
+    return others[0] if others else None
 
 
 def _ghost(result: Run, *, moving: bool) -> Array:
@@ -214,6 +217,7 @@ def write_case_film(
         "ffmpeg": {"version": written.ffmpeg.version},
     }
     document = {
+        "kind": "film",
         **origin(seed_of(case)),
         "configuration": configuration,
         "frames": written.frames,
@@ -240,20 +244,14 @@ def is_current(film: Film, path: Path) -> bool:
 
 def film_digest(board: Storyboard) -> str:
     """Hash of all that a film's frames depend on: states, model, format and drawing code."""
-    model = np.zeros(mujoco.mj_sizeModel(board.model), np.uint8)
-    mujoco.mj_saveModel(board.model, None, model)
-    parts: list[Any] = [
-        model,
-        board.times,
-        *board.chart,
-        board.camera,
-        board.placement,
-        board.speed,
-        board.largest,
-        mujoco.__version__,
-    ]
-    for scene in board.scenes:
-        parts += scene
+    parts: list[Any] = [board.times, *board.chart, board.speed, mujoco.__version__]
+    if board.stage is not None:
+        stage = board.stage
+        model = np.zeros(mujoco.mj_sizeModel(stage.model), np.uint8)
+        mujoco.mj_saveModel(stage.model, None, model)
+        parts += [model, stage.camera, stage.placement, stage.surroundings, stage.largest]
+        for scene in stage.scenes:
+            parts += scene
     for path in sorted(Path(drawing_code).parent.glob("*.py")):
         parts.append(path.read_bytes())
 

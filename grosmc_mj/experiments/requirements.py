@@ -13,6 +13,7 @@ from grosmc_mj.requirements import KINDS
 from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.measurement import signal_units
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.signals import named_units
 from grosmc_mj.units import number_in
 
 
@@ -83,18 +84,18 @@ def requirement_of(
     unit = _unit_of(kind.quantity, laws, named, signal)
     if issubclass(kind, Always):
         sliding_unit = _unit_of("sliding", laws, named, "")
-        formula = kind.read(value, asked[0], sliding_unit, duration - table.after)
-        unit = formula.unit
-        options.update(specification=formula, number=formula.number)
-    elif value is not True:
-        options["number"] = _positive(kind.key, value, unit)
+        units = named_units(asked[0], sliding_unit)
+        options = kind.options_in(dict(table), units, duration)
+    else:
+        options["unit"] = unit
+        options["after"] = kind.holds_from(table.after, duration)
+        if value is not True:
+            options["number"] = _positive(kind.key, value, unit)
     return kind(
-        unit=unit,
         written=_written(value, unit),
         laws=of,
         plants=_plants_of(table, plants),
         signal=signal,
-        after=kind.holds_from(table.after, duration),
         **options,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -15,8 +15,6 @@ from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.simulation.disturbances import AnyDisturbance
-from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class RunCache:
@@ -87,14 +85,6 @@ class RunCache:
             )
         return self._runs[key]
 
-    def run_misdesigned(
-        self, experiment: Experiment, plant: PlantName, controller: str, believed: PlantName
-    ) -> RunResult:
-        """An experiment under a controller designed for another plant."""
-        law = self.controller(experiment, plant, controller, believed)
-        key = ("misdesigned", experiment.key, plant, controller, believed)
-        return self.once(key, lambda: self.run_with(experiment, plant, law))
-
     def run_with(
         self,
         experiment: Experiment,
@@ -120,15 +110,9 @@ class RunCache:
         """One of the chapter's cases, by name."""
         return self.run(find_experiment(system, name), plant, controller)
 
-    def controller(
-        self,
-        experiment: Experiment,
-        plant: PlantName,
-        name: str,
-        believed: PlantName | None = None,
-    ) -> Controller:
-        """Controller designed for ``believed`` (default: the plant that it runs on)."""
-        return self.as_set(experiment).law(believed or plant, name)
+    def controller(self, experiment: Experiment, plant: PlantName, name: str) -> Controller:
+        """Controller designed for the plant that it runs on."""
+        return self.as_set(experiment).law(plant, name)
 
     def plant(self, experiment: Experiment, name: PlantName) -> Plant:
         """Plant of that name with the edits of an experiment."""
@@ -137,26 +121,6 @@ class RunCache:
     def equations(self, experiment: Experiment, name: PlantName) -> AnalyticPlant:
         """Corrected equations of a plant in MuJoCo, or the equations that it is."""
         return self.plant(experiment, name).analytic()
-
-    def batch(
-        self, experiments: Sequence[Experiment], plant: PlantName, controller: str
-    ) -> tuple[Controller, Trajectory]:
-        """Experiments of one system and duration at once, and the law that they ran under."""
-        law = self.controller(experiments[0], plant, controller)
-        used = [self.as_set(experiment) for experiment in experiments]
-        settings = used[0].settings
-        run = simulate(
-            [self.plant(experiment, plant) for experiment in experiments],
-            law,
-            [experiment.x0 for experiment in used],
-            duration=experiments[0].duration,
-            loop=used[0].applied_loop(plant, controller),
-            control_period=settings.control_period,
-            timestep=settings.timestep,
-            disturbances=[experiment.disturbances for experiment in used],
-            engine=settings.engine_for(law),
-        )
-        return law, run
 
     def as_set(self, experiment: Experiment) -> Experiment:
         """Experiment with the settings of this cache and its number."""

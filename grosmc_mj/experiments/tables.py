@@ -8,22 +8,24 @@ from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.metrics import Metric, largest_of
-from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.results.tables import Table, details, number, numbers, phrases, table, text, words
 from grosmc_mj.simulation.trajectory import Status
 
-# Header and metric of each column of numbers.
+# Header and metric of each column of numbers; then those that a brief answer leaves out.
 _COLUMNS = (
     ("max|x1\n-x1*|", "deviation"),
     ("settled\n[s]", "settling_time"),
+    ("J of u_c\n/J*", "continuous"),
+    ("J of u_d\n/J* [1/s]", "switching"),
+    ("max\n|u|", "max_input"),
+)
+_DETAILS = (
     ("over-\nshoot %", "overshoot"),
     ("RMS\nx1", "rms_error"),
     ("max\n|s|", "max_sliding"),
     ("RMS\ns", "rms_sliding"),
-    ("J of\nu_c", "cost_continuous"),
     ("\nJ*", "cost_optimal"),
-    ("J of u_d\n/J* [1/s]", ""),
     ("var. of\nu per s", "total_variation"),
-    ("max\n|u|", "max_input"),
 )
 
 
@@ -43,30 +45,39 @@ def results_table(results: Sequence[RunResult]) -> Table:
     system = results[0].trajectory.system
     error = results[0].controller.designed.error
     output_unit = error.units[error.output_rows[0]]
-    columns = list(_COLUMNS)
+    further = list(_DETAILS)
     for position in system.internal_positions:
         header = f"max |{position.name}|\n[{position.unit}]"
-        columns.append((header, largest_of(position.name)))
+        further.append((header, largest_of(position.name)))
 
     rows = []
     styles = []
-    for result in results:
+    for result in sorted(results, key=_order):
         law = result.controller.name
         style = "bold" if law == "grosmc" else ""
         if result.status is not Status.COMPLETED:
             law += " (!)"
             style = "red"
-        metrics = {**result.metrics, "": result.cost_shares[1]}
-        cells = [metric_cell(metrics.get(name)) for _, name in columns]
+        continuous, switching = result.cost_shares
+        metrics = {**result.metrics, "continuous": continuous, "switching": switching}
+        cells = [metric_cell(metrics.get(name)) for _, name in (*_COLUMNS, *further)]
         rows.append((result.case.name, result.plant, law, *cells))
         styles.append(style)
-    return table(
-        f"{system.title}: x1 in {output_unit}, u in {system.input.unit}",
-        [*words("case", "plant", "law"), *numbers(*(header for header, _ in columns))],
-        rows,
-        styles=styles,
-        grouped=True,
-    )
+
+    columns = [
+        *details(words("case")),
+        *words("plant"),
+        *phrases("law"),
+        *numbers(*(header for header, _ in _COLUMNS)),
+        *details(numbers(*(header for header, _ in further))),
+    ]
+    title = f"{system.title}: x1 in {output_unit}, u in {system.input.unit}"
+    return table(title, columns, rows, styles=styles)
+
+
+def _order(result: RunResult) -> bool:
+    """Return a key that sorts runs in MuJoCo before those of equations."""
+    return result.plant != "physics"
 
 
 LEGEND = (
@@ -80,28 +91,26 @@ LEGEND = (
 
 
 def requirements_table(judgements: Sequence[Judgement]) -> Table:
-    """Return the table of requirements, with measured value, margin and verdict."""
-    columns = [
-        *names("law"),
-        *words("plant"),
-        *text("requirement"),
-        *numbers("measured", "margin"),
-        *text(),
-    ]
+    """Return the table of requirements, those that are not kept first."""
+    columns = [*phrases("", "requirement", "law", "plant"), *numbers("measured", "margin")]
     rows = []
-    for item in judgements:
-        measured = "-"
-        if item.measured is not None:
-            unit = item.requirement.unit if item.requirement.unit != "1" else ""
-            measured = f"{number(item.measured)} {unit}".strip()
+    styles = []
+    for item in sorted(judgements, key=lambda item: item.kept):
+        requirement = item.requirement
         verdict = "kept" if item.kept else "FAILED"
         if item.note:
             verdict += f": {item.note}"
-        margin = number(item.margin)
-        words_of_it = item.requirement.words
-        rows.append((item.controller, item.plant, words_of_it, measured, margin, verdict))
-    styles = ["" if item.kept else "red" for item in judgements]
+        unit = "" if requirement.unit == "1" else requirement.unit
+        measured = _quantity(item.measured, unit)
+        margin = _quantity(item.margin, unit)
+        rows.append((verdict, requirement.words, item.controller, item.plant, measured, margin))
+        styles.append("" if item.kept else "red")
     return table("Requirements", columns, rows, styles=styles)
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    """Return a value with its unit, or a dash."""
+    return number(value) if value is None else f"{number(value)} {unit}".rstrip()
 
 
 def endings(results: Sequence[RunResult]) -> list[str]:

@@ -14,7 +14,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, Reals, Seconds, checked
-from grosmc_mj.films.scene import camera_names, default_camera
+from grosmc_mj.films.scene import FREE_CAMERA, camera_names, default_camera
 from grosmc_mj.simulation.trajectory import Trajectory
 
 MOST_TAKES = 4
@@ -22,12 +22,12 @@ MOST_TAKES = 4
 
 @checked()
 class Take:
-    """One recorded run in MuJoCo: one picture of the film and one colour of its curves.
+    """One recorded run: one colour of the curves and, in MuJoCo, one picture of the film.
 
     Attributes:
         label: Name of the controller.
         colour: #RRGGBB.
-        run: Run with its full physics states.
+        run: Recorded run; in MuJoCo with its full physics states.
         ghost: Desired controlled coordinates at each instant of the run, in their own units,
             (N + 1, controlled); None to draw no ghost.
         sliding_unit: Unit of s.
@@ -42,10 +42,8 @@ class Take:
     ended: str = ""
 
     def __post_init__(self) -> None:
-        if self.run.physics is None or self.run.physics.ndim != 2:
-            raise ArgumentError(
-                f"{self.label}: a film needs one recorded run in MuJoCo, with its full states"
-            )
+        if self.run.state.ndim != 2:
+            raise ArgumentError(f"{self.label}: a film needs one recorded run")
         shape = (len(self.run.time), len(self.run.system.controlled))
         if self.ghost is not None and self.ghost.shape != shape:
             raise ArgumentError(
@@ -103,33 +101,46 @@ class Format:
 
 @checked()
 class Film:
-    """Runs of one model side by side, at the same times and the same scale.
+    """Runs of one plant side by side, at the same times and the same scale.
 
     Attributes:
         title: Text of the title bar.
-        model: Compiled model of the runs, with its edits.
+        model: Compiled model of the runs, with its edits; None for equations, whose film shows
+            curves alone.
         takes: One to four runs.
         format: Size, speed, camera and times.
         ghost_label: Name of the ghost.
         ghost_symbol: Symbol of the ghost.
+        one_ghost: Whether all runs have the same ghost, such as a reference.
         beside: Index of a state that is shown in place of s; None to show s.
     """
 
     title: str
-    model: mujoco.MjModel
+    model: mujoco.MjModel | None
     takes: tuple[Take, ...]
     format: Format = field(default_factory=Format)
     ghost_label: str = "reference"
     ghost_symbol: str = "yᵣ"
+    one_ghost: bool = True
     beside: int | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.takes) <= MOST_TAKES:
             raise ArgumentError(f"a film shows one to four runs, not {len(self.takes)}")
-        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        names = tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        if self.model is not None:
+            self._require_runs_of(self.model)
+        self.format.check(self._cameras, self.end)
+
+    def _require_runs_of(self, model: mujoco.MjModel) -> None:
+        """Refuse runs that are not of the model, or not recorded."""
+        size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        names = tuple(model.joint(i).name for i in range(model.njnt))
         for take in self.takes:
             run = take.run
+            if run.physics is None or run.physics.ndim != 2:
+                raise ArgumentError(
+                    f"{take.label}: a film needs one recorded run in MuJoCo, with its full states"
+                )
             joints = run.system.joints
             # Joints of a machine's parts come after the system's own.
             if np.asarray(run.physics).shape[1] != size or names[: len(joints)] != joints:
@@ -137,11 +148,15 @@ class Film:
                     f"{take.label}: a run of {run.system.name} is not of this model, which has "
                     f"the joints {', '.join(names)} and states of {size} numbers"
                 )
-            if len(run.time) == 2 and run.time[1] > 1.5 * self.model.opt.timestep:
+            if len(run.time) == 2 and run.time[1] > 1.5 * model.opt.timestep:
                 raise ArgumentError(
                     f"{take.label}: the run was not recorded: give simulate(..., record=True)"
                 )
-        self.format.check(camera_names(self.model), self.end)
+
+    @property
+    def _cameras(self) -> tuple[str, ...]:
+        """Names of the model's cameras."""
+        return () if self.model is None else camera_names(self.model)
 
     @property
     def end(self) -> float:
@@ -158,6 +173,8 @@ class Film:
     @property
     def camera(self) -> int:
         """Id of the camera: the chosen one, else the model's default, see ``default_camera``."""
+        if self.model is None:
+            return FREE_CAMERA
         if self.format.camera is None:
             return default_camera(self.model)
         return self.model.camera(self.format.camera).id
@@ -165,7 +182,7 @@ class Film:
     @property
     def camera_name(self) -> str:
         """Name of the camera; ``free`` for MuJoCo's own."""
-        return (*camera_names(self.model), "free")[self.camera]
+        return (*self._cameras, "free")[self.camera]
 
     @property
     def times(self) -> Array:
@@ -179,5 +196,17 @@ class Film:
 
         A run that ended early stays at its last row.
         """
-        nearest = np.rint(self.times / self.model.opt.timestep).astype(int)
+        nearest = np.rint(self.times / take.run.time[1]).astype(int)
         return np.clip(nearest, 0, len(take.run.time) - 1)
+
+    @property
+    def poster_frame(self) -> int:
+        """Index of the frame at which the runs differ most; a single run, from its ghost."""
+        controlled = list(self.takes[0].run.system.controlled)
+        paths = [take.run.state[self.rows(take)][:, controlled] for take in self.takes]
+        first = self.takes[0]
+        if len(paths) == 1 and first.ghost is not None:
+            paths.append(first.ghost[self.rows(first)])
+
+        spread = np.ptp(paths, axis=0) / (np.ptp(paths, axis=(0, 1)) + np.finfo(float).tiny)
+        return int(np.nan_to_num(spread).max(axis=1).argmax())

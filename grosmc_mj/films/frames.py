@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.films.scene import add_ghost, add_wrenches, move, pose
+from grosmc_mj.films.scene import Surroundings, add_ghost, add_wrenches, move, pose
 
 # Pictures are rendered at twice their size and halved: that smooths shadows too, and in software
 # it is quicker than multisampling.
@@ -75,30 +75,42 @@ class Scene(NamedTuple):
     wrench: Array | None
 
 
-@dataclass(frozen=True, eq=False)
-class Storyboard:
-    """Data for a worker to draw any frame of a film; small, whatever the film's length.
+class Stage(NamedTuple):
+    """Model, camera and poses of the pictures.
 
     Attributes:
         model: The film's own copy of the model.
         camera: Id of the camera.
-        placement: How far it is moved, see ``camera.place``, (3,).
-        chart: The still parts of the frames.
-        times: Instant of each frame [s].
-        speed: Seconds of data in a second of film.
+        placement: Move of the camera, see ``scene.place``, (3,).
+        surroundings: Light, floor and background that the model lacks.
         scenes: One for each picture.
         largest: Largest force [N] and torque [N m] of the film, (2,).
-        fonts: Folder of the fonts.
     """
 
     model: mujoco.MjModel
     camera: int
     placement: Array
+    surroundings: Surroundings
+    scenes: tuple[Scene, ...]
+    largest: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Storyboard:
+    """Data for a worker to draw any frame of a film; small, whatever the film's length.
+
+    Attributes:
+        stage: Content of the pictures; None for a film of equations, which has none.
+        chart: The still parts of the frames.
+        times: Instant of each frame [s].
+        speed: Seconds of data in a second of film.
+        fonts: Folder of the fonts.
+    """
+
+    stage: Stage | None
     chart: Chart
     times: Array
     speed: float
-    scenes: tuple[Scene, ...]
-    largest: Array
     fonts: Path
 
 
@@ -107,18 +119,15 @@ class FrameMaker:
 
     def __init__(self, board: Storyboard) -> None:
         """Open the renderer."""
-        model = board.model
-        buffer = model.vis.global_
         self._board = board
-        self._renderer = mujoco.Renderer(model, buffer.offheight, buffer.offwidth)
-        self._data = mujoco.MjData(model)
-        self._ghost = mujoco.MjData(model)
+        self._painter = None if board.stage is None else _Painter(board.stage)
         size = round(1.25 * board.chart.font)
         self._font = ImageFont.truetype(board.fonts / "DejaVuSans-Bold.ttf", size)
 
     def close(self) -> None:
         """Free what the renderer holds."""
-        self._renderer.close()
+        if self._painter is not None:
+            self._painter.renderer.close()
 
     def frame(self, index: int) -> np.ndarray:
         """Draw one frame, (height, width, 3)."""
@@ -126,8 +135,9 @@ class FrameMaker:
         chart = board.chart
         time = float(board.times[index])
         frame = chart.at(time)
-        for scene, box in zip(board.scenes, chart.pictures, strict=True):
-            frame[box] = self._picture(scene, index)
+        if board.stage is not None and self._painter is not None:
+            for scene, box in zip(board.stage.scenes, chart.pictures, strict=True):
+                frame[box] = self._painter.picture(scene, index)
 
         clock = f"t = {time:.2f} s"
         if board.speed != 1:
@@ -137,27 +147,39 @@ class FrameMaker:
         ImageDraw.Draw(image).text(place, clock, _INK, self._font, anchor="rm")
         return np.asarray(image)
 
-    def _picture(self, scene: Scene, index: int) -> np.ndarray:
-        """One run at one frame, with its ghost and its wrenches."""
-        board = self._board
-        renderer = self._renderer
+
+class _Painter:
+    """Renders the pictures of a stage."""
+
+    def __init__(self, stage: Stage) -> None:
+        buffer = stage.model.vis.global_
+        self.renderer = mujoco.Renderer(stage.model, buffer.offheight, buffer.offwidth)
+        self._stage = stage
+        self._data = mujoco.MjData(stage.model)
+        self._ghost = mujoco.MjData(stage.model)
+
+    def picture(self, scene: Scene, index: int) -> np.ndarray:
+        """Draw one run at one frame, with its ghost and its wrenches."""
+        stage = self._stage
         data = self._data
-        pose(board.model, data, scene.physics[index])
+        pose(stage.model, data, scene.physics[index])
         data.xfrc_applied[:] = 0.0
         if scene.wrench is not None:
             data.xfrc_applied[:] = scene.wrench[index]
 
         # Twice, since MuJoCo centres the floor below the camera of the scene before.
         for _ in range(2):
-            renderer.update_scene(data, board.camera)
-        move(renderer.scene, board.placement)
+            self.renderer.update_scene(data, stage.camera)
+        drawn = self.renderer.scene
+        move(drawn, stage.placement)
         if scene.ghost is not None:
             self._ghost.qpos[:] = scene.ghost[index]
-            mujoco.mj_kinematics(board.model, self._ghost)
-            add_ghost(renderer.scene, board.model, self._ghost)
+            mujoco.mj_kinematics(stage.model, self._ghost)
+            add_ghost(drawn, stage.model, self._ghost)
 
-        add_wrenches(renderer.scene, board.model, data, board.largest)
-        return np.asarray(Image.fromarray(renderer.render()).reduce(OVERSAMPLING))
+        add_wrenches(drawn, stage.model, data, stage.largest)
+        stage.surroundings.add(drawn)
+        return np.asarray(Image.fromarray(self.renderer.render()).reduce(OVERSAMPLING))
 
 
 # Of a worker: the film that it is drawing.

@@ -99,6 +99,10 @@ class RenderingPool:
         return str(path)
 
 
+# Value of MUJOCO_GL for films without pictures.
+NO_GRAPHICS = "off"
+
+
 def open_pool(backend: str | None = None, workers: int | None = None) -> RenderingPool:
     """Return processes for films, not started yet.
 

@@ -1,25 +1,32 @@
 """The scene of a film: the place of the camera, and the marks that are added to MuJoCo's scene.
 
-The camera is the model's own, further back if a body would not fit. The marks are the ghost and the
-disturbance as arrows and arcs.
+The camera is the model's own, moved if a body would not fit or would be a speck. Light, floor and
+background are added to a model that has none. The marks are the ghost and the disturbance as arrows
+and arcs.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.results.palette import DISTURBANCE, OPTIMUM, red_green_blue
 
 # Id of MuJoCo's own camera, which shows the whole model from above.
 FREE_CAMERA = -1
-# Part of the picture, from its middle, that moving bodies may fill.
-_FILLED = 0.92
+# Part of the picture, from its middle, that moving bodies may fill, and that they fill at least
+# before the camera of a model's author is moved.
+_FILLED = 0.86
+_LEAST_FILLED = 0.25
+_MUCH_LARGER = 1.5
+# Largest move in, as a part of the distance of the nearest body.
+_NEAREST = 0.9
 # Largest move back [m]: from further away nothing can be told apart.
 _FURTHEST = 60.0
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -41,6 +48,15 @@ _FAINT = 0.02
 # Marks stand nearer to the camera, on the same line of sight, so that nothing hides them.
 _NEARER_MARK = 0.8
 _NEARER_GHOST = 0.985
+
+# Distance of the background, as a part of the largest distance that is drawn.
+_REACH = 0.9
+# Depth of a floor below the model, as a part of the model's extent.
+_BELOW = 0.02
+# Darker than they look: they are lit, and the background shines.
+_FLOOR = np.array([0.72, 0.74, 0.77, 1.0], np.float32)
+_BACKGROUND = np.array([0.56, 0.58, 0.60, 1.0], np.float32)
+_LIGHT_DIRECTION = np.array([0.35, 0.45, -0.82])
 
 _GEOM = mujoco.mjtGeom
 
@@ -72,10 +88,11 @@ def place(
     states: Array,
     aspect: float,
 ) -> Array:
-    """Find the least move of a camera that keeps every moving body in the picture.
+    """Find the move of a camera that fills the picture with the moving bodies.
 
-    Nothing is moved if all is in view from the camera's own place, nor is MuJoCo's own camera.
-    Otherwise the camera goes back along its line of sight and, in its own plane, to the middle.
+    A camera of the model stays where its author put it if every moving body is in view and they
+    fill a fair part of the picture. Otherwise the camera goes along its line of sight, in or out,
+    and in its own plane to the middle.
 
     Args:
         model: Model.
@@ -86,28 +103,131 @@ def place(
     Returns:
         Move to its right, up and back [m], (3,).
     """
-    if camera == FREE_CAMERA:
-        return np.zeros(3)
-
     data = mujoco.MjData(model)
     corners = []
+    shown = _moving(model)
+    if camera == FREE_CAMERA:
+        shown = shown | _small(model)
     for state in states:
         pose(model, data, state)
-        axes = data.cam_xmat[camera].reshape(3, 3)
-        corners.append((_corners(model, data) - data.cam_xpos[camera]) @ axes)
+        eye, axes = _view(model, data, camera)
+        corners.append((_corners(model, data, shown) - eye) @ axes)
     points = np.concatenate(corners)
     aside = points[:, :2]
     distance = -points[:, 2:]
 
     # At a distance d, |right| and |up| are in view up to slopes * d.
-    half = math.tan(math.radians(model.cam_fovy[camera]) / 2)
-    slopes = _FILLED * half * np.array([aspect, 1])
-    if np.all(np.abs(aside) <= slopes * distance):
-        return np.zeros(3)
+    fovy = model.vis.global_.fovy if camera == FREE_CAMERA else model.cam_fovy[camera]
+    slopes = _FILLED * math.tan(math.radians(fovy) / 2) * np.array([aspect, 1])
+    in_view = bool(np.all(np.abs(aside) <= slopes * distance))
+    if in_view and camera != FREE_CAMERA:
+        filled = np.ptp(aside / (slopes * distance), axis=0).max() / 2
+        if filled >= _LEAST_FILLED:
+            return np.zeros(3)
+
     most = (aside - slopes * distance).max(axis=0)
     least = (aside + slopes * distance).min(axis=0)
-    back = np.clip(((most - least) / (2 * slopes)).max(), 0.0, _FURTHEST)
-    return np.array([*(most + least) / 2, back])
+    back = ((most - least) / (2 * slopes)).max()
+    nearest = max(0.0, float(distance.min()))
+    return np.array([*(most + least) / 2, np.clip(back, -_NEAREST * nearest, _FURTHEST)])
+
+
+def _view(model: mujoco.MjModel, data: mujoco.MjData, camera: int) -> tuple[Array, Array]:
+    """Return place (3,) and axes to the right, up and back (3, 3) of a camera."""
+    if camera != FREE_CAMERA:
+        return data.cam_xpos[camera], data.cam_xmat[camera].reshape(3, 3)
+
+    free = mujoco.MjvCamera()
+    mujoco.mjv_defaultFreeCamera(model, free)
+    scene = mujoco.MjvScene(model, 1)
+    mujoco.mjv_updateCamera(model, data, free, scene)
+    forward = np.array(scene.camera[0].forward, float)
+    up = np.array(scene.camera[0].up, float)
+    eye = np.mean([eye.pos for eye in scene.camera], axis=0)
+    return eye, np.column_stack([np.cross(forward, up), up, -forward])
+
+
+class Surroundings(NamedTuple):
+    """Light, floor and background that a model lacks.
+
+    Attributes:
+        light: Whether to add a light.
+        floor: Height of a floor to add [m]; None for none.
+        background: Whether to add a background; MuJoCo's own is black.
+    """
+
+    light: bool
+    floor: float | None
+    background: bool
+
+    def add(self, scene: mujoco.MjvScene) -> None:
+        """Add them to an updated scene whose camera is in place."""
+        camera = scene.camera[0]
+        eye = np.array(camera.pos, float)
+        forward = np.array(camera.forward, float)
+        up = np.array(camera.up, float)
+        reach = _REACH * float(camera.frustum_far)
+        if self.light:
+            _add_light(scene)
+        if self.floor is not None:
+            below = np.array([eye[0], eye[1], self.floor])
+            _add_plane(scene, below, np.eye(3), reach, _FLOOR)
+        if self.background:
+            facing = np.column_stack([np.cross(forward, up), up, -forward])
+            plane = _add_plane(scene, eye + reach * forward, facing, reach, _BACKGROUND)
+            plane.emission = 1.0
+
+
+def surroundings_of(model: mujoco.MjModel, states: Array) -> Surroundings:
+    """Return what a model lacks; a floor lies below the lowest point of all states (N, size)."""
+    floor = None
+    ground = (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD)
+    if not np.isin(model.geom_type, ground).any():
+        data = mujoco.MjData(model)
+        lowest = math.inf
+        for state in states:
+            pose(model, data, state)
+            lowest = min(lowest, float(_corners(model, data, _drawn(model))[:, 2].min()))
+        floor = lowest - _BELOW * model.stat.extent
+
+    skies = model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX
+    return Surroundings(model.nlight == 0, floor, not skies.any())
+
+
+def _add_plane(
+    scene: mujoco.MjvScene,
+    centre: Array,
+    axes: Array,
+    half: float,
+    colour: Array,
+) -> Any:
+    """Add a plane to a scene; its axes are the columns of a matrix, (3, 3)."""
+    geom = scene.geoms[scene.ngeom]
+    size = np.array([half, half, 1.0])
+    mujoco.mjv_initGeom(geom, _GEOM.mjGEOM_PLANE, size, centre, axes.ravel(), colour)
+    geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+    geom.specular = 0
+    geom.shininess = 0
+    scene.ngeom += 1
+    return geom
+
+
+def _add_light(scene: mujoco.MjvScene) -> None:
+    """Add a lamp far above that casts shadows."""
+    light = scene.lights[scene.nlight]
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.headlight = False
+    light.texid = -1
+    light.castshadow = True
+    light.dir[:] = _LIGHT_DIRECTION
+    light.pos[:] = -10 * _LIGHT_DIRECTION
+    light.ambient[:] = 0.3
+    light.diffuse[:] = 0.6
+    light.specular[:] = 0.1
+    light.attenuation[:] = (1, 0, 0)
+    light.intensity = 0
+    light.range = 100
+    scene.nlight += 1
 
 
 def pose(model: mujoco.MjModel, data: mujoco.MjData, state: Array) -> None:
@@ -116,13 +236,36 @@ def pose(model: mujoco.MjModel, data: mujoco.MjData, state: Array) -> None:
     mujoco.mj_fwdPosition(model, data)
 
 
-def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Corners of the boxes around the drawn geoms of moving bodies, in world axes, (n, 3)."""
-    drawn = (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_group <= 2)
-    centre, half = np.split(model.geom_aabb[drawn][:, None], 2, axis=2)
-    rotation = data.geom_xmat[drawn].reshape(-1, 3, 3)
+def _drawn(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Select the geoms that are drawn, (geoms,)."""
+    return model.geom_group <= 2
+
+
+def _moving(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Select the drawn geoms of moving bodies, (geoms,)."""
+    return _drawn(model) & (model.body_weldid[model.geom_bodyid] != 0)
+
+
+def _small(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Select the drawn geoms that are not much larger than a moving one, such as a motor, (geoms,).
+
+    A plane has no size here.
+    """
+    sizes = model.geom_rbound
+    largest = sizes[_moving(model)].max(initial=0.0)
+    return _drawn(model) & (sizes > 0) & (sizes <= _MUCH_LARGER * largest)
+
+
+def _corners(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    chosen: NDArray[np.bool_],
+) -> Array:
+    """Return the corners of the boxes around chosen geoms, in world axes, (n, 3)."""
+    centre, half = np.split(model.geom_aabb[chosen][:, None], 2, axis=2)
+    rotation = data.geom_xmat[chosen].reshape(-1, 3, 3)
     corners = (centre + _CORNERS * half) @ rotation.transpose(0, 2, 1)
-    return (data.geom_xpos[drawn][:, None] + corners).reshape(-1, 3)
+    return (data.geom_xpos[chosen][:, None] + corners).reshape(-1, 3)
 
 
 def move(scene: mujoco.MjvScene, by: Array) -> None:

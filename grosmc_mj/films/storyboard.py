@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.films.film import Film, Take
-from grosmc_mj.films.frames import CLOCK, OVERSAMPLING, Box, Chart, Scene, Storyboard
-from grosmc_mj.films.scene import place
+from grosmc_mj.films.frames import CLOCK, OVERSAMPLING, Box, Chart, Scene, Stage, Storyboard
+from grosmc_mj.films.scene import place, surroundings_of
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import DEFAULTS, shade
@@ -32,8 +32,6 @@ _POSES = 100
 # The pictures of a film are small: more detail cannot be seen in them. Twice the shadow map with
 # half more slices changes at most 0.6 % of the pixels visibly and takes a third more time.
 _QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 32, "numstacks": 12, "numquads": 1}
-_AMBIENT = 0.4
-_DIFFUSE = 0.6
 _DPI = 100
 _TITLE_INK = "#111111"
 _NOTE_INK = "#555555"
@@ -57,7 +55,7 @@ _BOTTOM = 3.1
 _FEW = 2
 # Strength of the colours that tell several signals of one run apart.
 _TINTS = {"dark": 1.0, "pale": 0.5}
-_GHOST: dict[str, Any] = {"color": OPTIMUM, "lw": 1.1, "ls": (0, (3, 2)), "zorder": 3}
+_GHOST: dict[str, Any] = {"lw": 1.1, "ls": (0, (3, 2)), "zorder": 3}
 
 
 class Curve(NamedTuple):
@@ -84,21 +82,32 @@ class Plot(NamedTuple):
 def storyboard(film: Film) -> Storyboard:
     """Prepare a film; nothing is rendered yet."""
     chart = draw_chart(film)
-    scenes = tuple(_scene(film, take) for take in film.takes)
-    height, width = chart.empty[chart.pictures[0]].shape[:2]
-    model = film_model(film.model, width, height)
-    states = np.concatenate([scene.physics for scene in scenes])
-    poses = states[:: len(states) // _POSES + 1]
+    stage = None if film.model is None else _stage(film, film.model, chart.pictures[0])
     return Storyboard(
-        model=model,
-        camera=film.camera,
-        placement=place(model, film.camera, poses, width / height),
+        stage=stage,
         chart=chart,
         times=film.times,
         speed=film.format.speed,
+        fonts=Path(mpl.get_data_path()) / "fonts" / "ttf",
+    )
+
+
+def _stage(film: Film, model: mujoco.MjModel, picture: Box) -> Stage:
+    """Prepare the pictures of a film: the model, its camera and the poses."""
+    rows, columns = picture
+    width = columns.stop - columns.start
+    height = rows.stop - rows.start
+    drawn = film_model(model, width, height)
+    scenes = tuple(_scene(film, model, take) for take in film.takes)
+    states = np.concatenate([scene.physics for scene in scenes])
+    poses = states[:: len(states) // _POSES + 1]
+    return Stage(
+        model=drawn,
+        camera=film.camera,
+        placement=place(drawn, film.camera, poses, width / height),
+        surroundings=surroundings_of(drawn, poses),
         scenes=scenes,
         largest=_largest_wrench(scenes),
-        fonts=Path(mpl.get_data_path()) / "fonts" / "ttf",
     )
 
 
@@ -115,10 +124,6 @@ def film_model(model: mujoco.MjModel, width: int, height: int) -> mujoco.MjModel
     drawn = copy.copy(model)
     for name, value in _QUALITY.items():
         setattr(drawn.vis.quality, name, value)
-    if drawn.nlight == 0:
-        # MuJoCo's own lamp at the camera is too dim to be the only one.
-        drawn.vis.headlight.ambient[:] = _AMBIENT
-        drawn.vis.headlight.diffuse[:] = _DIFFUSE
     # MuJoCo's cameras are pairs of eyes; a picture of one would show the mean of two.
     drawn.cam_ipd[:] = 0
     drawn.vis.global_.offwidth = OVERSAMPLING * width
@@ -126,10 +131,9 @@ def film_model(model: mujoco.MjModel, width: int, height: int) -> mujoco.MjModel
     return drawn
 
 
-def _scene(film: Film, take: Take) -> Scene:
+def _scene(film: Film, model: mujoco.MjModel, take: Take) -> Scene:
     """States, ghost and wrenches of one run at the frames of a film."""
     run = take.run
-    model = film.model
     rows = film.rows(take)
     physics = np.asarray(run.physics)[rows]
 
@@ -185,7 +189,9 @@ def _picture_boxes(film: Film) -> tuple[Box, ...]:
     count = len(film.takes)
     across = (film.format.width - _GAP * (count - 1)) // count
     top = round(_ABOVE * film.format.height)
-    rows = slice(top, top + round(_PICTURE * film.format.height))
+    # Equations have no picture: the plots have its place.
+    share = 0.0 if film.model is None else _PICTURE
+    rows = slice(top, top + round(share * film.format.height))
     first_columns = range(0, count * (across + _GAP), across + _GAP)
     return tuple((rows, slice(first, first + across)) for first in first_columns)
 
@@ -296,7 +302,10 @@ def outputs(film: Film) -> Plot:
     for take in film.takes:
         # The ghost of a run that ended early would end early too.
         if take.ghost is not None and take.run.time[-1] == film.end and not many:
-            ghosts += [Curve(take.run.time, ghost, _GHOST) for ghost in take.ghost.T]
+            # A reference is that of all laws, an optimum that of one.
+            colour = OPTIMUM if film.one_ghost else take.colour
+            style = {**_GHOST, "color": colour}
+            ghosts += [Curve(take.run.time, ghost, style) for ghost in take.ghost.T]
     if not ghosts:
         return plot
     return Plot(f"{plot.title}  (dashed: {film.ghost_symbol})", plot.curves + ghosts)
@@ -341,7 +350,7 @@ def _plot(
         norm: Name of their norm.
     """
     unit = signals[0].unit
-    title = f"{signals[0].name} {signals[0].symbol}"
+    title = " ".join(dict.fromkeys([signals[0].name, signals[0].symbol]))
     if len(signals) > _FEW:
         alike = [i for i, signal in enumerate(signals) if signal.unit == unit]
         values = [np.linalg.norm(rows[:, alike], axis=1)[:, None] for rows in values]
@@ -366,7 +375,6 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
     axes.set_xlabel("time t [s]", labelpad=0.1 * mpl.rcParams["font.size"])
     # The title has the left side above the axis.
     axes.yaxis.set_offset_position("right")
-    axes.axhline(0, color=GRID, lw=0.7, zorder=1)
 
     lines = []
     for curve in plot.curves:
@@ -378,6 +386,8 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
             line = {"lw": 0.35, "alpha": 0.75, "zorder": 1.9}
         lines += axes.plot(curve.time[first:end], values, **{**line, **curve.style})
     axes.set_xlim(start, stop)
+    axes.autoscale(enable=False)
+    axes.axhline(0, color=GRID, lw=0.7, zorder=1)
 
     run = max((take.run for take in film.takes), key=lambda run: len(run.time))
     if run.disturbed is not None:

@@ -18,7 +18,7 @@ from grosmc_mj.files import atomic_write, cannot_write
 from grosmc_mj.films.film import Film
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.offscreen import Ffmpeg, find_ffmpeg
-from grosmc_mj.films.pool import RenderingPool, open_pool
+from grosmc_mj.films.pool import NO_GRAPHICS, RenderingPool, open_pool
 from grosmc_mj.films.storyboard import storyboard
 
 # Browsers take the colours of an HD film for BT.709, and begin to play before its end is there.
@@ -92,6 +92,8 @@ def write_film(
     if pool is not None:
         return _write(film, path, pool, gif, advance)
 
+    if film.model is None:
+        backend = NO_GRAPHICS
     with open_pool(backend, workers) as pool:
         return _write(film, path, pool, gif, advance)
 
@@ -123,7 +125,7 @@ def _write(
             part = files.enter_context(atomic_write(small))
             writer = mediapy.VideoWriter(part, shape, codec="gif", fps=fps, ffmpeg_args=_GIF)
             encoders.append(_Encoder(small, writer, program))
-        still = _write_frames(pool.frames(board), encoders, len(board.times) // 2, advance)
+        still = _write_frames(pool.frames(board), encoders, film.poster_frame, advance)
         try:
             mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:

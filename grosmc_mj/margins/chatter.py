@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,8 @@ _PULSE = 0.01
 _CHATTER = 1e-3
 
 
-class Chatter(NamedTuple):
+@dataclass(frozen=True)
+class Chatter:
     """Changes at which chatter begins; infinite if nothing that was tried makes the loop chatter.
 
     Attributes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,8 @@ _NOTHING = 1e-9
 _REAL = 0.35
 
 
-class Margins(NamedTuple):
+@dataclass(frozen=True)
+class Margins:
     """Margins of a loop; NaN for a frequency that does not exist.
 
     Attributes:
@@ -44,7 +46,7 @@ class Margins(NamedTuple):
 
 
 # Margins of a loop of which nothing is known.
-UNKNOWN = Margins(*[np.nan] * len(Margins._fields))
+UNKNOWN = Margins(*[np.nan] * len(fields(Margins)))
 
 
 class LoopGain(NamedTuple):

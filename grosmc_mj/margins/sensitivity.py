@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -148,16 +148,16 @@ class Sensitivity:
         return self.realizations.mean(axis=0)
 
     @property
-    def own(self) -> NDArray[np.complex128]:
+    def at_place(self) -> NDArray[np.complex128]:
         """S of each realization at the place itself, (realizations, lines)."""
         return self.realizations[:, :, self.index]
 
     @property
     def deviation(self) -> Array:
         """Standard deviation of one realization over |S|, (lines,): noise and distortion."""
-        if len(self.own) < 2:
-            return np.zeros(self.own.shape[1])
-        return np.std(self.own, axis=0, ddof=1) / np.abs(self.own.mean(axis=0))
+        if len(self.at_place) < 2:
+            return np.zeros(self.at_place.shape[1])
+        return np.std(self.at_place, axis=0, ddof=1) / np.abs(self.at_place.mean(axis=0))
 
     @property
     def counting(self) -> NDArray[np.bool_]:
@@ -172,15 +172,18 @@ class Sensitivity:
     @property
     def margins(self) -> Margins:
         """Margins by the mean of the realizations; NaN if it is not usable."""
-        return self._margins(self.own)
+        return self._margins(self.at_place)
 
     @property
     def errors(self) -> Margins:
         """Standard errors of the margins, by the jackknife over the realizations."""
-        count = len(self.own)
+        count = len(self.at_place)
         if count < 2:
             return UNKNOWN
-        without_one = [self._margins(np.delete(self.own, i, axis=0)) for i in range(count)]
+        without_one = []
+        for i in range(count):
+            margins = self._margins(np.delete(self.at_place, i, axis=0))
+            without_one.append(astuple(margins))
         with np.errstate(invalid="ignore"):
             spread = np.var(without_one, axis=0)
         return Margins(*np.sqrt((count - 1) * spread).tolist())
@@ -201,8 +204,8 @@ class Sensitivity:
     def doubt(self) -> str:
         """Reason why the margins cannot be trusted; empty if they can."""
         if self.ended:
-            return f"{self.ended} of {self.ended + len(self.own)} runs {LEAVES}"
-        if np.all(np.abs(self.own - 1) < _NOTHING):
+            return f"{self.ended} of {self.ended + len(self.at_place)} runs {LEAVES}"
+        if np.all(np.abs(self.at_place - 1) < _NOTHING):
             return "the law does not use it"
         if not self.usable:
             return "the response differs from run to run at nearly all frequencies"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
@@ -16,7 +15,8 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.sweep.runs import Row, run_rows
 
 
-class TaskMargin(NamedTuple):
+@dataclass(frozen=True)
+class TaskMargin:
     """Largest change of a loop with which a task is kept under one condition.
 
     Attributes:

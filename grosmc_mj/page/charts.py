@@ -1,12 +1,11 @@
-"""Charts of the page as Plotly's data: curves of cases, and the charts of results."""
+"""Charts of results as figures of the page."""
 
 from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from grosmc_mj.page.reading import Curve, CurvePanel, Curves, Line, Window
 from grosmc_mj.results.palette import (
     BLUE,
     CELLS,
@@ -15,18 +14,46 @@ from grosmc_mj.results.palette import (
     GREEN,
     KEPT,
     OTHERS,
-    PLANTS,
     VERMILION,
+    label_of,
 )
 from grosmc_mj.results.result import CellChart, Chart, GridChart, LineChart, Series
 
-# Plotly's figure: data, and layout with its height.
-Figure = dict[str, Any]
 # An object of Plotly's: a trace, a shape or an axis.
 Item = dict[str, Any]
 
+
+class Entry(NamedTuple):
+    """Entry of a legend.
+
+    Attributes:
+        name: Name of the entry.
+        colour: Colour of its sign; ``INK`` for that of the text.
+        sign: ``line``, ``dash``, ``dot``, ``area``, or a symbol.
+    """
+
+    name: str
+    colour: str
+    sign: str = "line"
+
+
+class Figure(NamedTuple):
+    """Plotly's figure, and the legend that the page shows above it.
+
+    Attributes:
+        data: Traces.
+        layout: Layout with its height.
+        legend: Entries of the legend.
+    """
+
+    data: list[Item]
+    layout: Item
+    legend: list[Entry]
+
+
+# The page puts the colour of its text in place of this word.
+INK = "ink"
 _GREY = "#888888"
-_DASHES = {"physics": "solid", "corrected": "dash", "printed": "dot"}
 _SHADES = (BLUE, VERMILION, GREEN, *OTHERS)
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "triangle-down")
 # Colours of cells: kept, kept in part, and not kept.
@@ -44,41 +71,48 @@ def chart_figure(chart: Chart) -> Figure:
     return _grid(chart)
 
 
-def _figure(
+def figure_of(
     data: Sequence[Item],
     height: int,
-    *,
-    legend: bool = True,
+    legend: Sequence[Entry] = (),
     **layout: Any,
 ) -> Figure:
+    """Return a figure from Plotly's traces and options of its layout.
+
+    Args:
+        data: The traces.
+        height: Height of the figure [pixel].
+        legend: Entries of the legend above the figure.
+        layout: Further options.
+    """
     defaults = {
         "height": height,
-        "showlegend": legend,
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        "margin": {"l": 64, "r": 12, "t": 40, "b": 48},
+        "showlegend": False,
+        "margin": {"l": 56, "r": 12, "t": 8, "b": 44},
     }
-    return {"data": list(data), "layout": defaults | layout}
+    return Figure(list(data), defaults | layout, list(legend))
 
 
-def _axis(title: str, **options: Any) -> Item:
-    return {"title": {"text": _plain(title)}, "automargin": True, **options}
+def axis_of(title: str, **options: Any) -> Item:
+    """Return an axis with a title."""
+    return {"title": {"text": plain_text(title), "standoff": 6}, "automargin": True, **options}
 
 
-def _plain(text: str | None) -> str:
+def plain_text(text: str | None) -> str:
     """Escape the tags that Plotly would read in a text."""
     return html.escape(text or "", quote=False)
 
 
 def _plain_rows(rows: Sequence[Sequence[str | None]]) -> list[list[str]]:
-    return [[_plain(text) for text in row] for row in rows]
+    return [[plain_text(text) for text in row] for row in rows]
 
 
 def _cells(chart: CellChart) -> Figure:
     """Return the figure of coloured cells."""
     heat_map = {
         "type": "heatmap",
-        "x": [_plain(name) for name in chart.columns],
-        "y": [_plain(name) for name in chart.rows],
+        "x": [plain_text(name) for name in chart.columns],
+        "y": [plain_text(name) for name in chart.rows],
         "z": chart.values,
         "zmin": -chart.most,
         "zmax": chart.most,
@@ -92,10 +126,9 @@ def _cells(chart: CellChart) -> Figure:
         "ygap": 2,
         "hovertemplate": "%{y}, %{x}: %{text}<br>%{customdata}<extra></extra>",
     }
-    return _figure(
+    return figure_of(
         [heat_map],
         134 + 30 * len(chart.rows),
-        legend=False,
         xaxis={"side": "top", "type": "category", "tickangle": -35, "automargin": True},
         yaxis={"autorange": "reversed", "type": "category", "automargin": True},
         margin={"l": 110, "r": 20, "t": 90, "b": 8},
@@ -117,13 +150,16 @@ def _lines(chart: LineChart) -> Figure:
     y_options: Item = {"type": y_axis, "exponentformat": "power"}
     if chart.equal:
         y_options["scaleanchor"] = "x"
-    return _figure(
+    legend: list[Entry] = []
+    if len(chart.lines) > 1:
+        legend = [_series_entry(series, number) for number, series in enumerate(chart.lines)]
+    return figure_of(
         traces,
-        380,
-        legend=len(chart.lines) > 1,
+        340,
+        legend,
         shapes=shapes,
-        xaxis=_axis(chart.titles[0], type=x_axis),
-        yaxis=_axis(chart.titles[1], **y_options),
+        xaxis=axis_of(chart.titles[0], type=x_axis),
+        yaxis=axis_of(chart.titles[1], **y_options),
     )
 
 
@@ -140,9 +176,15 @@ def _axis_type(values: Iterable[float | str | None]) -> str:
     return "linear"
 
 
-def _series(series: Series, number: int, x_axis: str) -> Item:
-    """Return the trace of a series; ``number`` chooses its colour and its symbol."""
+def _series_entry(series: Series, number: int) -> Entry:
+    """Return the entry of a series; ``number`` chooses its colour and its symbol."""
     colour = COLOURS.get(series.name, _SHADES[number % len(_SHADES)])
+    return Entry(label_of(series.name), colour, _SYMBOLS[number % len(_SYMBOLS)])
+
+
+def _series(series: Series, number: int, x_axis: str) -> Item:
+    """Return the trace of a series; its colour and its symbol are those of its entry."""
+    name, colour, symbol = _series_entry(series, number)
     line = {"color": colour}
     marker: Item = {"size": 8 if series.joined else 5}
     if series.good:
@@ -151,16 +193,16 @@ def _series(series: Series, number: int, x_axis: str) -> Item:
         marker["symbol"] = [_symbol(good) for good in series.good]
     else:
         marker["color"] = colour
-        marker["symbol"] = _SYMBOLS[number % len(_SYMBOLS)]
+        marker["symbol"] = symbol
 
     joined = series.joined and x_axis != "category"
     return {
         "type": "scatter",
-        "name": _plain(series.name),
+        "name": plain_text(name),
         "y": series.y,
-        "x": [_plain(x) if isinstance(x, str) else x for x in series.x],
+        "x": [plain_text(x) if isinstance(x, str) else x for x in series.x],
         "mode": "lines+markers" if joined else "markers",
-        "text": [_plain(text) for text in series.texts] or None,
+        "text": [plain_text(text) for text in series.texts] or None,
         "line": line,
         "marker": marker,
         "hovertemplate": "%{y:.4g} at %{x} %{text}<extra></extra>",
@@ -202,209 +244,10 @@ def _grid(chart: GridChart) -> Figure:
         "colorscale": bands or None,
         "hovertemplate": "%{x:.4g}, %{y:.4g}<extra></extra>",
     }
-    # Plotly has no legend for a heat map: traces without points stand in it.
-    keys = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": [None],
-            "y": [None],
-            "name": _plain(entry.name),
-            "marker": {"color": entry.colour, "symbol": "square", "size": 12},
-        }
-        for entry in chart.legend
-    ]
-    return _figure([heat_map, *keys], 460, xaxis=_axis(x_title), yaxis=_axis(y_title))
+    legend = [Entry(entry.name, entry.colour, "area") for entry in chart.legend]
+    return figure_of([heat_map], 420, legend, xaxis=axis_of(x_title), yaxis=axis_of(y_title))
 
 
 def _middles(end: float, count: int) -> list[float]:
     """Return the middles of so many cells from -end to end."""
     return [end * ((2 * i + 1) / count - 1) for i in range(count)]
-
-
-def curves_figure(curves: Curves) -> Figure:
-    """Return the figure of a case: its panels over one time; the last shape is the cursor."""
-    data: list[Item] = []
-    annotations: list[Item] = []
-    y_axes: dict[str, Any] = {}
-    shapes = [_shaded(window) for window in curves.disturbances]
-
-    count = max(1, len(curves.panels))
-    in_legend: set[str] = set()
-    for index, panel in enumerate(curves.panels):
-        number = str(index + 1) if index else ""
-        top = 1 - index / count - 0.11 / count
-        domain = [max(0.0, top - 0.8 / count), top]
-        y_axes[f"yaxis{number}"] = {"domain": domain, "automargin": True}
-        annotations.append(_panel_title(panel, top))
-        data += _panel(panel, f"y{number}", curves, in_legend)
-        if panel.play:
-            shapes.append(_play(panel.play, f"y{number}"))
-
-    shapes.append(
-        {
-            "type": "line",
-            "xref": "x",
-            "yref": "paper",
-            "x0": 0,
-            "x1": 0,
-            "y0": 0,
-            "y1": 1,
-            "line": {"color": "#b0006d", "width": 1.5},
-        }
-    )
-    lowest = f"y{count}" if count > 1 else "y"
-    return _figure(
-        data,
-        150 * count + 90,
-        shapes=shapes,
-        xaxis=_axis("time t [s]", range=[0, curves.duration], anchor=lowest),
-        annotations=annotations,
-        **y_axes,
-    )
-
-
-def _shaded(window: Window) -> Item:
-    """Return the shape that shades the time of a disturbance."""
-    return {
-        "type": "rect",
-        "xref": "x",
-        "yref": "paper",
-        "x0": window.start,
-        "x1": window.stop,
-        "y0": 0,
-        "y1": 1,
-        "fillcolor": GREEN,
-        "opacity": 0.16,
-        "line": {"width": 0},
-        "layer": "below",
-        "label": {"text": _plain(window.label), "textposition": "bottom left"},
-    }
-
-
-def _play(play: float, y_axis: str) -> Item:
-    """Return the shape that shades a gear's backlash."""
-    return {
-        "type": "rect",
-        "xref": "paper",
-        "yref": y_axis,
-        "x0": 0,
-        "x1": 1,
-        "opacity": 0.2,
-        "y0": -play / 2,
-        "y1": play / 2,
-        "fillcolor": _GREY,
-    }
-
-
-def _panel_title(panel: CurvePanel, top: float) -> Item:
-    return {
-        "text": _plain(panel.label),
-        "x": 0,
-        "xref": "paper",
-        "y": top,
-        "yref": "paper",
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "showarrow": False,
-    }
-
-
-def _panel(
-    panel: CurvePanel,
-    y_axis: str,
-    curves: Curves,
-    in_legend: set[str],
-) -> list[Item]:
-    """Return the traces of a panel.
-
-    Args:
-        panel: The panel.
-        y_axis: Plotly's name of its axis.
-        curves: The case, which has the styles of the laws.
-        in_legend: Groups that the legend has already; those of this panel are added.
-    """
-    traces: list[Item] = []
-    for curve in panel.curves:
-        traces += _curve(curve, y_axis, curves, in_legend)
-    if panel.reference is not None:
-        traces.append(_line("reference", panel.reference, _GREY, "dot", y_axis, in_legend))
-    for limit in panel.limits:
-        name = _plain(limit.words)
-        traces.append(_line(name, limit, VERMILION, "longdash", y_axis, in_legend))
-    return traces
-
-
-def _curve(
-    curve: Curve,
-    y_axis: str,
-    curves: Curves,
-    in_legend: set[str],
-) -> list[Item]:
-    """Return the trace of a curve, after that of its range if it has one."""
-    style = curves.laws.get(curve.law)
-    colour = style.colour if style else _GREY
-    law = style.label if style else curve.law
-    plant = PLANTS.get(curve.plant, curve.plant)
-    label = _plain(", ".join(filter(None, (law, plant, curve.name))))
-    group = f"{curve.law} {curve.plant} {curve.name}"
-    shared = {
-        "type": "scatter",
-        "mode": "lines",
-        "yaxis": y_axis,
-        "name": label,
-        "legendgroup": group,
-    }
-
-    traces: list[Item] = []
-    if curve.range is not None:
-        low, high = curve.range
-        band = {
-            **shared,
-            "x": [*curve.t, *reversed(curve.t)],
-            "y": [*high, *reversed(low)],
-            "fill": "toself",
-            "fillcolor": colour + "40",
-            "line": {"width": 0},
-            "hoverinfo": "skip",
-            "showlegend": False,
-        }
-        traces.append(band)
-
-    dash = "dot" if curve.name == "seen" else _DASHES.get(curve.plant, "solid")
-    width = 2.6 if curve.plant == "physics" else 1.4
-    trace = {
-        **shared,
-        "x": curve.t,
-        "y": curve.y,
-        "showlegend": group not in in_legend,
-        "line": {"color": colour, "width": width, "dash": dash},
-        "hovertemplate": f"%{{y:.4g}} at %{{x:.3f}} s<extra>{label}</extra>",
-    }
-    traces.append(trace)
-    in_legend.add(group)
-    return traces
-
-
-def _line(
-    name: str,
-    line: Line,
-    colour: str,
-    dash: str,
-    y_axis: str,
-    in_legend: set[str],
-) -> Item:
-    """Return the trace of a reference or of a limit."""
-    trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "yaxis": y_axis,
-        "x": line.t,
-        "y": line.y,
-        "name": name,
-        "legendgroup": name,
-        "showlegend": name not in in_legend,
-        "line": {"color": colour, "width": 1.3, "dash": dash},
-    }
-    in_legend.add(name)
-    return trace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -13,57 +13,13 @@ from pydantic import Field, ValidationError
 
 from grosmc_mj.errors import ArgumentError, one_line
 from grosmc_mj.refusals import Place, line_of
-from grosmc_mj.results.result import Number, Part, Provenance, Result, Text
+from grosmc_mj.results.result import Part, Provenance, Result, Text
 
-# Kinds of results that have claims of the chapter.
-_WITH_CLAIMS = ("claims", "validation")
 # Largest size of a document, and of all documents of a page [byte].
 _LARGEST_DOCUMENT = 40 * 2**20
 _LARGEST_PAGE = 200 * 2**20
 # Largest number of letters of the reason why a file cannot be read.
 _LONGEST_REASON = 160
-
-
-class Measured(Part):
-    """Value of a claim on one plant."""
-
-    value: Number = None
-    note: Text = ""
-    verdict: Text
-
-
-class Expected(Part):
-    """Expected verdicts of a claim, by plant."""
-
-    verdicts: dict[str, Text] = Field(default={})
-    reason: Text = ""
-
-
-class Claim(Part):
-    """A claim of the chapter with its measurements."""
-
-    id: Text
-    system: Text
-    source: Text = ""
-    statement: Text
-    equation: Text = ""
-    criterion: Text = ""
-    sense: Text = "at most"
-    threshold: Number = None
-    unit: Text = "1"
-    why: Text = ""
-    cause: Text = ""
-    verdict: Text
-    because: Text = ""
-    untested: Text = ""
-    plants: dict[str, Measured] = Field(default={})
-    expected: Expected = Expected()
-
-
-class ClaimsResult(Result):
-    """A result with claims of the chapter."""
-
-    claims: Sequence[Claim] = ()
 
 
 class Line(Part):
@@ -107,9 +63,8 @@ class Window(Part):
 
 
 class LawStyle(Part):
-    """Name and colour of a law in charts."""
+    """Colour of a law in charts."""
 
-    label: Text
     colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
@@ -171,11 +126,12 @@ class Document(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Kind of result; ``curves`` and ``film`` for the documents that are not results."""
-        content = self.content
-        if isinstance(content, Result):
-            return content.kind
-        return type(content).__name__.lower()
+        """Kind of document: that of its result, ``curves`` or ``film``."""
+        return self.content.kind
+
+
+# Classes of the documents that are no results.
+_MODELS: Mapping[str, type[Curves | Film]] = {"curves": Curves, "film": Film}
 
 
 class Results(NamedTuple):
@@ -244,7 +200,7 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 def _document(file: Path) -> Document | None:
-    """Read a document; None for a file of another program, or one that the page does not show.
+    """Read a document; None for a file of another program.
 
     Raises:
         ValueError: If a document of this package cannot be read.
@@ -252,30 +208,17 @@ def _document(file: Path) -> Document | None:
     if file.stat().st_size > _LARGEST_DOCUMENT:
         raise ValueError(f"is larger than {_LARGEST_DOCUMENT >> 20} MB")
     text = file.read_bytes()
-    model = _model_of(json.loads(text))
-    if model is None:
+    content = json.loads(text)
+    if not isinstance(content, dict) or not {"kind", "schema_version"} <= content.keys():
         return None
+
+    model = _MODELS.get(str(content["kind"]), Result)
     return Document(
         path=file,
         content=model.model_validate_json(text),
         sha256=hashlib.sha256(text).hexdigest(),
         modified=file.stat().st_mtime,
     )
-
-
-def _model_of(content: Any) -> type[Result | Curves | Film] | None:
-    """Return the class of a document's content by the keys that it has."""
-    if not isinstance(content, dict) or "schema_version" not in content:
-        return None
-    if "panels" in content and "laws" in content:
-        return Curves
-    if "drawn_from" in content and "sha256" in content:
-        return Film
-    if "answers" not in content:
-        return None
-    if content.get("kind") in _WITH_CLAIMS:
-        return ClaimsResult
-    return Result
 
 
 def _reason(error: Exception) -> str:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.requirements.signals import SLIDING, named_units, signals_of
 from grosmc_mj.requirements.temporal_text import Specification, read_formula, signals_in
@@ -20,13 +20,16 @@ from grosmc_mj.simulation.trajectory import Trajectory
 
 @dataclass(frozen=True, kw_only=True)
 class Always(Requirement):
-    """A formula holds at each instant from ``after`` on after which the run is long enough for it.
+    """A formula holds at each instant from ``after`` on.
+
+    An instant counts if the run is long enough for what the formula asks after it.
 
     The number is the smallest constant that something is compared with; the measured value is the
     number less the least margin. So ``abs(error) < 20 mrad`` measures the largest error.
 
     Attributes:
         specification: The formula.
+        until: Last instant at which it must hold [s].
     """
 
     key = "always"
@@ -36,6 +39,7 @@ class Always(Requirement):
     recorded = True
 
     specification: Specification
+    until: float = math.inf
 
     @classmethod
     def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
@@ -52,45 +56,63 @@ class Always(Requirement):
             raise ArgumentError(f"no law that it is asked of has a surface, and so {SLIDING!r}")
 
     @classmethod
-    def read(cls, text: str, law: Controller, sliding_unit: str, wait: float) -> Specification:
-        """Read a formula.
+    def options_in(
+        cls,
+        written: Mapping[str, Any],
+        units: Mapping[str, str],
+        duration: float,
+    ) -> dict[str, Any]:
+        """Return the attributes that a table of a file gives.
+
+        Args:
+            written: Values of the table by key.
+            units: Units of the signals by name.
+            duration: Duration of a run [s].
+
+        Raises:
+            ArgumentError: If the formula cannot be read, or asks for a longer run.
+        """
+        after = written["after"]
+        return {**cls.read(written[cls.key], units, duration - after), "after": after}
+
+    @classmethod
+    def read(cls, text: str, units: Mapping[str, str], wait: float) -> dict[str, Any]:
+        """Return the formula, its unit and its number.
 
         Args:
             text: The formula.
-            law: A law that it is asked of.
-            sliding_unit: Unit of s; empty where no law has it.
-            wait: Time between ``after`` and the end of a run [s].
+            units: Units of the signals by name.
+            wait: Time between the first instant and the end of a run [s].
 
         Raises:
             ArgumentError: If it cannot be read, or asks for a longer run.
         """
-        specification = read_formula(text, named_units(law, sliding_unit))
+        specification = read_formula(text, units)
         horizon = specification.formula.horizon
         if horizon > wait * (1 + 1e-12):
             raise ArgumentError(
                 f"it asks for {horizon:g} s after an instant; the run has {wait:g} s"
             )
-        return specification
+        return {
+            "specification": specification,
+            "unit": specification.unit,
+            "number": specification.number,
+        }
 
     def why_not_measured(self, law: Controller, known: Set[str]) -> str:
         """Name the signals of the formula that a log does not have."""
-        return missing_signals(sorted(self.watched), known)
+        return missing_signals(self.watched(law.designed.error), known)
 
     @property
     def metric(self) -> str:
         """Name of the number less the least margin."""
         return f"{self.words} {self.unit}"
 
-    @property
-    def watched(self) -> frozenset[str]:
-        """The signals of the formula."""
-        return self.specification.signals - {"t"}
+    def watched(self, error: Any) -> list[str]:
+        """Return the names of the signals in the formula."""
+        return sorted(self.specification.signals - {"t"})
 
-    def replayed(self, run: MeasuredRun) -> float:
-        """Return the measured value of a recorded run."""
-        return self.of_record(run.trajectory, run.controller)
-
-    def of_record(self, run: Trajectory, law: Controller) -> float:
+    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
         """Return the number less the least margin; infinite where a quotient is undefined."""
         formula = self.specification.formula
         period = float(run.time[1])
@@ -102,5 +124,7 @@ class Always(Requirement):
             return math.inf
 
         first = math.ceil(self.after / period * (1 - 1e-12))
-        last = len(margins) - round(formula.horizon / period)
-        return self.number - float(np.min(margins[first:last]))
+        end = len(margins) - round(formula.horizon / period)
+        if math.isfinite(self.until):
+            end = min(end, math.floor(self.until / period * (1 + 1e-12)) + 1)
+        return self.number - float(np.min(margins[first:end]))

@@ -36,6 +36,10 @@ class InputBelow(Requirement):
         """Name of the largest input."""
         return "max_input"
 
+    def watched(self, error: Any) -> list[str]:
+        """Return the names of the inputs."""
+        return [signal.name for signal in error.system.inputs]
+
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that the actuators give no more than is allowed."""
         largest = float(np.abs(input_limits).max())

@@ -31,8 +31,7 @@ class Requirement:
         key: Key of the kind in a file.
         quantity: The quantity whose unit the number has: ``output``, ``input``, ``sliding``, or
             the unit itself; empty for a kind that is asked for with ``true``.
-        options: Further keys of a file that the kind reads: ``state``, ``after``, ``band``,
-            ``periodic``.
+        options: Further keys of a file that the kind reads, such as ``state`` and ``after``.
         needs_band: Whether it has no default for ``band``.
         figure: The quantity in whose figure it is shown; empty for none.
         is_level: Whether it is a line in that figure.
@@ -175,6 +174,16 @@ class Requirement:
         after = (self.after,) if self.after else ()
         return Windows(after=after, signals=signals)
 
+    def watched(self, error: Any) -> list[str]:
+        """Return the names of the signals that it is about, see ``signals``.
+
+        Args:
+            error: Error coordinates of the law.
+        """
+        if not self.signal:
+            return [f"{error.names[row]} error" for row in error.output_rows]
+        return [f"{self.signal} error" if self.signal in error.names else self.signal]
+
     @property
     def title(self) -> str:
         """The kind in words, behind the state or output that it is about."""
@@ -212,13 +221,21 @@ class Requirement:
 
     def replayed(self, run: MeasuredRun) -> float:
         """Return the limited metric of a recorded run; infinite where it is not defined."""
+        if self.recorded:
+            return self.of_record(run.trajectory, run.controller, run.input_limits)
         metrics = metrics_of_record(
             run.trajectory, run.controller, run.comparison, run.onset, self.windows
         )
         return metrics[self.metric]
 
-    def of_record(self, run: Trajectory, law: Controller) -> float:
-        """Return the limited metric of a recorded run of a kind that is ``recorded``."""
+    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+        """Return the limited metric of a recorded run of a kind that is ``recorded``.
+
+        Args:
+            run: The run.
+            law: Its law.
+            input_limits: Least and largest of each input, (2, m).
+        """
         raise NotImplementedError
 
     def of_optimum(self, run: MeasuredRun) -> Metric | None:

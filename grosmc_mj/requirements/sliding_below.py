@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from grosmc_mj.requirements.requirement import SurfaceRequirement
+from grosmc_mj.requirements.signals import sliding_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,3 +21,7 @@ class SlidingBelow(SurfaceRequirement):
     def metric(self) -> str:
         """Name of the largest |s|."""
         return "max_sliding"
+
+    def watched(self, error: Any) -> list[str]:
+        """Return the names of the sliding variables."""
+        return sliding_names(error.inputs)

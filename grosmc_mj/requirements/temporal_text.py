@@ -1,22 +1,24 @@
-"""Text of temporal formulas: logic by its words, comparisons by ``expressions``."""
+"""Text of temporal formulas, read by the strength of its operators and never executed."""
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.requirements.expressions import (
     FUNCTIONS,
+    Applied,
     Expression,
     Number,
     SignalValue,
-    Unit,
-    comparisons_in,
-    unit_pattern,
+    applied,
+    combined,
+    common_unit,
 )
 from grosmc_mj.requirements.temporal import (
     Always,
@@ -28,11 +30,27 @@ from grosmc_mj.requirements.temporal import (
     Or,
     Until,
 )
+from grosmc_mj.units import Unit, unit_pattern
 
 _LONGEST = 1000
 _DEEPEST = 40
 _WORDS = ("always", "eventually", "until", "not", "and", "or", "implies")
 _COMPARED = ("<", "<=", ">", ">=")
+# How strongly operators between two parts bind, and ``not``, ``always`` and ``eventually``, and a
+# sign before one.
+_STRENGTHS = {
+    "implies": 1,
+    "or": 2,
+    "and": 3,
+    "until": 4,
+    **dict.fromkeys(_COMPARED, 6),
+    "+": 7,
+    "-": 7,
+    "*": 8,
+    "/": 8,
+}
+_OF_WORD = 5
+_OF_SIGN = 9
 
 
 class Specification(NamedTuple):
@@ -53,7 +71,7 @@ class Specification(NamedTuple):
 
 
 class _Token(NamedTuple):
-    """A word, a sign, or a quantity with the name that it has for Python's grammar."""
+    """A word, a sign or a quantity."""
 
     text: str
     quantity: Expression | None = None
@@ -73,7 +91,7 @@ def read_formula(text: str, units: Mapping[str, str]) -> Specification:
     """
     try:
         reader = _Reader(_tokens(text, units))
-        formula = reader.implication()
+        formula = _formula(reader.part())
         reader.require_end()
         return _with_scales(formula, units)
     except ArgumentError as error:
@@ -108,37 +126,44 @@ def _tokens(text: str, units: Mapping[str, str]) -> list[_Token]:
                 f"has {value_text(unknown)}, may have {', '.join(units)}, {', '.join(_WORDS)}, "
                 f"{', '.join(FUNCTIONS)} and numbers with units"
             )
-        tokens.append(_token(match, units, f"q{len(tokens)}"))
+        tokens.append(_token(match, units))
         place = match.end()
     return tokens
 
 
-def _token(match: re.Match[str], units: Mapping[str, str], name: str) -> _Token:
-    """Return the token of a match, with a name for Python's grammar if it is a quantity."""
+def _token(match: re.Match[str], units: Mapping[str, str]) -> _Token:
+    """Return the token of a match."""
+    text = match[0].strip()
     if match["number"]:
-        return _Token(name, Number.of(float(match["number"]), match["unit"] or ""))
+        return _Token(text, Number.of(float(match["number"]), match["unit"] or ""))
     if match["name"] in units:
-        return _Token(name, SignalValue(Unit.of(units[match["name"]]), match["name"]))
-    return _Token(match["name"] or match["sign"])
+        return _Token(text, SignalValue(Unit.of(units[match["name"]]), match["name"]))
+    return _Token(text)
 
 
 class _Reader:
-    """Reader of formulas by recursive descent: ``implies`` binds least, then ``or`` and ``and``."""
+    """Reader of formulas and of the quantities in them."""
 
     def __init__(self, tokens: Sequence[_Token]) -> None:
-        self._tokens = tokens
+        self._tokens = [*tokens, _Token("")]
         self._place = 0
         self._depth = 0
 
+    @property
     def _next(self) -> str:
-        """Return the next token, empty at the end."""
-        if self._place == len(self._tokens):
-            return ""
+        """The next token, empty at the end."""
         return self._tokens[self._place].text
+
+    def _take(self) -> _Token:
+        """Return the next token, and go on behind it."""
+        token = self._tokens[self._place]
+        if token.text:
+            self._place += 1
+        return token
 
     def _takes(self, text: str) -> bool:
         """Whether the next token is this one, which is taken then."""
-        taken = self._next() == text
+        taken = self._next == text
         self._place += taken
         return taken
 
@@ -149,63 +174,83 @@ class _Reader:
 
     def require_end(self) -> None:
         """Refuse further tokens."""
-        if self._next():
-            raise ArgumentError(f"has {self._next()!r} after a whole formula")
+        if self._next:
+            raise ArgumentError(f"has {self._next!r} after a whole formula")
 
-    def implication(self) -> Formula:
-        """Read ``p implies q``, which is not p or q."""
-        left = self._alternatives()
-        if self._takes("implies"):
-            return Or(Not(left), self.implication())
-        return left
-
-    def _alternatives(self) -> Formula:
-        """Read formulas with ``or`` between them."""
-        formula = self._conjunction()
-        while self._takes("or"):
-            formula = Or(formula, self._conjunction())
-        return formula
-
-    def _conjunction(self) -> Formula:
-        """Read formulas with ``and`` between them."""
-        formula = self._until()
-        while self._takes("and"):
-            formula = And(formula, self._until())
-        return formula
-
-    def _until(self) -> Formula:
-        """Read ``p until q``."""
-        before = self._unary()
-        if not self._takes("until"):
-            return before
-        interval = self._interval()
-        return Until(self._unary(), *interval, before=before)
-
-    def _unary(self) -> Formula:
-        """Read what ``not``, ``always`` or ``eventually`` stands before, or a comparison."""
+    def part(self, strength: int = 0) -> Formula | Expression:
+        """Read up to an operator that does not bind more strongly than ``strength``."""
         self._depth += 1
         if self._depth > _DEEPEST:
             raise ArgumentError(f"is nested more than {_DEEPEST} deep")
-        formula = self._operand()
-        self._depth -= 1
-        return formula
 
-    def _operand(self) -> Formula:
-        """Read a formula that no two-sided word divides."""
-        if self._takes("not"):
-            return Not(self._unary())
-        if self._takes("always"):
-            interval = self._interval()
-            return Always(self._unary(), *interval)
-        if self._takes("eventually"):
-            interval = self._interval()
-            return Eventually(self._unary(), *interval)
-        if self._opens_formula():
-            self._require("(")
-            formula = self.implication()
+        left = self._operand()
+        while _STRENGTHS.get(self._next, 0) > strength:
+            left = self._joined(left, self._take().text)
+        self._depth -= 1
+        return left
+
+    def _operand(self) -> Formula | Expression:
+        """Read a quantity, a bracket, or what stands behind a word or a sign."""
+        token = self._take()
+        if token.quantity is not None:
+            return token.quantity
+        if token.text == "(":
+            inner = self.part()
             self._require(")")
+            return inner
+        if token.text == "-":
+            quantity = _quantity(self.part(_OF_SIGN))
+            return Applied(quantity.unit, np.negative, (quantity,))
+        if token.text == "not":
+            return Not(_formula(self.part(_OF_WORD)))
+        if token.text == "always":
+            interval = self._interval()
+            return Always(_formula(self.part(_OF_WORD)), *interval)
+        if token.text == "eventually":
+            interval = self._interval()
+            return Eventually(_formula(self.part(_OF_WORD)), *interval)
+        if token.text in FUNCTIONS:
+            return applied(token.text, self._arguments())
+        found = repr(token.text) if token.text else "nothing"
+        raise ArgumentError(f"has {found} where a quantity must be")
+
+    def _arguments(self) -> list[Expression]:
+        """Read the arguments of a function in their brackets."""
+        self._require("(")
+        arguments = [_quantity(self.part())]
+        while self._takes(","):
+            arguments.append(_quantity(self.part()))
+        self._require(")")
+        return arguments
+
+    def _joined(self, left: Formula | Expression, operator: str) -> Formula | Expression:
+        """Read the part behind an operator, and join it with the part before it."""
+        strength = _STRENGTHS[operator]
+        if operator in _COMPARED:
+            return self._comparisons(_quantity(left), operator)
+        if operator == "until":
+            interval = self._interval()
+            return Until(_formula(self.part(strength)), *interval, before=_formula(left))
+        if operator == "implies":
+            # It is read from the right: p implies (q implies r).
+            return Or(Not(_formula(left)), _formula(self.part(strength - 1)))
+        right = self.part(strength)
+        if operator == "or":
+            return Or(_formula(left), _formula(right))
+        if operator == "and":
+            return And(_formula(left), _formula(right))
+        return combined(operator, _quantity(left), _quantity(right))
+
+    def _comparisons(self, left: Expression, sign: str) -> Formula:
+        """Read what is compared with a quantity; ``0 < x < 1`` has two comparisons."""
+        right = _quantity(self.part(_STRENGTHS[sign]))
+        common_unit("compares", left, right)
+        formula = Comparison(left, right)
+        if ">" in sign:
+            formula = Comparison(right, left)
+        if self._next not in _COMPARED:
             return formula
-        return self._comparison()
+        return And(formula, self._comparisons(right, self._take().text))
 
     def _interval(self) -> tuple[float, ...]:
         """Read ``[0 s, 5 s]``; nothing without one."""
@@ -221,48 +266,24 @@ class _Reader:
 
     def _time(self) -> float:
         """Read a time [s]."""
-        quantity = None
-        if self._place < len(self._tokens):
-            quantity = self._tokens[self._place].quantity
-        self._place += 1
+        quantity = self._take().quantity
         if isinstance(quantity, Number) and str(quantity.unit or "s") == "s":
             return quantity.value
         raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")
 
-    def _opens_formula(self) -> bool:
-        """Whether a bracket is next that has a formula in it, not arithmetic."""
-        depth = 0
-        for token in self._tokens[self._place :]:
-            depth += (token.text == "(") - (token.text == ")")
-            if depth <= 0:
-                return False
-            if token.text in _COMPARED or token.text in _WORDS:
-                return True
-        return False
 
-    def _comparison(self) -> Formula:
-        """Read comparisons, up to a word or a bracket of the formula around them."""
-        quantities = {}
-        source = []
-        depth = 0
-        while text := self._next():
-            depth += (text in "([") - (text in ")]")
-            if depth < 0 or (depth == 0 and text in _WORDS):
-                break
-            token = self._tokens[self._place]
-            if token.quantity is not None:
-                quantities[text] = token.quantity
-            source.append(text)
-            self._place += 1
+def _formula(part: Formula | Expression) -> Formula:
+    """Return a part that must be a formula."""
+    if isinstance(part, Formula):
+        return part
+    raise ArgumentError("has no comparison (<, <=, >, >=) where one must be")
 
-        formula = None
-        for sign, left, right in comparisons_in(" ".join(source), quantities):
-            if isinstance(sign, ast.Gt | ast.GtE):
-                left, right = right, left
-            compared = Comparison(left, right)
-            formula = compared if formula is None else And(formula, compared)
-        assert formula is not None
-        return formula
+
+def _quantity(part: Formula | Expression) -> Expression:
+    """Return a part that must be a quantity."""
+    if isinstance(part, Expression):
+        return part
+    raise ArgumentError("has a formula where a quantity must be")
 
 
 def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:

@@ -32,7 +32,7 @@ from grosmc_mj.results.palette import (
 from grosmc_mj.results.result import CellChart, GridChart, LineChart, Series
 
 # Width and height of a cell, and of a panel of curves or of a map; width of the rows' names [inch].
-_CELL = (0.66, 0.32)
+_CELL = (0.72, 0.32)
 _PANEL = (3.8, 3.1)
 _ROW_NAMES = 1.9
 # Letters in a line of a column's name.
@@ -96,7 +96,7 @@ def _draw_cells(panel: Axes, chart: CellChart, columns: int) -> None:
         for j, value in enumerate(row):
             if value is not None:
                 values[i, j] = value
-            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", fontsize=8)
+            panel.text(j, i, chart.texts[i][j] or "", ha="center", va="center", fontsize=7.5)
     panel.imshow(values, cmap=_CELL_COLOURS, vmin=-chart.most, vmax=chart.most, aspect="auto")
     panel.set_facecolor("#eeeeee")
 

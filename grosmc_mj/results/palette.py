@@ -36,6 +36,11 @@ LABELS = {
     "lqr": "LQR",
     "fl-lqr": "FL + LQR",
     "grosmc": "GROSMC",
+    "grosmc-implicit": "GROSMC, implicit",
+    "implicit": "GROSMC, implicit",
+    "sign": "GROSMC, sign",
+    "regulating-grosmc": "regulating GROSMC",
+    "adaptive": "adaptive control",
     "pd": "PD",
     "lqi": "LQI",
     "pid": "PID",
@@ -93,8 +98,9 @@ REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "z
 
 
 def label_of(controller: str) -> str:
-    """Return a law's name for people."""
-    return LABELS.get(controller, controller)
+    """Return a law's name for people, such as ``GROSMC, implicit`` for ``implicit``."""
+    name, comma, variant = controller.partition(", ")
+    return f"{LABELS.get(name, name)}{comma}{variant}"
 
 
 def colour_of(controller: str, others: int = 0) -> str:

@@ -78,7 +78,8 @@ class StudyVerdict(Part):
         case: The case, SYSTEM/CASE.
         law: Name of the law.
         breaks_at: First rung, plant or imperfection that it fails on; empty if it fails nowhere.
-        words: Deciding number with its limit, or how far the law goes.
+        words: Deciding requirement with its number, or how far the law goes.
+        share: Measured over allowed value of that requirement; None without a measurement.
         complete: False if an interrupted study may still find a failure.
         required: True if a requirement decides; else the run is compared with the record.
     """
@@ -87,6 +88,7 @@ class StudyVerdict(Part):
     law: Text
     breaks_at: Text = ""
     words: Text = ""
+    share: Number = None
     complete: bool = True
     required: bool = True
 
@@ -253,9 +255,10 @@ class ReportTable(Part):
 
 
 class Provenance(Part):
-    """Origin of a result.
+    """Kind and origin of a document.
 
     Attributes:
+        kind: Kind of document: ``curves``, ``film``, or that of a result such as ``ladder``.
         versions: Versions of the packages that its numbers depend on.
         git_revision: Revision of the checkout.
         machine: System, processor and cores of the machine.
@@ -264,6 +267,7 @@ class Provenance(Part):
         configuration: Configuration with all defaults.
     """
 
+    kind: Text
     versions: dict[str, Text] = {}
     git_revision: Text | None = None
     machine: Text | None = None
@@ -276,7 +280,6 @@ class Result(Provenance):
     """Fields of a result that the page and ``diff`` read; its other fields are for programs.
 
     Attributes:
-        kind: Kind of result, such as ``run`` or ``ladder``.
         complete: False if an interruption left out a part.
         answers: Answers on the page's first screen.
         standings: Verdicts on the laws in their cases.
@@ -284,7 +287,6 @@ class Result(Provenance):
         values: Values that ``diff`` compares.
     """
 
-    kind: Text
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()

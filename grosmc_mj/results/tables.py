@@ -44,6 +44,7 @@ class Column(BaseModel):
         kind: Kind of its cells.
         width: Width in the terminal; None for as wide as the cells need.
         cut: Whether texts beyond the width are cut off; else they wrap.
+        detail: Whether a brief answer leaves the column out.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -51,10 +52,16 @@ class Column(BaseModel):
     kind: Kind = "words"
     width: int | None = None
     cut: bool = False
+    detail: bool = False
 
 
 def _columns(kind: Kind, headers: Iterable[str]) -> list[Column]:
     return [Column(header=header, kind=kind) for header in headers]
+
+
+def details(columns: Iterable[Column]) -> list[Column]:
+    """Return columns that a brief answer leaves out."""
+    return [column.model_copy(update={"detail": True}) for column in columns]
 
 
 def words(*headers: str) -> list[Column]:
@@ -146,6 +153,26 @@ class Table(BaseModel):
             group = row[0]
             rich_table.add_row(*cells, style=style)
         return rich_table
+
+    def brief(self, most: int) -> Table:
+        """Return the table for an answer: its first rows, without columns of details.
+
+        Args:
+            most: Largest number of rows; the legend says how many more there are.
+        """
+        shown = [i for i, column in enumerate(self.columns) if not column.detail]
+        more = len(self.rows) - most
+        legend = f"... and {more} more: --verbose has them" if more > 0 else self.legend
+        if len(shown) < len(self.columns) and more <= 0:
+            # The legend explains the whole table.
+            legend = ""
+        return self.model_copy(
+            update={
+                "columns": [self.columns[i] for i in shown],
+                "rows": [[row[i] for i in shown] for row in self.rows[:most]],
+                "legend": legend,
+            }
+        )
 
     def markdown(self) -> list[str]:
         """Return the lines of the table in Markdown, without title and legend."""

@@ -82,18 +82,18 @@ def with_other_numbers(machine: Experiment) -> Iterator[tuple[str, Experiment]]:
                 scale = factor**power
                 try:
                     changed = machine.changed({number.path: scale * number.value})
-                    _require_machine(changed)
+                    require_timestep(changed)
                 except GrosmcError:
                     continue
                 yield f"{number} times {scale:.2g}", changed
                 break
 
 
-def _require_machine(machine: Experiment) -> None:
-    """Refuse a machine that needs a shorter timestep.
+def require_timestep(machine: Experiment) -> None:
+    """Refuse a machine with a part that needs a shorter timestep.
 
     Raises:
-        GrosmcError: With the part that needs it.
+        ModelError: With the part.
     """
     plant = machine.plant(machine.nominal.truest)
     if isinstance(plant, MujocoPlant):

@@ -464,11 +464,6 @@ def _designed(law: StudiedLaw, rung: Rung, condition: Condition) -> tuple[Experi
     return bare, bare.with_settings(**law.sampled).law(rung.plant, law.base)
 
 
-def _built(bare: Experiment, rung: Rung) -> Experiment:
-    """Return the experiment with the parts of the machine on a rung."""
-    return bare.varied(edits=(*bare.edits, *rung.parts))
-
-
 def run_of(
     studied: Ladder,
     law: StudiedLaw,
@@ -484,7 +479,7 @@ def run_of(
     loop = None
     if rung.looped:
         loop = bare.loop_around(controller, rung.loop, predict=law.predict)
-    built = _built(bare, rung)
+    built = rung.built(bare)
     return run_on(built, rung.plant, controller, built.plant(rung.plant), loop)
 
 
@@ -519,7 +514,7 @@ def _run(
     rows = []
     for rung, draw in draws:
         if id(rung) not in plants:
-            plants[id(rung)] = _built(bare, rung).plant(rung.plant)
+            plants[id(rung)] = rung.built(bare).plant(rung.plant)
         case = bare
         if rung.looped:
             case = bare.varied(loop=rung.loop.draw(draw))

@@ -16,7 +16,7 @@ _VALUES = {"kept": -1.0, "partly": 0.0, "failed": 1.0}
 # Last words of the names of requirements, which a cell has no room for.
 _ENDINGS = (" within", " below")
 # Letters in a line of a cell.
-_LETTERS = 9
+_LETTERS = 11
 NOTE = (
     "Green: all requirements are kept. Orange: the named requirement is not. Yellow: kept in some "
     "draws of what is random, so many of so many. ?: an assumed number, at half or at twice its "

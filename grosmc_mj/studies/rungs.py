@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Computing, Loop
@@ -21,7 +23,12 @@ from grosmc_mj.machine import (
     Transmission,
     Wall,
 )
-from grosmc_mj.studies.assumed import AssumedNumber, assumed_numbers, with_other_numbers
+from grosmc_mj.studies.assumed import (
+    AssumedNumber,
+    assumed_numbers,
+    require_timestep,
+    with_other_numbers,
+)
 
 _COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
 # The numbers of each rung: tables of a case file, and the keys in them; None for all keys.
@@ -71,6 +78,15 @@ class Rung:
     def equals(self, other: Rung) -> bool:
         """Whether both have the same loop and the same parts."""
         return (self.loop, self.parts) == (other.loop, other.parts)
+
+    def built(self, machine: Experiment) -> Experiment:
+        """Return a machine with the parts of the rung alone.
+
+        Args:
+            machine: The machine; its own parts are taken off.
+        """
+        edits = [edit for edit in machine.edits if edit not in machine.parts]
+        return machine.varied(edits=(*edits, *self.parts))
 
     def document(self) -> dict[str, Any]:
         """Return it as plain values."""
@@ -141,7 +157,11 @@ def varied_rungs(machine: Experiment) -> dict[str, dict[str, Rung]]:
         rungs = {rung.name: rung for rung in rungs_of(other)[0]}
         for rung in climbing:
             changed = rungs.get(rung.name)
-            if changed is not None and not changed.equals(rung):
+            if changed is None or changed.equals(rung):
+                continue
+            # Teeth that bounce for half the time may need a shorter timestep.
+            with suppress(ModelError):
+                require_timestep(changed.built(machine))
                 varied[rung.name][change] = changed
     return varied
 

@@ -33,7 +33,7 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
-from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
+from grosmc_mj.sweep.confirmation import MarginConfirmation, drawn_at_random
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.search import Search
 
@@ -44,8 +44,6 @@ PER_OCTAVE = 4
 BEYOND = 2.0**5
 # Ratio of the smallest factor that fails to the largest that is kept, at which a search ends.
 RESOLUTION = 2.0**0.125
-# Share of the answers that are confirmed at random, though the equations are sure of them.
-_RANDOM = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -604,36 +602,41 @@ def _answer(searches: Sequence[ToleranceSearch], trials: Trials, *, local: bool 
 
 
 def _screened(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[ToleranceSearch, bool]:
-    """Confirm the least, some at random and all that are next to a limit, as ``_confirmed`` does.
+    """Confirm the least answer, some at random and all that are next to a limit.
 
-    Next to a limit is as near as the equations have been wrong, with a factor. If MuJoCo differs
-    once, it confirms all.
+    If MuJoCo differs on one that was not next to a limit, it confirms all.
+
+    Returns:
+        Whether MuJoCo agrees, of each search that it confirmed.
     """
-    chance = np.random.default_rng(len(searches)).random(len(searches)) < _RANDOM
-    chosen = [search for search, drawn in zip(searches, chance, strict=True) if drawn]
-    chosen.append(min(searches, key=lambda search: search.weakness))
+    count = len(searches)
+    margins = np.full((2, count), np.nan)
+    for i, search in enumerate(searches):
+        for j, end in enumerate(search.ends):
+            margins[j, i] = search.results[end].margin
+    checked = drawn_at_random(count)
+    checked[min(range(count), key=lambda i: searches[i].weakness)] = True
+    confirmation = MarginConfirmation(margins, np.zeros(count, bool), checked)
 
     agreed: dict[ToleranceSearch, bool] = {}
-    band = LEAST_BAND
-    while chosen:
+    while True:
+        rows = confirmation.rows()
+        if not len(rows):
+            return agreed
+        chosen = [searches[i] for i in rows]
         # Noted first: the results of a search that MuJoCo answers otherwise are replaced.
-        ours = [(search, end, search.results[end]) for search in chosen for end in search.ends]
-        agreed |= _confirmed(list(dict.fromkeys(chosen)), physics)
-        for search, end, outcome in ours:
-            theirs = physics.known[search.trial(end), outcome.number]
-            difference = abs(outcome.margin - theirs.margin)
-            if math.isfinite(difference):
-                band = max(band, FACTOR * difference)
+        ends = [
+            [(search.trial(end), search.results[end].number) for end in search.ends]
+            for search in chosen
+        ]
+        confirmed = _confirmed(chosen, physics)
+        agreed |= confirmed
 
-        chosen = [search for search in searches if search not in agreed]
-        if all(agreed.values()):
-            chosen = [search for search in chosen if _least_margin(search) <= band]
-    return agreed
-
-
-def _least_margin(search: ToleranceSearch) -> float:
-    """Distance from a limit at the nearer end of a search."""
-    return min(abs(search.results[end].margin) for end in search.ends)
+        by_physics = np.full((2, len(rows)), np.nan)
+        for i, runs in enumerate(ends):
+            by_physics[: len(runs), i] = [physics.known[run].margin for run in runs]
+        overturned = np.array([not confirmed[search] for search in chosen])
+        confirmation.note_margins(rows, overturned, by_physics)
 
 
 def _confirmed(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[ToleranceSearch, bool]:

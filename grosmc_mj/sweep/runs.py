@@ -15,6 +15,7 @@ from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
@@ -423,7 +424,8 @@ def _recorded_metrics(
         values = np.full(len(runs), np.inf)
         for i, run in enumerate(runs):
             if batch.status[i] is Status.COMPLETED:
-                values[i] = limit.of_record(batch[i], run.law)
+                limits_of_inputs = input_limits(run.plant, run.case)
+                values[i] = limit.of_record(batch[i], run.law, limits_of_inputs)
         metrics[limit.metric] = values
     return metrics
 

@@ -22,8 +22,8 @@ _BATCH = 64
 _SLOWEST = 0.02
 
 
-class FoundError(Exception):
-    """A share that is large enough was found."""
+class EnoughError(Exception):
+    """A share is large enough: the search need not go on."""
 
 
 @dataclass
@@ -35,6 +35,7 @@ class SignalSearch:
         responses: Function from signals, (k, N), to courses of the quantities, (k, M).
         size: Number of pieces N.
         enough: Share at which the search ends.
+        advance: Told how far it is.
         best: The worst signal so far, (N,).
         share: Its share.
         runs: Number of runs so far.
@@ -44,6 +45,7 @@ class SignalSearch:
     responses: Callable[[Array], Array]
     size: int
     enough: float = np.inf
+    advance: Callable[[str], object] = lambda _: None
     best: Array = field(init=False)
     share: float = -np.inf
     runs: int = 0
@@ -55,7 +57,7 @@ class SignalSearch:
         """Return the shares of signals (k, N), and keep the worst one.
 
         Raises:
-            FoundError: If one is large enough.
+            EnoughError: If one is large enough.
         """
         parts = []
         for first in range(0, len(signals), _BATCH):
@@ -68,8 +70,9 @@ class SignalSearch:
             if shares[worst] > self.share:
                 self.share = float(shares[worst])
                 self.best = some[worst].copy()
+            self.advance(f"{self.runs} runs, {self.share:.3g}")
             if self.share >= self.enough:
-                raise FoundError
+                raise EnoughError
         return np.concatenate(parts)
 
     def pulses(self) -> None:

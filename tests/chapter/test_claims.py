@@ -21,14 +21,14 @@ from rich.cells import cell_len
 from rich.console import Console
 from shipped import REGULATION, uncertainty_of
 
-from grosmc_mj import cli
+from grosmc_mj import cases, cli
 from grosmc_mj.chapter.claims import claim as claims
 from grosmc_mj.chapter.claims import story
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, PlantFinding, Verdict
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
 from grosmc_mj.chapter.claims.ledger import CLAIMS, Measurement
 from grosmc_mj.chapter.claims.measurements.arm import tracking
-from grosmc_mj.chapter.claims.measurements.theory import optimal_gain
+from grosmc_mj.chapter.claims.measurements.theory import optimum_of_rate
 from grosmc_mj.chapter.claims.results import claims_result, sweeps_result
 from grosmc_mj.chapter.claims.sweep import stored_flips, stored_sweeps, sweep
 from grosmc_mj.cli.commands import claims as claims_command
@@ -95,10 +95,9 @@ def test_every_claim_has_its_texts() -> None:
         assert claim.quote or claim.kind is not Kind.CLAIM
 
 
-def test_claims_are_judged_on_physics_but_for_two() -> None:
-    """No force makes the error of the one, and the other is algebra."""
+def test_claims_are_judged_on_physics_but_for_one_that_is_algebra() -> None:
     elsewhere = {claim.id for claim in CLAIMS if "physics" not in claim.plants}
-    assert elsewhere <= {"servo-unmatched", "proof-3"}
+    assert elsewhere == {"proof-3"}
 
 
 def test_a_claim_has_a_cause_unless_it_is_supported() -> None:
@@ -129,9 +128,20 @@ def test_the_story_of_a_claim_has_its_texts_within_the_width() -> None:
         assert too_wide(*tables) == []
 
 
-def test_there_are_a_hundred_claims() -> None:
-    assert len(CLAIMS) == 100
-    assert len(BY_ID) == 100
+def test_no_id_stands_twice() -> None:
+    assert len(BY_ID) == len(CLAIMS)
+
+
+QUESTIONS = [claim.id for claim in CLAIMS if claim.kind is Kind.QUESTION]
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_question_of_this_project_is_used_by_a_page_or_a_machine(name: str) -> None:
+    """A finding names the questions that it rests on; the ladder asks those of its machines."""
+    pages = [page for page in PAGE.parent.glob("*.md") if page != PAGE]
+    machines = Path(cases.__file__).parent.glob("*/machine.toml")
+    texts = " ".join(file.read_text(encoding="utf-8") for file in (*pages, *machines))
+    assert re.search(rf"(?<![\w-]){name}(?![\w-])", texts)
 
 
 def test_no_claim_of_the_chapter_but_theorem_3_has_a_gain_of_this_project() -> None:
@@ -187,38 +197,31 @@ def test_the_stored_sweeps_are_those_of_the_claims_choices() -> None:
 # Measurements
 
 
-@pytest.mark.parametrize(("state", "amplitude"), [(0, 1.0), (1, math.pi)])
-def test_errors_of_the_arm_are_shares_of_their_own_reference(state: int, amplitude: float) -> None:
-    """y_r = sin(pi t) is 1 rad large, its rate pi rad/s: the state less its error."""
+def test_errors_of_the_arm_are_shares_of_their_own_reference() -> None:
+    """y_r = sin(pi t) is 1 rad large: the state less its error."""
     result = LAB.case("arm", "case1", "corrected", "grosmc")
     comparison = result.comparison
-    error = comparison.z[:, state]
-    reference = result.trajectory.state[:, state] - error
+    error = comparison.z[:, 0]
+    reference = result.trajectory.state[:, 0] - error
     size = np.abs(reference[comparison.time > 3.5]).max()
-    assert size == pytest.approx(amplitude, rel=1e-4)
+    assert size == pytest.approx(1.0, rel=1e-4)
 
-    optimal = np.abs(comparison.optimal[:, state])
+    optimal = np.abs(comparison.optimal[:, 0])
     arrived = np.flatnonzero(optimal > 2e-3 * size)[-1] + 1
     share = error[arrived:] / size
-    peak = tracking(LAB, "corrected", state=state, statistic="peak", arrived=0.2)
+    peak = tracking(LAB, "corrected", statistic="peak", arrived=0.2)
     assert peak.value == pytest.approx(100 * np.abs(share).max(), rel=1e-3)
-    rms = tracking(LAB, "corrected", state=state, statistic="RMS", arrived=0.2)
+    rms = tracking(LAB, "corrected", statistic="RMS", arrived=0.2)
     assert rms.value == pytest.approx(100 * np.sqrt(np.mean(share**2)), rel=1e-3)
 
 
-def test_optimal_gain_is_riccati_s_where_the_weight_sees_every_state() -> None:
+def test_the_least_cost_is_singular_where_the_weight_does_not_see_the_angle() -> None:
+    """P solves (6) for Q = diag(0, 1), R = 1, and is zero along the angle."""
     linear = find_experiment("servo", "nominal").law("corrected", "lqr").designed.lqr
-    K, P = optimal_gain(linear.A, linear.B, np.eye(2))
-    assert pytest.approx(linear.K, rel=1e-6) == K
-    assert pytest.approx(linear.P, rel=1e-6) == P
-
-
-def test_least_cost_is_singular_where_the_weight_does_not_see_the_angle() -> None:
-    linear = find_experiment("servo", "nominal").law("corrected", "lqr").designed.lqr
-    Q = np.diag([0.0, 1.0])
-    K, P = optimal_gain(linear.A, linear.B, Q)
-    residual = linear.A.T @ P + P @ linear.A - K.T @ K + Q
-    assert np.abs(residual).max() < 1e-6
+    K, P = optimum_of_rate(linear)
+    residual = linear.A.T @ P + P @ linear.A - K.T @ K + np.diag([0.0, 1.0])
+    assert np.abs(residual).max() < 1e-9
+    assert pytest.approx(linear.B.T @ P) == K
     assert np.linalg.eigvalsh(P).min() == 0.0
 
 
@@ -478,7 +481,7 @@ def test_a_sweep_finds_where_the_answer_changes(
     (swept,) = sweep(stub, [with_choice(values, meant)])
     assert [trial["holds"] for trial in swept["values"]] == holds
 
-    content = Result.model_validate(sweeps_result([swept], LAB))
+    content = Result.model_validate(sweeps_result([swept], LAB.settings))
     words = content.answers[0].words
     if flip is None:
         assert swept["flips"] == ""
@@ -571,7 +574,7 @@ def test_claims_under_one_sentence_have_one_verdict(
 
 @over_sentences
 def test_questions_are_counted_one_by_one(verdicts: list[Verdict], together: Verdict) -> None:
-    questions = [finding(BY_ID["servo-bench"], verdict) for verdict in verdicts]
+    questions = [finding(BY_ID["servo-bench-load"], verdict) for verdict in verdicts]
     assert claims.verdicts_of(questions, Kind.QUESTION) == verdicts
     assert claims.sentences_of(questions) == []
 
@@ -601,7 +604,7 @@ def test_no_quote_is_a_part_of_another() -> None:
 
 
 def test_the_document_has_every_sentence_with_its_verdict() -> None:
-    content = claims_result(EXPECTED, LAB)
+    content = claims_result(EXPECTED, LAB.settings)
     tables = {sheet["table"]["title"]: sheet["table"]["rows"] for sheet in content["sheets"]}
     rows = [(quote, verdict) for quote, _, verdict in tables[Kind.CLAIM.value]]
     assert rows == [(sentence.quote, sentence.verdict.value) for sentence in SENTENCES]
@@ -639,7 +642,7 @@ def test_the_page_tells_every_claim_that_is_not_supported() -> None:
 def result_of_misprint(verdict: Verdict | None) -> dict[str, Any]:
     """The document of a claim without a number: with its expected verdict, or another one."""
     misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
-    return json.loads(json_text(claims_result([misprint], LAB)))
+    return json.loads(json_text(claims_result([misprint], LAB.settings)))
 
 
 @pytest.mark.parametrize("verdict", [None, SUPPORTED])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faults import FAULTS, OtherLaws
+from faults import FAULTS
 from shipped import controller_names
 
 from grosmc_mj.arrays import Array
@@ -230,14 +230,3 @@ def test_a_law_that_works_nowhere_has_no_region() -> None:
     measured = finding.plants["corrected"].measured
     assert (measured.value, measured.note) == (None, "not from 5 degrees")
     assert not claim.holds(measured)
-
-
-def test_claims_about_the_printed_C_look_at_the_law_of_the_run_cache() -> None:
-    asked: list[str] = []
-
-    def unchanged(law: Controller, *_: Any) -> Controller:
-        asked.append(law.name)
-        return law
-
-    find_claim("arm-printed-c").measure(OtherLaws(unchanged), "corrected")
-    assert asked

@@ -125,7 +125,7 @@ def test_list_names_the_laws() -> None:
 
 
 def test_a_run_shows_the_costs_of_its_laws() -> None:
-    assert "J(u_c)/J*" in answer(RUN)
+    assert "J of u_c" in answer(RUN)
 
 
 @slow

@@ -73,7 +73,6 @@ REFUSALS = [
     ),
     ("view servo --speed 0", "speed 0 must be from 1/64 to 64 times real time"),
     ("view nothing.toml", "there is no such file"),
-    ("film maglev", "its plant is equations alone, and a film shows a model in MuJoCo"),
     ("film servo --size banana", "--size banana must be WIDTHxHEIGHT"),
     ("film servo --fps 30.5", "--fps: '30.5' is no whole number"),
     ("film servo --fps 30 31", "unexpected argument '31'"),

@@ -15,13 +15,11 @@ import pytest
 from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.chapter.claims.claim import Finding, Verdict
-from grosmc_mj.chapter.claims.judging import judge
-from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
+from grosmc_mj.chapter.claims.ledger import select_claims
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.requirements.run_metrics import measure
@@ -210,10 +208,3 @@ def test_a_claim_about_another_law_does_not_become_one_about_the_policy(
     idle: dict[str, Finding],
 ) -> None:
     assert idle["servo-load-lqr"].verdict is Verdict.SUPPORTED
-
-
-def test_claims_that_run_the_law_by_hand_run_the_policy(idle: dict[str, Finding]) -> None:
-    usual = judge(RunCache(NATIVE), find_claim("servo-unmatched"), refine=False)
-    judged = idle["servo-unmatched"].plants
-    for plant, finding in usual.plants.items():
-        assert judged[plant].measured.value != finding.measured.value

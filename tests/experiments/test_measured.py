@@ -52,10 +52,24 @@ stays_within = "1 rad/s"
 always = "abs(rotor speed) < 1 rad/s or abs(error) > 0.1 rad"
 [[requirement]]
 always = "eventually[0 s, 3 s] always[0 s, 1 s] abs(rotor angle - 1 rad) < 20 mrad"
+[[requirement]]
+signal = "current"
+above = "-20 mA"
+below = "0.2 A"
+from = "0.2 s"
+to = "2 s"
+saturated_for_less_than = "1 s"
+[[requirement]]
+recovers_within = "1 s"
+band = "20 mrad"
 """
 # What only a log with the rate can decide, and what none can.
 OF_RATE = ["rotor speed stays within 1 rad/s", "always abs(rotor speed) < 1 rad/s or abs(error) >"]
-OF_MODEL = ["deviation below 0.1 rad", "cost ratio below 1.0"]
+OF_MODEL = [
+    "deviation below 0.1 rad",
+    "cost ratio below 1.0",
+    "recovers within 1 s of each disturbance to 20 mrad",
+]
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +127,18 @@ def test_every_requirement_is_judged_or_named(case, simulated, tmp_path) -> None
         (line,) = [line for line in result.not_judged if words in line]
         assert line.startswith("not judged on log.csv: ")
     assert any("the log does not have 'rotor speed'" in line for line in result.not_judged)
+
+
+def test_a_log_tells_the_time_at_the_limit(tmp_path: Path) -> None:
+    limited = '[[actuator]]\nof = "current"\nlimit = "20 mA"\n'
+    table = '[[requirement]]\nsaturated_for_less_than = "1 s"\n'
+    case = load(tmp_path, BEGINNING + limited + table)
+    run = case.run("physics", "pd")
+    (of_run,) = run.requirements
+    (of_log,) = measured(case, write_log(run, tmp_path / "log.csv", ["rotor angle"])).requirements
+    assert of_log.measured == of_run.measured
+    assert of_run.measured is not None
+    assert of_run.measured > 0.01
 
 
 @pytest.mark.parametrize("kind", [kind.key for kind in KINDS if kind.quantity == "sliding"])

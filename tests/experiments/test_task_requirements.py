@@ -279,14 +279,14 @@ def test_a_run_answers_which_requirement_is_nearest(judged: Judged) -> None:
     (answer,) = judged.result().answers
     assert answer.verdict == "not kept"
     assert answer.words == "1 of 2 requirements are not kept"
-    assert answer.more == "tightest: stays within: 0.5 of 0.1 rad by lqr on corrected"
+    assert answer.more == "tightest: stays within 0.1 rad: 0.5 rad by lqr on corrected"
 
 
 def test_a_run_answers_where_each_law_breaks(judged: Judged) -> None:
     (standing,) = judged.result().standings
     assert standing.law == "lqr"
     assert standing.breaks_at == "corrected"
-    assert standing.words == "stays within: 0.5 of 0.1 rad"
+    assert standing.words == "stays within 0.1 rad: 0.5 rad"
 
 
 def test_a_result_has_tables_of_requirements_runs_gains(judged: Judged) -> None:

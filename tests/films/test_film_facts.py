@@ -49,9 +49,16 @@ def test_a_frame_has_the_push_at_its_clock() -> None:
     push = Disturbance("rotor", (0, 0, 0, 0, 1, 0), Pulse(0.009, 0.013))
     experiment = find_experiment("servo", "nominal").varied(duration=0.02, disturbances=(push,))
     film = replace(film_of([experiment.run("physics", "lqr")]), format=film_of_servo().format)
-    (scene,) = storyboard(film).scenes
+    (scene,) = scenes_of(film)
     assert scene.wrench is not None
     assert np.flatnonzero(scene.wrench.any(axis=(1, 2))).tolist() == [3, 4]
+
+
+def scenes_of(film: Film) -> tuple[frames.Scene, ...]:
+    """Return the scenes of a film in MuJoCo."""
+    stage = storyboard(film).stage
+    assert stage is not None
+    return stage.scenes
 
 
 class Pen:
@@ -72,18 +79,16 @@ def test_the_clock_has_the_time_of_the_run_and_the_speed(
     speed: float, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pen = Pen()
-    monkeypatch.setattr(frames.mujoco, "Renderer", lambda *_: None)
     monkeypatch.setattr(frames.ImageDraw, "Draw", lambda _: pen)
     # Without its picture a frame needs no graphics.
-    monkeypatch.setattr(frames.FrameMaker, "_picture", lambda *_: 255)
-
-    board = storyboard(film_of_servo(speed))
-    frames.FrameMaker(replace(board, times=np.array([2.5]))).frame(0)
+    board = replace(storyboard(film_of_servo(speed)), stage=None, times=np.array([2.5]))
+    frames.FrameMaker(board).frame(0)
     assert pen.words == [words]
 
 
 def tip_in_mujoco(film: Film, ghost: Array) -> Array:
     """Return the tip of the film's own model at joint angles, (x, z) from the shoulder."""
+    assert film.model is not None
     data = mujoco.MjData(film.model)
     data.qpos[:] = ghost
     mujoco.mj_kinematics(film.model, data)
@@ -108,7 +113,7 @@ def test_the_ghost_has_the_joints_that_nothing_controls_where_the_run_has_them()
     experiment = find_experiment("cart_pendulum", "nominal").varied(duration=0.02)
     film = replace(film_of([experiment.run("physics", "fl-lqr")]), format=film_of_servo().format)
     (take,) = film.takes
-    (scene,) = storyboard(film).scenes
+    (scene,) = scenes_of(film)
     rows = film.rows(take)
     expected = np.column_stack([take.run.state[rows, 0], np.asarray(take.ghost)[rows]])
     np.testing.assert_array_equal(scene.ghost, expected)

@@ -28,13 +28,14 @@ from shipped import find_case, run_case
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.errors import SetupError
+from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format
-from grosmc_mj.films.frames import Storyboard
+from grosmc_mj.films.frames import Stage, Storyboard
 from grosmc_mj.films.offscreen import find_backend, find_ffmpeg, probe
 from grosmc_mj.films.pool import RenderingPool
 from grosmc_mj.films.storyboard import storyboard
@@ -183,12 +184,19 @@ def test_a_film_does_not_depend_on_its_workers(
     assert again.gif is None
 
 
+def stage_of(board: Storyboard) -> Stage:
+    """Return the stage of a film in MuJoCo."""
+    assert board.stage is not None
+    return board.stage
+
+
 def pole_ends(board: Storyboard, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Column and row of the hinge and of the tip, by the model's own camera and its placement."""
-    data = mujoco.MjData(board.model)
-    state = board.scenes[0].physics[index]
-    mujoco.mj_setState(board.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    mujoco.mj_forward(board.model, data)
+    stage = stage_of(board)
+    data = mujoco.MjData(stage.model)
+    state = stage.scenes[0].physics[index]
+    mujoco.mj_setState(stage.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    mujoco.mj_forward(stage.model, data)
     hinge = pixel_of(data.body("pole").xpos, board, data)
     tip = pixel_of(data.site("tip").xpos, board, data)
     return hinge, tip
@@ -197,11 +205,12 @@ def pole_ends(board: Storyboard, index: int) -> tuple[np.ndarray, np.ndarray]:
 def pixel_of(point: np.ndarray, board: Storyboard, data: mujoco.MjData) -> np.ndarray:
     """Column and row of a point in the first picture."""
     height, width = board.chart.empty[board.chart.pictures[0]].shape[:2]
-    field_of_view = math.radians(board.model.cam_fovy[board.camera])
+    stage = stage_of(board)
+    field_of_view = math.radians(stage.model.cam_fovy[stage.camera])
     focal_length = height / 2 / math.tan(field_of_view / 2)
 
-    axes = data.cam_xmat[board.camera].reshape(3, 3)
-    right, up, back = (point - data.cam_xpos[board.camera]) @ axes - board.placement
+    axes = data.cam_xmat[stage.camera].reshape(3, 3)
+    right, up, back = (point - data.cam_xpos[stage.camera]) @ axes - stage.placement
     centre = np.array([width / 2, height / 2])
     return centre + focal_length * np.array([right, -up]) / -back
 
@@ -247,8 +256,11 @@ def test_a_frame_shows_its_recorded_state(
 def test_a_frame_depends_neither_on_its_worker_nor_on_the_one_before(
     heavy_pole: Storyboard, frames_of_heavy_pole: list[np.ndarray], backend: str
 ) -> None:
-    scenes = [scene._replace(physics=scene.physics[::-1]) for scene in heavy_pole.scenes]
-    backwards = replace(heavy_pole, times=heavy_pole.times[::-1], scenes=tuple(scenes))
+    stage = stage_of(heavy_pole)
+    scenes = [scene._replace(physics=scene.physics[::-1]) for scene in stage.scenes]
+    backwards = replace(
+        heavy_pole, times=heavy_pole.times[::-1], stage=stage._replace(scenes=tuple(scenes))
+    )
     frames = drawn(backwards, backend, 2)
     np.testing.assert_array_equal(frames[::-1], frames_of_heavy_pole)
 
@@ -280,6 +292,16 @@ def test_one_pool_draws_one_film_after_another_as_each_alone(backend: str) -> No
         for number in (0, 1, 0):
             together = list(pool.frames(boards[number]))
             np.testing.assert_array_equal(together, alone[number])
+
+
+def test_a_film_of_equations_needs_no_graphics(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "no such backend")
+    (experiment,) = find_experiments("maglev/warm")
+    result = experiment.run(experiment.plant_names[-1], "lqr")
+    written = write_film(film_of([result], TINY), tmp_path / "a.mp4")
+    assert written.film.stat().st_size > 0
 
 
 def tiny_film() -> Film:

@@ -146,7 +146,7 @@ def test_the_sensitivity_at_the_lines_is_that_of_the_sampled_plant() -> None:
     frequency = measured.multisine.frequencies
     sampled = control.c2d(control.ss(THIRD_ORDER), T)
     expected = 1 / (1 + sampled(np.exp(2j * np.pi * frequency * T)))
-    assert np.abs(measured.own[0] / expected - 1).max() < 1e-5
+    assert np.abs(measured.at_place[0] / expected - 1).max() < 1e-5
 
 
 def test_the_margins_of_the_servo_with_lqr_and_20_ms() -> None:
@@ -220,7 +220,7 @@ def test_a_relay_answers_slow_signals_with_the_gain_of_its_locus() -> None:
     loop = replace(third_order(relay), x0=np.array([0.1, 0.0, 0.0]))
     measured = measure(loop, Place("u"), signal, 0.05, realizations=8)
     slow = signal.frequencies < 0.1
-    L = 1 / measured.own.mean(axis=0) - 1
+    L = 1 / measured.at_place.mean(axis=0) - 1
     plant = 25 / np.polyval([1, 10, 10, 10], 2j * np.pi * signal.frequencies)
     assert close(float(np.abs(L / plant)[slow].mean()), RELAY_GAIN)
 
@@ -241,7 +241,7 @@ def test_a_run_without_injection_is_subtracted_where_the_reference_moves() -> No
     still = measure(third_order(unity), Place("u"), multisine(10, T), 1.0, realizations=1)
     moved = replace(third_order(unity), x0=np.array([5.0, 1.0, -2.0]), moving=True)
     measured = measure(moved, Place("u"), multisine(10, T), 1.0, realizations=1)
-    assert measured.own[0] == pytest.approx(still.own[0], rel=1e-3)
+    assert measured.at_place[0] == pytest.approx(still.at_place[0], rel=1e-3)
 
 
 def test_a_slow_loop_gets_a_longer_period() -> None:

@@ -7,7 +7,7 @@ import pytest
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Actuator, Loop
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
-from grosmc_mj.margins.chatter import chatter
+from grosmc_mj.margins.chatter import Chatter, chatter
 from grosmc_mj.margins.sensitivity import Place, RunningLoop
 from grosmc_mj.margins.task import Task, TaskMargin
 from grosmc_mj.studies.studied import chosen_laws, judgeable_in, limits_in
@@ -116,4 +116,4 @@ def test_the_implicit_law_begins_to_chatter_at_gain_2_and_a_sample_of_delay() ->
 
 def test_the_sign_law_chatters_at_rest() -> None:
     found = chatter(lambda loop: running("sign", loop), Loop(), Place("current"), 4.0, 4.0)
-    assert found == (True, 1.0, 0.0)
+    assert found == Chatter(True, 1.0, 0.0)

@@ -20,8 +20,7 @@ from commands import Screen, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from page_documents import (
-    CLAIM,
-    CLAIMS,
+    CURVES,
     DOCUMENTS,
     LADDER,
     RUN,
@@ -32,7 +31,9 @@ from page_documents import (
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj import cli
-from grosmc_mj.page.reading import read_results
+from grosmc_mj.page.charts import Figure
+from grosmc_mj.page.curves import curves_figure
+from grosmc_mj.page.reading import Curves, read_results
 from grosmc_mj.page.write import Page, write_page
 
 HOSTILE = "</script><script>window.stolen=1</script><img src=x onerror=alert(1)>'\"&{{7*7}}"
@@ -42,7 +43,7 @@ class Tags(HTMLParser):
     """Types of the scripts of a page, and attributes that could run or lead elsewhere."""
 
     LINKS = ("src", "href", "action", "data", "xlink:href")
-    INSIDE = ("#", "data:,", "data:video/mp4;base64,")
+    INSIDE = ("#", "data:,", "data:video/mp4;base64,", "data:image/png;base64,")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -154,31 +155,6 @@ def test_a_text_of_somebody_else_stays_text(tmp_path: Path) -> None:
     assert len(written.page.answers) == 4
 
 
-UNREADABLE = [
-    r"\frac{" * 300,
-    r"\href{javascript:alert(1)}{x}",
-    r"\input{/etc/passwd}",
-    r"\alpha" * 1000,
-]
-
-
-@pytest.mark.parametrize(
-    ("formula", "shown"),
-    [
-        (r"\tfrac12 \dot q^2 \le \varepsilon", "1/2 q̇^2 ≤ ε"),
-        (r"\text{<script>alert(1)</script>}", "&lt;script&gt;alert(1)&lt;/script&gt;"),
-        ("<b>", "&lt;b&gt;"),
-        # A formula that cannot be read stays as it is.
-        *[(formula, formula) for formula in UNREADABLE],
-    ],
-)
-def test_a_formula_is_a_line_of_text(formula: str, shown: str, tmp_path: Path) -> None:
-    claim = {**CLAIM, "equation": formula}
-    write_document(tmp_path / "claims.json", {**CLAIMS, "claims": [claim]})
-    text = page_of(tmp_path).text
-    assert re.findall(r'<p class="equation">([^<]*)</p>', text) == [shown]
-
-
 # The page of all documents.
 
 
@@ -214,32 +190,36 @@ def test_a_film_that_is_missing_is_named(written: Written, folder: Path) -> None
     assert written.page.notices == [f"{folder / 'film.mp4'}: No such file or directory"]
 
 
-def test_the_summary_counts_verdicts(written: Written) -> None:
-    assert "All requirements are kept by LQR in 0 of 1, GROSMC in 1 of 1." in written.text
-    assert "Answers: 1 not kept, 1 measured, 2 kept." in written.text
-
-
 def test_an_answer_that_is_not_kept_comes_first(written: Written) -> None:
-    assert written.page.answers[0].verdict == "not kept"
+    verdicts = re.findall(r'data-header="verdict"><span class="([\w-]+)">', written.text)
+    assert verdicts[:4] == ["not-kept", "measured", "kept", "kept"]
 
 
-def test_the_matrix_has_the_standing_of_every_law_in_every_case(written: Written) -> None:
-    row = written.text[written.text.index('<th scope="row">servo/case1</th>') :]
-    marks = re.findall(r'<span class="mark ([\w-]+)">.</span> ([^<]*)</td>', row)
-    assert marks[:2] == [("not-kept", "3 of 2.0e-3 rad"), ("kept", "1 of 2.0e-3 rad")]
+def test_a_system_has_a_mark_and_the_binding_requirement_of_every_law(written: Written) -> None:
+    cells = re.findall(r'data-header="servo"><span class="([\w-]+)">.</span>([^<]*)', written.text)
+    assert cells == [
+        ("not-kept", " stays within 2: 3 rad (case1)"),
+        ("kept", " stays within 2: 1 rad (case1)"),
+    ]
+
+
+def test_the_first_sentence_names_the_law_that_breaks_a_requirement(written: Written) -> None:
+    sentence = "LQR breaks a requirement (stays within 2: 3 rad); GROSMC keeps everything."
+    assert written.text.index(sentence) < written.text.index("<table>")
 
 
 def test_laws_of_studies_are_listed_with_the_rung_that_they_break_at(written: Written) -> None:
-    text = written.text
-    breaks = text[text.index("Where each law breaks first") :]
-    assert breaks.index("✗ friction") < breaks.index("? nowhere so far")
-    assert "✓ nowhere" not in text
+    places = re.findall(r'data-header="breaks at"><span class="[\w-]+">.</span>[^<]*', written.text)
+    assert [place.partition(">")[2].replace("</span>", "") for place in places] == [
+        '<span class="not-kept">✗ friction',
+        '<span class="not-decided">? nowhere so far',
+    ]
 
 
 @pytest.fixture(scope="module")
 def curve(written: Written) -> dict[str, Any]:
     """Return the curve with the angles of the run under LQR."""
-    curves, *_ = written.figures
+    _, curves, *_ = written.figures
     traces = [trace for trace in curves["data"] if trace.get("y") == [0.5, 1.0, 0.0]]
     return traces[0]
 
@@ -253,28 +233,28 @@ def test_a_curve_has_the_colour_of_its_law(curve: dict[str, Any]) -> None:
 
 
 def test_curves_have_the_windows_of_disturbances(written: Written) -> None:
-    curves, *_ = written.figures
-    assert [shape["x0"] for shape in curves["layout"]["shapes"]] == [1.0, 0, 0]
+    _, curves, *_ = written.figures
+    assert [shape["x0"] for shape in curves["layout"]["shapes"]] == [1.0, 0]
 
 
 def test_cells_have_their_values(written: Written) -> None:
-    _, cells, _, _ = written.figures
+    _, _, cells, _, _ = written.figures
     assert cells["data"][0]["z"] == [[0.5]]
 
 
 def test_cells_have_their_texts(written: Written) -> None:
-    _, cells, _, _ = written.figures
+    _, _, cells, _, _ = written.figures
     assert cells["data"][0]["text"] == [["3"]]
 
 
 def test_a_grid_has_the_number_of_each_letter(written: Written) -> None:
-    _, _, grid, _ = written.figures
+    _, _, _, grid, _ = written.figures
     assert grid["data"][0]["z"] == [[0, 0], [0, 1]]
     assert grid["data"][0]["x"] == [-0.75, 0.75]
 
 
 def test_lines_have_their_numbers_with_a_cross_where_not_kept(written: Written) -> None:
-    _, _, _, lines = written.figures
+    *_, lines = written.figures
     (series,) = lines["data"]
     assert series["x"] == [50.0, 100.0]
     assert series["y"] == [2.0, None]
@@ -282,35 +262,84 @@ def test_lines_have_their_numbers_with_a_cross_where_not_kept(written: Written) 
     assert [shape["x0"] for shape in lines["layout"]["shapes"]] == [0, 62.5]
 
 
+# Curves.
+
+
+def figure(panel: dict[str, Any], **fields: Any) -> Figure:
+    """Return the figure of a case with one panel."""
+    content = {**CURVES, "panels": [panel], **fields}
+    curves = Curves.model_validate(json.loads(json.dumps(content)))
+    return curves_figure(curves, curves.panels)
+
+
+def law_curve(law: str, plant: str, last: float) -> dict[str, Any]:
+    return {"law": law, "plant": plant, "t": [0.0, 3.0], "y": [0.0, last]}
+
+
+@pytest.mark.parametrize(("last", "lines"), [(1.0, 1), (1.005, 1), (1.5, 2)])
+def test_equations_that_coincide_with_mujoco_are_one_line(last: float, lines: int) -> None:
+    curves = [law_curve("lqr", "physics", 1.0), law_curve("lqr", "corrected", last)]
+    assert len(figure({"label": "angle [rad]", "curves": curves}).data) == lines
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 20])
+def test_a_legend_has_at_most_eight_entries(count: int) -> None:
+    laws = [f"law {number}" for number in range(count)]
+    panel = {
+        "label": "angle [rad]",
+        "curves": [law_curve(law, "physics", 1.0) for law in laws],
+        "limits": [{"words": "stays within", "t": [0.0, 3.0], "y": [2.0, 2.0]}],
+    }
+    styles = {law: {"colour": "#D55E00"} for law in laws}
+    legend = figure(panel, laws=styles).legend
+    assert len(legend) == min(count + 1, 8)
+    assert legend[-1].name == "limit"
+
+
+@pytest.mark.parametrize(
+    ("limit", "text", "on_axis"), [(1.2, "1.2", True), (50.0, "↑ 50", False), (-9.0, "↓ -9", False)]
+)
+def test_a_limit_far_outside_is_an_arrow_with_its_number(
+    limit: float, text: str, on_axis: bool
+) -> None:
+    panel = {
+        "label": "angle [rad]",
+        "curves": [law_curve("lqr", "physics", 1.0)],
+        "limits": [{"words": "stays within", "t": [0.0, 3.0], "y": [limit, limit]}],
+    }
+    layout = figure(panel).layout
+    low, high = layout["yaxis"]["range"]
+    assert (low < limit < high) is on_axis
+    assert low < 0.0 < 1.0 < high
+    assert [note["text"] for note in layout["annotations"]] == ["angle [rad]", text]
+
+
 # Pages of some documents.
 
 
-def test_a_law_of_which_nothing_is_required_stands_by_the_record(tmp_path: Path) -> None:
-    """It has another mark, and is not counted among those that keep their requirements."""
+def test_a_case_in_which_nothing_is_required_is_not_in_the_tables(tmp_path: Path) -> None:
     standings = [
-        {"case": "servo/case1", "law": "lqr", "required": False, "words": "as before"},
-        {"case": "servo/case2", "law": "lqr", "required": False, "breaks_at": "record"},
-        {"case": "servo/case1", "law": "grosmc"},
+        {"case": "servo/case1", "law": "grosmc", "words": "settles within 1 s: 0.5 s"},
+        {"case": "arm/case1", "law": "lqr", "required": False, "words": "as before"},
     ]
     content = {**RUN, "kind": "validation", "standings": standings}
     write_document(tmp_path / "validation.json", content)
     text = page_of(tmp_path).text
-    marks = re.findall(r'data-law="(\w+)"><span class="mark ([\w-]+)">(.)</span>', text)
-    assert marks == [("LQR", "measured", "•"), ("GROSMC", "kept", "✓"), ("LQR", "not-kept", "✗")]
-    assert "All requirements are kept by GROSMC in 1 of 1." in text
+    assert 'data-header="servo"' in text
+    assert 'data-header="arm"' not in text
 
 
-def write_claim(path: Path, verdict: str, modified: float) -> None:
-    """Write a claim with a verdict, in a file that was modified then [s]."""
-    claim = {**CLAIM, "verdict": verdict}
-    write_document(path, {**CLAIMS, "claims": [claim]})
+def write_verdict(path: Path, words: str, modified: float) -> None:
+    """Write a run's verdict, in a file that was modified then [s]."""
+    standing = {"case": "servo/case1", "law": "lqr", "words": words}
+    write_document(path, {**RUN, "standings": [standing]})
     os.utime(path, (modified, modified))
 
 
 def test_the_newer_of_two_results_counts(tmp_path: Path) -> None:
-    write_claim(tmp_path / "a.json", "supported", 2000)
-    write_claim(tmp_path / "b.json", "refuted", 1000)
-    assert re.findall(r'data-verdict="(\w+)"', page_of(tmp_path).text) == ["supported"]
+    write_verdict(tmp_path / "a.json", "newer", 2000)
+    write_verdict(tmp_path / "b.json", "older", 1000)
+    assert "older" not in page_of(tmp_path).text.partition("All answers")[0]
 
 
 def test_an_interrupted_result_is_named(tmp_path: Path) -> None:
@@ -406,4 +435,3 @@ def test_notes_on_a_verdict_stand_under_the_verdicts(tmp_path: Path) -> None:
     text = page_of(tmp_path).text
     note = "<li>Run of servo: the load on &lt;b&gt;rotor&lt;/b&gt; is unmatched</li>"
     assert note in text
-    assert text.index(note) < text.index("<summary>All answers</summary>")

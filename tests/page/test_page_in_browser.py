@@ -95,7 +95,7 @@ def until(page: Any, holds: Callable[[], bool]) -> None:
 
 def test_charts_are_drawn(browser: Browser) -> None:
     with browser.page() as page:
-        assert page.evaluate(DRAWN) == [True] * 4
+        assert page.evaluate(DRAWN) == [True] * 5
 
 
 def test_the_film_has_the_time_of_the_curves(browser: Browser) -> None:
@@ -110,12 +110,20 @@ def test_the_film_has_the_time_of_the_curves(browser: Browser) -> None:
         assert video.evaluate("video => video.currentTime") == pytest.approx(2.5)
 
 
-def test_claims_are_filtered_by_their_verdict(browser: Browser) -> None:
+def test_the_controls_of_a_film_are_below_it(browser: Browser) -> None:
     with browser.page(width=400) as page:
-        page.select_option("#verdict", "refuted")
-        assert page.locator(".claim").is_visible()
-        page.select_option("#verdict", "")
-        assert not page.locator(".claim").is_visible()
+        film = page.locator("video").bounding_box()
+        controls = page.locator(".film figcaption").bounding_box()
+        assert controls["y"] >= film["y"] + film["height"]
+        assert film["width"] == page.locator("main").bounding_box()["width"]
+
+
+def test_a_slider_moves_the_film(browser: Browser) -> None:
+    with browser.page() as page:
+        video = page.locator("video")
+        until(page, lambda: video.evaluate("video => video.readyState > 0"))
+        page.locator(".film input").fill("0.5")
+        until(page, lambda: page.evaluate(CURSOR) == pytest.approx(1.0))
 
 
 @pytest.mark.parametrize("unfolded", [True, False])

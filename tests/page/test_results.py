@@ -22,8 +22,9 @@ from grosmc_mj.results.charts import write_cells, write_panels
 from grosmc_mj.results.document import json_text, write_json
 from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import draw_legend_below, figure_written
+from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import CELLS as CELL_COLOURS
-from grosmc_mj.results.palette import FAILED, KEPT
+from grosmc_mj.results.palette import FAILED, KEPT, label_of
 from grosmc_mj.results.result import CellChart, LineChart, Series
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
@@ -172,6 +173,26 @@ def test_a_small_number_has_a_unit_with_a_prefix(
     assert prefixed(unit, value) == expected
 
 
+# Names and formulas.
+
+
+@pytest.mark.parametrize(
+    ("law", "label"),
+    [
+        ("grosmc", "GROSMC"),
+        ("implicit, predicted", "GROSMC, implicit, predicted"),
+        ("lqi, quick", "LQI, quick"),
+        ("mine", "mine"),
+    ],
+)
+def test_a_law_is_named_as_people_say(law: str, label: str) -> None:
+    assert label_of(law) == label
+
+
+def test_a_formula_is_a_line_of_text() -> None:
+    assert in_text(r"\tfrac12 \dot q^2 \le \varepsilon") == "1/2 q̇^2 ≤ ε"
+
+
 # Figures.
 
 
@@ -257,7 +278,7 @@ def test_a_point_that_is_not_judged_is_not_marked_as_failed(
 
 @pytest.mark.parametrize(("end", "colour"), [(0, KEPT), (-1, FAILED)])
 def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> None:
-    (heat_map,) = chart_figure(CELLS)["data"]
+    (heat_map,) = chart_figure(CELLS).data
     hue = rgb_to_hsv(to_rgb(heat_map["colorscale"][end][1]))[0]
     assert hue == pytest.approx(rgb_to_hsv(to_rgb(colour))[0], abs=0.02)
 
@@ -266,5 +287,5 @@ def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> N
 def test_a_mark_at_zero_is_left_out_of_a_logarithmic_axis(first: float, marks: list[float]) -> None:
     curve = Series(name="J", x=[first, 100.0], y=[1.0, 2.0])
     chart = LineChart(name="J", titles=("rate", "J"), lines=[curve], marks=[0.0, 20.0])
-    layout = chart_figure(chart)["layout"]
+    layout = chart_figure(chart).layout
     assert [shape["x0"] for shape in layout["shapes"]] == marks

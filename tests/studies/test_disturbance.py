@@ -12,7 +12,13 @@ from commands import Screen, assert_one_line, run
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.studies.disturbance import Found, disturbance_study
+from grosmc_mj.studies.disturbance import DisturbanceStudy, WorstDisturbance, disturbance_study
+from grosmc_mj.studies.disturbance_answer import (
+    case_text,
+    charts,
+    disturbance_document,
+    disturbance_film,
+)
 from grosmc_mj.sweep.signal_search import SignalSearch
 
 # L = 25/(s^3 + 10 s^2 + 10 s + 10) under unit feedback, and a disturbance of its input.
@@ -95,7 +101,7 @@ def held(folder: Path) -> Path:
     return path
 
 
-def found_for_lqr(path: Path, bound: str, **options) -> Found:
+def found_for_lqr(path: Path, bound: str, **options) -> WorstDisturbance:
     """Worst disturbance of the held servo's rotor under LQR."""
     study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10, **options)
     return study.find("lqr", lambda _: None)
@@ -213,10 +219,52 @@ def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
             plant: judge_run(limit, case.run(plant, found["law"])).share
             for plant in ("corrected", "physics")
         }
-        assert shares["corrected"] == pytest.approx(found["share"], rel=1e-9)
-        assert shares["physics"] == pytest.approx(found["confirmed"], rel=1e-9)
+        assert shares == {"corrected": found["share"], "physics": found["confirmed"]}
     by_law = {found["law"]: found["share"] for found in document["found"]}
     assert by_law["grosmc"] < 1 < by_law["lqr"]
+
+
+def test_the_film_shows_the_worst_disturbance_beside_the_compared_one(tmp_path) -> None:
+    path = held(tmp_path)
+    study = disturbance_study(str(path), "rotor", "0.5 N m", ["lqr"], pieces=10)
+    found = study.find("lqr", lambda _: None)
+    film = disturbance_film(study, found)
+    assert [take.label for take in film.takes] == ["a 3 s pulse", "worst found"]
+
+    replayed = tmp_path / "replayed.toml"
+    replayed.write_text(case_text(study, found))
+    run_of_file = Experiment.load(replayed).run("physics", "lqr")
+    assert np.array_equal(film.takes[1].run.state, run_of_file.trajectory.state)
+
+
+def test_the_figure_shows_the_quantity_that_is_nearest_to_its_limit(tmp_path) -> None:
+    path = held(tmp_path)
+    study = disturbance_study(str(path), "rotor", "10 mN m", ["lqr"], pieces=10)
+    found = study.find("lqr", lambda _: None)
+    signal, course = charts(study, found)
+    assert [series.name for series in signal.lines] == ["a 3 s pulse", "worst found"]
+    assert np.abs([y for y in signal.lines[1].y if y is not None]).max() == pytest.approx(0.01)
+    assert course.limit == 0.02
+    largest = [max(abs(y) for y in series.y if y is not None) for series in course.lines]
+    assert largest[1] == pytest.approx(found.share * 0.02, rel=0.01)
+    assert largest[0] == pytest.approx(found.compared_share * 0.02, rel=0.01)
+
+
+def test_a_study_that_was_interrupted_is_open_unless_a_law_has_failed(tmp_path) -> None:
+    path = held(tmp_path)
+    verdicts = {}
+    for bound in ("1 mN m", "0.5 N m"):
+        study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10)
+        found = study.find("lqr", lambda _: None)
+        for complete in (True, False):
+            document = disturbance_document(study, [found], complete=complete)
+            verdicts[bound, complete] = document["answers"][0]["verdict"]
+    assert verdicts == {
+        ("1 mN m", True): "kept",
+        ("1 mN m", False): "not decided",
+        ("0.5 N m", True): "not kept",
+        ("0.5 N m", False): "not kept",
+    }
 
 
 def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypatch) -> None:
@@ -228,6 +276,18 @@ def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypa
     monkeypatch.setattr(SignalSearch, "judge", None)
     run(*command, *out, "--resume")
     assert capsys.readouterr().out == first
+
+
+def test_resume_goes_on_between_the_worst_signal_and_the_largest_bound(
+    tmp_path, capsys: Screen, monkeypatch
+) -> None:
+    command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
+    options = ("--pieces", "10", "--out", tmp_path)
+    run(*command, *options)
+    capsys.readouterr()
+    monkeypatch.setattr(DisturbanceStudy, "find", None)
+    run(*command, *options, "--largest", "--resume")
+    assert "all is kept up to" in capsys.readouterr().out
 
 
 WRONG = {
@@ -246,6 +306,7 @@ WRONG = {
     ),
     ("--on", "rotor", "--bound", "1 N m", "--pieces", "1"): "--pieces 1 must be from 2 to 640",
     ("--on", "rotor", "--bound", "1 N m", "--laws", "pid"): "unknown law 'pid'",
+    ("--on", "rotor", "--bound", "1 N m", "--film", "pid"): "unknown law 'pid'",
 }
 
 
@@ -262,3 +323,12 @@ def test_case_files_of_ones_own_python_lie_beside_it(tmp_path, capsys: Screen) -
     command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A")
     assert run(*command, "--out", tmp_path / "elsewhere") == 2
     assert "give --out" in capsys.readouterr().err
+
+
+def test_a_film_of_a_case_without_mujoco_is_refused(tmp_path, capsys: Screen) -> None:
+    path = linear(tmp_path)
+    options = ("--on", "u", "--bound", "1 A", "--film", "law", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "a film is of runs in MuJoCo" in error

@@ -10,7 +10,7 @@ import pickle
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +37,8 @@ from grosmc_mj.studies.tolerance import (
     tolerances,
 )
 from grosmc_mj.studies.tolerance_answer import verdict
+from grosmc_mj.sweep.agreement import LEAST_BAND
+from grosmc_mj.sweep.confirmation import MarginConfirmation
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.search import Search
 
@@ -327,10 +329,14 @@ def delayed(tmp_path_factory: pytest.TempPathFactory) -> ToleranceStudy:
     return replace(studied, conditions=studied.conditions[:1])
 
 
+def none_at_random(count: int) -> Any:
+    return np.zeros(count, bool)
+
+
 def checked(studied: ToleranceStudy) -> list[Tolerance]:
     """The tolerances that are looked at in physics, none of them at random."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
+        monkeypatch.setattr(tolerance, "drawn_at_random", none_at_random)
         rows = tolerances(studied, 0, 1)
     return [row for row in rows if row.physics_agrees is not None]
 
@@ -340,7 +346,8 @@ def neighbours(delayed: ToleranceStudy) -> list[Tolerance]:
     """The tolerances that are looked at where all are neighbours of the least."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         # The distance of the others from their limits is less than that.
-        monkeypatch.setattr(tolerance, "LEAST_BAND", math.inf)
+        unbounded = partial(MarginConfirmation, band=math.inf)
+        monkeypatch.setattr(tolerance, "MarginConfirmation", unbounded)
         return checked(delayed)
 
 
@@ -383,7 +390,7 @@ class AnsweredSearch:
         return self
 
 
-@pytest.mark.parametrize(("difference", "band"), [(0.01, 0.1), (0.0, tolerance.LEAST_BAND)])
+@pytest.mark.parametrize(("difference", "band"), [(0.01, 0.1), (0.0, LEAST_BAND)])
 def test_physics_looks_within_ten_times_the_largest_difference_of_a_margin(
     difference: float, band: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -401,7 +408,7 @@ def test_physics_looks_within_ten_times_the_largest_difference_of_a_margin(
         physics.known[search, 0] = tolerance.TrialResult(True, margin, "")
     physics.known[least, 0] = tolerance.TrialResult(True, 0.5 + difference, "")
 
-    monkeypatch.setattr(tolerance, "_RANDOM", 0.0)
+    monkeypatch.setattr(tolerance, "drawn_at_random", none_at_random)
     monkeypatch.setattr(tolerance, "_confirmed", lambda chosen, _: dict.fromkeys(chosen, True))
     assert set(tolerance._screened(searches, physics)) == {least, near, beyond}
 

@@ -264,7 +264,7 @@ def false_alarms(campaigns: int, runs: int, numbers: int, completed: float) -> i
 
 @pytest.mark.parametrize("completed", [1.0, 0.5])
 def test_one_in_a_hundred_campaigns_of_irrelevant_numbers_names_a_driver(completed: float) -> None:
-    # At a rate of 1 % more alarms than this have a probability of 1e-4; before, 93 % were false.
+    # At a rate of 1 % more alarms than this have a probability of 1e-4; before, 92 % were false.
     most = stats.binom.isf(1e-4, 200, LEVEL)
     assert false_alarms(200, runs=64, numbers=5, completed=completed) <= most
 

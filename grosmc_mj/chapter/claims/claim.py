@@ -132,7 +132,7 @@ class Claim:
         exact: Whether no time step enters, so that there is nothing to refine.
         premise: Function that names the premise that failed; it returns an empty text if none did.
         equation: The equation at stake, in LaTeX.
-        drawing: Panel, case and laws of the figure that shows it, see ``figures.claim_panel``.
+        drawing: Quantity, case and laws of the figure that shows it, see ``figures.draw_quantity``.
     """
 
     id: str

@@ -7,9 +7,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.claims.claim import Finding, Measured
-from grosmc_mj.chapter.figures import claim_panel
+from grosmc_mj.chapter.figures import claim_runs, draw_quantity
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.results.figure import TITLE_SIZE, figure_written
+from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below, figure_written
 from grosmc_mj.results.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
@@ -26,16 +26,18 @@ def write_picture(finding: Finding, lab: RunCache, path: Path) -> Path:
     """
     claim = finding.claim
     above = 1.6 + _ROW * len(finding.trials)
-    below = 3.6 if claim.drawing else 0.6
+    below = 4.0 if claim.drawing else 0.6
     with figure_written(path, (7.2, above + below), (".png",)) as figure:
         if claim.drawing is None:
             values = figure.subplots()
         else:
             values, curves = figure.subplots(2, 1, height_ratios=(above, below))
-            panel, runs = claim_panel(lab, claim.system, **claim.drawing)
-            panel.draw(curves, runs)
+            case = claim.drawing["case"]
+            laws = claim.drawing.get("laws", ("lqr", "grosmc"))
+            results = claim_runs(lab, claim.system, case, laws)
+            draw_quantity(curves, results, claim.drawing["quantity"])
             curves.set_xlabel("time t [s]")
-            curves.legend(loc="best")
+            draw_legend_below(figure, (curves,))
         _draw_values(values, finding)
         figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=TITLE_SIZE)
     return path

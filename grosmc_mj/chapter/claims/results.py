@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Finding, Kind, PlantFinding, verdicts_of
+from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
 from grosmc_mj.chapter.claims.story import claims_tables, turning_table
-from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
@@ -49,7 +47,7 @@ _SWITCHED = 0.1
 _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be told"}
 
 
-def claims_result(findings: Sequence[Finding], lab: RunCache) -> dict[str, Any]:
+def claims_result(findings: Sequence[Finding], settings: Settings) -> dict[str, Any]:
     """Return the content of claims.json."""
     verdict = KEPT
     sentence = "All verdicts are as expected"
@@ -61,12 +59,12 @@ def claims_result(findings: Sequence[Finding], lab: RunCache) -> dict[str, Any]:
     answer = Answer(question="Claims", verdict=verdict, words=sentence, more=counts_words(findings))
     return result(
         "claims",
-        asdict(lab.settings),
+        asdict(settings),
         seed=0,
         answers=[answer],
-        sheets=claims_sheets(findings),
+        sheets=[ReportTable(table=rows) for rows in claims_tables(findings) if rows.rows],
         values=claims_values(findings),
-        claims=[claim_numbers(finding, lab) for finding in findings],
+        claims=[claim_numbers(finding) for finding in findings],
     )
 
 
@@ -77,11 +75,6 @@ def counts_words(findings: Sequence[Finding]) -> str:
         return ""
     shares = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
     return f"sentences of the chapter: {shares}"
-
-
-def claims_sheets(findings: Sequence[Finding]) -> list[ReportTable]:
-    """Return all tables of claims that have rows."""
-    return [ReportTable(table=rows) for rows in claims_tables(findings) if rows.rows]
 
 
 def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
@@ -97,8 +90,8 @@ def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
             yield Value(name=name, value=value, unit=claim.unit, relative=_SWITCHED)
 
 
-def claim_numbers(finding: Finding, lab: RunCache) -> dict[str, Any]:
-    """Return one claim with its measurements, and the evidence that they have converged."""
+def claim_numbers(finding: Finding) -> dict[str, Any]:
+    """Return one claim with its measurements, at T and at half of it."""
     claim = finding.claim
     plants = {}
     for plant, on_plant in finding.plants.items():
@@ -106,8 +99,9 @@ def claim_numbers(finding: Finding, lab: RunCache) -> dict[str, Any]:
             "value": on_plant.measured.value,
             "note": on_plant.measured.note,
             "verdict": on_plant.verdict.value,
-            "evidence": _evidence(plant, on_plant, lab.settings),
         }
+        if on_plant.refined is not None:
+            plants[plant]["refined"] = {**on_plant.refined._asdict(), "plant": on_plant.finer}
     return {
         **{name: getattr(claim, name) for name in _OF_CLAIM},
         **{name: getattr(finding, name) for name in _OF_FINDING},
@@ -124,23 +118,7 @@ def claim_numbers(finding: Finding, lab: RunCache) -> dict[str, Any]:
     }
 
 
-def _evidence(plant: PlantName, on_plant: PlantFinding, settings: Settings) -> dict[str, Any]:
-    """Values at T and T/2, and the plants that gave them."""
-    measured = on_plant.measured
-    refined = on_plant.refined
-    if refined is None:
-        return {"exact": True}
-    return {
-        "exact": False,
-        "control_period": [settings.control_period, settings.control_period / 2],
-        "timestep": [settings.timestep, settings.timestep / 2],
-        "values": [measured.value, refined.value],
-        "notes": [measured.note, refined.note],
-        "plants": [plant, on_plant.finer],
-    }
-
-
-def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: RunCache) -> dict[str, Any]:
+def sweeps_result(rows: Sequence[Mapping[str, Any]], settings: Settings) -> dict[str, Any]:
     """Return the content of sweeps.json, from the rows that ``sweep`` yields."""
     claims = {row["claim"] for row in rows}
     turning = {row["claim"] for row in rows if row["flips"] and not row["printed"]}
@@ -157,7 +135,7 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], lab: RunCache) -> dict[str,
         charts.append(_sweep_chart(row))
     return result(
         "sweeps",
-        asdict(lab.settings),
+        asdict(settings),
         seed=0,
         values=values,
         sweeps=rows,

@@ -55,7 +55,7 @@ class JudgeCommand(Command):
         self._refuse_page()
         lab = _run_cache()
         findings = judge_with_progress(lab, select_claims(self.target))
-        document = claims_result(findings, lab)
+        document = claims_result(findings, lab.settings)
         differences = [f"differs: {line}" for line in verdict_differences(findings)]
         if findings[0].claim.id == self.target:
             self._say_claim(findings[0], lab, document, differences)
@@ -124,7 +124,7 @@ class SweepCommand(Command):
         claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
             sweeps = list(sweep(lab, claims, advance))
-            content = sweeps_result(sweeps, lab)
+            content = sweeps_result(sweeps, lab.settings)
 
         path = STORED if self.record else self.out / "sweeps.json"
         screen.say_result(content, path, full=self.verbose)

@@ -28,6 +28,7 @@ from grosmc_mj.errors import ArgumentError, name_list
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.plants import PlantName
     from grosmc_mj.films.film import Format
 
 # Laws that are filmed if none are named.
@@ -36,12 +37,13 @@ _LAWS = ("lqr", "grosmc")
 
 @command
 class FilmCommand(Command):
-    """Film a case: laws side by side in MuJoCo, with their curves.
+    """Film a case: laws side by side in MuJoCo, with their curves; of equations, the curves alone.
 
     Each law runs once; the film replays the recorded states. A translucent ghost shows the
     nominal optimal trajectory x* (for the arm, the reference), a green arrow or arc the force or
-    torque of the disturbance while it acts. The camera stands further back where an edited body
-    would not fit. Beside FILE.mp4 (H.264, plays in every browser) lie a poster, FILE.png, and
+    torque of the disturbance while it acts. The camera moves where a body would not fit or would be
+    a speck; a model without light, floor or background gets them. Beside FILE.mp4 (H.264, plays
+    in every browser) lie a poster, FILE.png, of the moment at which the laws differ most, and
     FILE.json with all that the film was made from.
 
     It renders off-screen with the backend that MUJOCO_GL names, else with the first that works of
@@ -109,7 +111,8 @@ class FilmCommand(Command):
         path = self.output
         if path is None:
             path = Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
-        results = [experiment.run("physics", law) for law in laws]
+        plant = _filmed_plant(experiment)
+        results = [experiment.run(plant, law) for law in laws]
         console = screen.console()
         write_with_progress(
             console,
@@ -173,11 +176,14 @@ def _require_filmable(experiment: Experiment, controllers: Sequence[str], form: 
             f"a film shows 1 to {MOST_TAKES} controllers, not {len(controllers)}; valid: "
             f"{name_list(experiment.controllers)}"
         )
-    physics = experiment.nominal.plant
-    if not isinstance(physics, MujocoPlant):
-        raise ArgumentError(
-            f"{experiment.path}: its plant is equations alone, and a film shows a model in MuJoCo"
-        )
     for name in controllers:
-        experiment.law("physics", name)
-    form.check(camera_names(physics.model), experiment.duration)
+        experiment.law(_filmed_plant(experiment), name)
+    plant = experiment.nominal.plant
+    cameras = camera_names(plant.model) if isinstance(plant, MujocoPlant) else ()
+    form.check(cameras, experiment.duration)
+
+
+def _filmed_plant(experiment: Experiment) -> PlantName:
+    """Return the plant that is filmed: MuJoCo, or else the equations."""
+    names = experiment.plant_names
+    return "physics" if "physics" in names else names[-1]

@@ -17,12 +17,15 @@ from grosmc_mj.experiments.document import experiment_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
-from grosmc_mj.experiments.tables import endings, metric_cell
+from grosmc_mj.experiments.tables import endings, requirements_table, results_table
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.result import KEPT
-from grosmc_mj.results.tables import Table, number
+from grosmc_mj.results.tables import Table
+
+# Rows of a table in an answer, which fits on a screen.
+_MOST_ROWS = 9
 
 
 @dataclass(frozen=True)
@@ -114,8 +117,8 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
     console = screen.console()
     _print_verdict(console, answer, f"{answer.words}.", verbose=verbose)
     if answer.judgements:
-        console.print(_requirements_table(answer.judgements))
-    console.print(_runs_table(answer.results))
+        console.print(_brief(requirements_table(answer.judgements)))
+    console.print(_brief(results_table(answer.results)))
 
     screen.say_lines(console, _log_lines(answer.results), "dim", full=verbose)
     if not any(result.simulated for result in answer.results):
@@ -126,13 +129,18 @@ def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
     screen.say_lines(console, _rest_lines(experiment), "dim", full=verbose)
 
 
+def _brief(table: Table) -> Table:
+    """Return a table as the answer has it: its first rows, below the verdict, without a title."""
+    return table.brief(_MOST_ROWS).model_copy(update={"title": ""})
+
+
 def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
     """Print the answer of one of several experiments, with the requirements that fail."""
     console = screen.console()
     _print_verdict(console, answer, f"{name}: {answer.words}.", verbose=verbose)
     if answer.judgements and not answer.kept:
         failed = [judgement for judgement in answer.judgements if not judgement.kept]
-        console.print(_requirements_table(failed))
+        console.print(_brief(requirements_table(failed)))
 
 
 def _print_verdict(
@@ -259,67 +267,3 @@ def _values(signals: Iterable[Signal], values: Iterable[float]) -> str:
     """Return signals with their values and units."""
     pairs = zip(signals, values, strict=True)
     return ", ".join(f"{signal.name} = {value:.4g} {signal.unit}" for signal, value in pairs)
-
-
-def _requirements_table(judgements: Sequence[Judgement]) -> Table:
-    """Return the table of requirements, those that fail first."""
-    rows = []
-    styles = []
-    for judgement in sorted(judgements, key=lambda judgement: judgement.kept):
-        requirement = judgement.requirement
-        verdict = "kept" if judgement.kept else "FAILED"
-        if judgement.note:
-            verdict += f": {judgement.note}"
-        rows.append(
-            (
-                verdict,
-                requirement.words,
-                judgement.controller,
-                judgement.plant,
-                _quantity(judgement.measured, requirement.unit),
-                _quantity(judgement.margin, requirement.unit),
-            )
-        )
-        styles.append("" if judgement.kept else "red")
-
-    columns = ("", "requirement", "law", "plant", "measured", "margin")
-    return screen.brief_table("", columns, rows, words=4, most=9, styles=styles)
-
-
-def _quantity(value: float | None, unit: str) -> str:
-    """Return a value with its unit, or a dash."""
-    if value is None:
-        return "-"
-    if unit == "1":
-        return number(value)
-    return f"{number(value)} {unit}".strip()
-
-
-def _runs_table(results: Sequence[RunResult]) -> Table:
-    """Return the main numbers of runs of one case, physics first."""
-    rows = []
-    styles = []
-    for result in sorted(results, key=lambda result: result.plant != "physics"):
-        law = f"{result.controller.name} (!)" if result.ended else result.controller.name
-        metrics = (
-            result.metrics["deviation"],
-            result.metrics["settling_time"],
-            *result.cost_shares,
-            result.metrics["max_input"],
-        )
-        rows.append((result.plant, law, *map(metric_cell, metrics)))
-        styles.append("red" if result.ended else "")
-
-    error = results[0].controller.designed.error
-    output_unit = error.units[error.output_rows[0]]
-    input_unit = results[0].trajectory.system.input.unit
-    columns = (
-        "plant",
-        "law",
-        f"max|y-y*| [{output_unit}]",
-        "settled [s]",
-        "J(u_c)/J*",
-        "J(u_d)/J* [1/s]",
-        f"max|u| [{input_unit}]",
-    )
-    return screen.brief_table("", columns, rows, words=2, most=9, styles=styles)

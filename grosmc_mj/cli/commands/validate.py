@@ -113,10 +113,8 @@ class ValidateCommand(Command):
     def _write(self, done: Validation) -> None:
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.experiments.run_cache import RunCache
-        from grosmc_mj.experiments.settings import Settings
 
-        document = done.document(RunCache(Settings()))
+        document = done.document()
         differences = [f"differs: {line}" for line in done.differences]
         path = self.out / "validation.json"
         screen.say_result(document, path, differences, full=self.verbose, brief=2)

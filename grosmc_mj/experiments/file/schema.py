@@ -298,7 +298,10 @@ def _key_of(kind: type[Requirement]) -> tuple[Any, Any]:
 
 
 _KEYS_OF_KINDS: dict[str, Any] = {kind.key: _key_of(kind) for kind in KINDS}
+# The word is a keyword of Python's, and so no name of a class's attribute.
+_KEYS_OF_KINDS["from"] = (_SECONDS, 0.0)
 _Limits = create_model("_Limits", __base__=Table, **_KEYS_OF_KINDS)
+_OPTIONS = frozenset(option for kind in KINDS for option in kind.options)
 # Keys of former versions, and how they are written today.
 _FORMER = {"cart_travel_below": 'state = "cart position", stays_within = "{}"'}
 
@@ -312,14 +315,19 @@ class RequirementTable(_Limits):
         of: Controllers that must keep it; all by default.
         on: Plants on which they must keep it; physics by default, or all where there is none.
         state: State or output that ``stays_within``, ``rms_below``, ``final_error_below``,
-            ``reaches_within``, ``swings_below`` and ``last_peak_below`` are about: of a state its
-            magnitude, of an output its error; the error of all outputs by default.
+            ``reaches_within``, ``swings_below``, ``last_peak_below`` and ``recovers_within`` are
+            about: of a state its magnitude, of an output its error; the error of all outputs by
+            default.
         band: Half width of the band of ``settles_within``; by default 2 % of the error at the
             start, which must not be zero. Where a sensor's steps are coarse, three of them. Of
-            ``reaches_within``, ``swings_below`` and ``last_peak_below``, which have no default.
+            ``reaches_within``, ``swings_below``, ``last_peak_below`` and ``recovers_within``,
+            which have no default.
         periodic: Whether an angle counts modulo a turn, so that -pi is as good as pi, in these
             three, ``stays_within``, ``rms_below`` and ``final_error_below``.
         after: Instant from which on ``stays_within``, ``rms_below`` and ``always`` hold [s].
+        above: Lower bound of ``signal``, which has ``from`` and ``to``, too.
+        below: Upper bound of ``signal``.
+        to: Instant up to which the bounds of ``signal`` hold [s]; the end of a run by default.
     """
 
     of: list[str] | None = Field(None, min_length=1)
@@ -328,6 +336,9 @@ class RequirementTable(_Limits):
     band: Any = None
     periodic: bool = False
     after: Seconds = 0.0
+    above: Any = None
+    below: Any = None
+    to: Seconds | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -341,7 +352,7 @@ class RequirementTable(_Limits):
     @model_validator(mode="after")
     def _option_of_something(self) -> RequirementTable:
         """Refuse a key that no requirement of the table reads."""
-        for option in sorted({"after", "band", "periodic", "state"} & self.model_fields_set):
+        for option in sorted(_OPTIONS & self.model_fields_set):
             readers = [kind.key for kind in KINDS if option in kind.options]
             if all(getattr(self, key) is None for key in readers):
                 raise ValueError(f"{option} is for {' or '.join(readers)}, which is not there")

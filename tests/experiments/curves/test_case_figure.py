@@ -12,11 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.curves import (
     curves_document,
     draw_experiment,
     figure_size,
     levels_of,
+    panel_of,
     panels_of,
     write_curves,
 )
@@ -354,3 +356,33 @@ def test_every_requirement_that_is_not_kept_is_named(tmp_path) -> None:
     titles = "\n".join(axes.get_title(loc="right") for axes in figure_of(results).axes)
     assert {words for words in failed if words in titles} == failed
     assert len(failed) >= 5
+
+
+# A panel by its quantity
+
+
+@pytest.fixture(scope="module")
+def arm_runs() -> list[RunResult]:
+    experiment = Experiment.load("arm/nominal").changed({"run.duration": 0.2})
+    return [experiment.run(plant="corrected", law=law) for law in ("lqr", "grosmc")]
+
+
+def test_the_reference_of_a_joint_s_rate_is_the_reference_s_derivative(
+    arm_runs: list[RunResult],
+) -> None:
+    """y_r = sin(pi t)."""
+    panel = panel_of(arm_runs, "joint rate")
+    expected = np.pi * np.cos(np.pi * arm_runs[0].comparison.time)
+    assert panel.reference == pytest.approx(expected, abs=1e-9)
+
+
+def test_s_is_drawn_of_laws_with_a_surface_only(arm_runs: list[RunResult]) -> None:
+    panel = panel_of(arm_runs, "sliding")
+    assert [curve.run.controller.name for curve in panel.curves] == ["grosmc"]
+
+
+def test_a_quantity_that_no_run_has_is_refused_with_those_that_there_are(
+    arm_runs: list[RunResult],
+) -> None:
+    with pytest.raises(ArgumentError, match=r"'cart position'.*output.*deviation.*joint rate"):
+        panel_of(arm_runs, "cart position")

@@ -17,13 +17,11 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import Premise, audit
 from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NeedsSlidingModeError, NoValueError
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.
@@ -53,18 +51,6 @@ def sliding(run: Trajectory) -> Array:
     if run.sliding is None:
         raise NeedsSlidingModeError("it asks for the law's sliding variable")
     return run.sliding
-
-
-def surface_memory(law: Controller) -> SurfaceMemory:
-    """Return a new memory of the law's surface.
-
-    Raises:
-        NeedsSlidingModeError: If it has none.
-    """
-    memory = law.memory()
-    if not isinstance(memory, SurfaceMemory):
-        raise NeedsSlidingModeError("it asks for the law's sliding variable")
-    return memory
 
 
 def within(time: Array, start: float, stop: float = np.inf) -> NDArray[np.bool_]:
@@ -137,23 +123,18 @@ def worst_deviation(
 ) -> Measured:
     """Measure the largest max |y - y*| over experiments under GROSMC, in percent of each start.
 
-    Raises:
-        NoValueError: If a run ended early.
+    Returns:
+        The measurement of the first run that is broken, if one is.
     """
-    law, runs = lab.batch(cases, plant, "grosmc")
-    worst = -np.inf
-    worst_case = ""
-    for index, case in enumerate(cases):
-        run = runs[index]
-        title = case.title
-        if run.status is not Status.COMPLETED:
-            raise NoValueError(f"{title}: the run ended early")
-
-        distance = from_optimum(compare_with_optimum(run, law))
-        if distance >= worst:
-            worst = distance
-            worst_case = title
-    return Measured(worst, note or f"worst at {worst_case}")
+    worst = Measured(-np.inf)
+    for case in cases:
+        result = lab.run(case, plant, "grosmc")
+        where = note or f"worst at {case.title}"
+        measured = from_run(result, from_optimum(result.comparison), where)
+        if measured.broken:
+            return measured._replace(value=None, note=f"{case.title}: {measured.note}")
+        worst = max(worst, measured)
+    return worst
 
 
 def late_error(
@@ -164,13 +145,12 @@ def late_error(
     case: str,
     controller: str,
     since: float,
-    percent_of: Size = "start",
 ) -> Measured:
-    """Measure the largest error from the instant ``since`` [s] on, in percent."""
+    """Measure the largest error from the instant ``since`` [s] on, in percent of the start."""
     result = lab.case(system, case, plant, controller)
     comparison = result.comparison
     error = np.abs(comparison.error[within(comparison.time, since)])
-    return from_run(result, 100 * float(error.max()) / size_of(comparison, percent_of))
+    return from_run(result, 100 * float(error.max()) / size_of(comparison, "start"))
 
 
 def difference(
@@ -191,20 +171,14 @@ def difference(
         until: Instant up to which errors are compared [s].
     """
     results = [lab.case(system, case, plant, controller) for case, controller in runs]
-    value = difference_of(results, until)
-    for result in results:
-        if result.status is not Status.COMPLETED:
-            return from_run(result, value)
-    return from_run(results[0], value)
-
-
-def difference_of(results: Sequence[RunResult], until: float = np.inf) -> float:
-    """Return the largest difference of two runs' errors, in percent of the second's first error."""
     first, second = (result.comparison for result in results)
-    n = min(len(first.time), len(second.time))
-    rows = within(first.time[:n], 0.0, until)
-    distance = np.abs(first.error[:n] - second.error[:n])[rows]
-    return 100 * float(distance.max()) / abs(float(second.error[0]))
+    count = min(len(first.time), len(second.time))
+    rows = within(first.time[:count], 0.0, until)
+    distance = np.abs(first.error[:count] - second.error[:count])[rows]
+    value = 100 * float(distance.max()) / size_of(second, "start")
+
+    measured = [from_run(result, value) for result in results]
+    return max(measured, key=lambda one: one.broken)
 
 
 def beside_lqr(

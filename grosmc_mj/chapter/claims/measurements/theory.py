@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import balances
+from grosmc_mj.assumptions.balance import balance, balances, balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import (
-    from_optimum,
+    EVERY,
+    from_run,
     sliding,
-    surface_memory,
     worst_deviation,
 )
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.plants import AnalyticPlant, find_system
-from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status
 
 # Plants of a declared family, and random states of each.
@@ -40,14 +38,9 @@ _KICKED = 4.0
 _KICK = 0.02
 # Kicks, as shares of the declared region's largest rate.
 _SHARES = (0.1, 0.25, 0.5)
-_SIGNS = (-1.0, 1.0)
-# Rounding of the plant's accelerations, up to which an inequality counts as met [unit of s/s].
 # Rate by which |s| of the arm must fall, without d(t) [rad/s^2]; the chapter declares nothing.
 _ARM_RATE = 1.0
-# A constant that no input matches [rad/s].
-_DRIFT_OF_ERROR = 0.05
 
-Derivative = Callable[..., Array]
 Range = tuple[float, float]
 
 
@@ -117,10 +110,10 @@ def slowest_approach(
 ) -> Measured:
     """Measure the largest s' sgn(s) + eta over the declared family.
 
-    s' follows from the plant's own accelerations. A law's gain eta + gamma0 may be split in any
-    way: eta is the reaching rate that is declared, and the rest of the law's own eta is counted in
-    gamma0. For one input the value is the excess of |G B delta| over (gamma0 + gamma1 |x|) |G B|,
-    on the side on which delta pushes s away.
+    On the surface s' sgn(s) is push - r rho, see ``assumptions.balance``. A law's gain eta + gamma0
+    may be split in any way: eta is the declared reaching rate, and the rest of the law's own
+    eta is counted in gamma0. For one input the value is the excess of |G B delta| over
+    (gamma0 + gamma1 |x|) |G B|, on the side on which delta pushes s away.
 
     Args:
         lab: Cache of the runs.
@@ -129,17 +122,6 @@ def slowest_approach(
         rate: eta; the declared reaching rate by default.
         torque: Largest disturbance beyond the declared one [N m].
     """
-    key = ("slowest approach", plant, system, rate, torque)
-    return lab.once(key, lambda: _slowest_approach(lab, plant, system, rate, torque))
-
-
-def _slowest_approach(
-    lab: RunCache,
-    plant: PlantName,
-    system: str,
-    rate: float | None,
-    torque: float,
-) -> Measured:
     family = _declared(lab, system)
     wrench = family.wrench + torque * np.eye(len(family.wrench))[-2]
     region = _region(lab, find_experiment(system, "nominal"))
@@ -162,8 +144,7 @@ def _slowest_approach(
             z = random.uniform(-1, 1, 2) * region
             t = random.uniform(0, 2)
             places.append((z, t))
-        derivative = lab.plant(case, plant).derivative
-        worst = max(worst, approach(law, derivative, places, wrench))
+        worst = max(worst, _approach(law, lab.equations(case, plant), places, wrench))
 
     note = f"{_PLANTS} plants x {_STATES} states"
     if rate is not None:
@@ -173,51 +154,35 @@ def _slowest_approach(
     return Measured(worst + family.rate, note)
 
 
-def approach(
+def _approach(
     law: Controller,
-    derivative: Derivative,
+    true: AnalyticPlant,
     places: Iterable[tuple[Array, float]],
     wrench: Array,
 ) -> float:
-    """Return the largest s_i' sgn(s_i) next to the surfaces, on every side.
-
-    The law is read as continuous: it is evaluated next to its surface, and s' follows from x' at
-    the same instant, without a time step. The wrench acts either way.
+    """Largest s' sgn(s) of a law with one input on its surface, under a wrench either way.
 
     Args:
         law: Law with a surface.
-        derivative: x' of the plant that it meets.
-        places: Error states z, (n,), and times [s].
+        true: The plant that it meets.
+        places: Error states z, (n,), and times [s]; those where the law is undefined are left out.
         wrench: (6 * bodies,).
-
-    Returns:
-        -infinity where the plant or the law is undefined.
     """
-    error = law.coordinates
-    assert isinstance(error, ErrorCoordinates)
-    p = law.parameters
-    system = error.system
-    memory = surface_memory(law)
-    memory.begun = 1.0
-    # Moves z by 1e-6 of s.
-    aside = 1e-6 * np.linalg.pinv(p.G)
+    system = law.coordinates.system
+    times = []
+    states = []
+    for z, t in places:
+        x = law.coordinates.place(t, z, law.parameters)
+        if abs(x[system.output]) <= system.position_bound and system.linearizable(x):
+            times.append(t)
+            states.append(x)
 
     worst = -np.inf
-    for z, t in places:
-        x = error.place(t, z, p)
-        if abs(x[system.output]) > system.position_bound or not system.linearizable(x):
-            continue
-        slope = np.reshape(error.linearization.slope(x, p.plant), (error.size, len(x)))
-        raised = error.raised_along([t], p)[0]
-
-        for *signs, push in itertools.product(_SIGNS, repeat=len(p.G) + 1):
-            sides = np.array(signs)
-            memory.z0[:] = z - aside @ sides
-            memory.t = t
-            u = law.input_at(t, x, memory)
-            dz = error.sign * (slope @ derivative(x, u, push * wrench) - raised)
-            ds = p.G @ dz - p.S @ z
-            worst = max(worst, float((sides * ds).max()))
+    for side in (-1.0, 1.0):
+        wrenches = np.tile(side * wrench, (len(states), 1))
+        points = balances(law, true, times, np.array(states), wrenches)
+        approach = points.push - points.gain_ratio * points.configured
+        worst = max(worst, float(approach.max()))
     return worst
 
 
@@ -318,6 +283,29 @@ def _return(result: RunResult, eta: float, where: str) -> Measured | None:
     return Measured(duration / allowed, f"{note}; {where}")
 
 
+def naive_gain(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+    """Measure a gain sized on u_c alone over the required one, along the run of a case.
+
+    Assumptions 4 and 6 bound the lumped uncertainty, which contains (r - 1) u with the switching
+    input in it. Left out of the bound, |u_d| = |(r - 1)/r u_c + ...| is required while
+    |(r - 1) u_c + ...| is configured.
+
+    Raises:
+        NoValueError: If nothing pushes s away.
+    """
+    result = lab.case(system, case, plant, "grosmc")
+    true = lab.equations(result.case, plant)
+    points = balances_along(result.controller, true, result.trajectory, EVERY, pushed=False)
+    naive = float(points.push.max())
+    required = float(points.required.max())
+    if required < 1e-9:
+        raise NoValueError("nothing pushes s away here")
+
+    unit = result.controller.designed.sliding_unit
+    note = f"{naive:.3g} sized so, {required:.3g} required [{unit} per s]"
+    return from_run(result, naive / required, note)
+
+
 def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     """Measure the worst deviation over random plants and matched disturbances of declared size."""
     family = _declared(lab, system)
@@ -366,29 +354,6 @@ def worst_start(
     return worst_deviation(lab, plant, cases, f"{len(cases)} random starts")
 
 
-def unmatched_drift(lab: RunCache, plant: PlantName) -> Measured:
-    """Measure max |x1 - x1*| of the servo in percent, with 0.05 rad/s added to theta'."""
-    case = find_experiment("servo", "nominal")
-    law = lab.controller(case, plant, "grosmc")
-    servo = lab.equations(case, plant)
-    rate, acceleration = servo.system.symbolic_equations.f
-    drifting = replace(servo.system.symbolic_equations, f=(rate + _DRIFT_OF_ERROR, acceleration))
-    strange = replace(servo, system=replace(servo.system, equations=drifting))
-
-    # The law believes in the true kinematics: it is designed for another system.
-    unaware = replace(law, design=None)
-    run = simulate(
-        strange,
-        unaware,
-        case.x0,
-        duration=5.0,
-        control_period=lab.settings.control_period,
-        timestep=lab.settings.timestep,
-        engine=lab.settings.engine_for(unaware),
-    )
-    return Measured(from_optimum(compare_with_optimum(run, law)))
-
-
 def proof_three(lab: RunCache, _: PlantName) -> Measured:
     """Measure the largest difference of -k s's from -k |s|_1, which proof 3 has, for |s| < 1."""
     law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
@@ -398,127 +363,58 @@ def proof_three(lab: RunCache, _: PlantName) -> Measured:
     return Measured(float(np.abs(difference).max()))
 
 
-def optimal_gain(A: Array, B: Array, Q: Array) -> tuple[Array, Array]:
-    """Return K and P of the optimal law for R = 1, the limit of those for finite horizons.
-
-    It exists also where (6) has no stabilizing solution: the Riccati differential equation is
-    integrated from P = 0 over 100 s.
-
-    Args:
-        A: State matrix, (n, n).
-        B: Input matrix, (n, m).
-        Q: Positive semidefinite weight of the state, (n, n).
-
-    Returns:
-        K, (m, n), and P, (n, n).
-    """
-    # Imported late: few commands need this part of scipy.
-    from scipy.integrate import solve_ivp
-
-    solution = solve_ivp(
-        _riccati_rate,
-        (0.0, 100.0),
-        np.zeros(A.size),
-        "LSODA",
-        args=(A, B, Q),
-        rtol=1e-10,
-        atol=1e-12,
-    )
-    P = solution.y[:, -1].reshape(A.shape)
-    return B.T @ P, P
-
-
-def _riccati_rate(
-    _: float,
-    flat: Array,
-    A: Array,
-    B: Array,
-    Q: Array,
-) -> Array:
-    """-P' of the Riccati differential equation backwards in time for R = 1, (n * n,)."""
-    P = flat.reshape(A.shape)
-    return (P @ A + A.T @ P - P @ B @ B.T @ P + Q).ravel()
-
-
 def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the servo's error 20 s after a start at 1 rad/s, in percent of that at the start.
 
     The law is the optimal one for Q = diag(0, 1), R = 1. A state that no weight sees costs
     nothing, so the optimum leaves it alone.
     """
-    experiment = find_experiment("servo", "nominal")
-    law = lab.controller(experiment, plant, "lqr")
+    nominal = find_experiment("servo", "nominal")
+    law = lab.controller(nominal, plant, "lqr")
     linear = law.designed.lqr
-    K, P = optimal_gain(linear.A, linear.B, np.diag([0.0, 1.0]))
-    run = simulate(
-        lab.plant(experiment, plant),
-        replace(law, parameters=replace(law.parameters, K=K)),
-        [0.0, 1.0],
-        duration=20.0,
-        control_period=lab.settings.control_period,
-        timestep=lab.settings.timestep,
-    )
+    K, P = optimum_of_rate(linear)
+    blind = replace(law, parameters=replace(law.parameters, K=K))
+    turning = nominal.varied(x0=(0.0, 1.0), duration=20.0)
+    error = lab.run_with(turning, plant, blind).comparison.z[:, 0]
 
-    error = law.coordinates.along(run.time, run.state, law.parameters)[:, 0]
     least = np.linalg.eigvalsh(P).min()
     poles = np.sort(np.linalg.eigvals(linear.A - linear.B @ K).real)
     note = f"poles {poles.round(3).tolist()}, least eigenvalue of P {least:.3g}"
     return Measured(100 * abs(float(error[-1] / error[0])), note)
 
 
-def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
-    """Measure how fast |s| falls next to the surface with |d/M| = epsilon, in percent of epsilon.
+def optimum_of_rate(servo: LqrDesign) -> tuple[Array, Array]:
+    """Return K, (1, 2), and P, (2, 2), of the servo's optimum for Q = diag(0, 1), R = 1.
 
-    The torque epsilon M(q) pushes s away on either side.
+    The rate does not depend on the angle, so the Riccati equation of the rate alone gives it; P is
+    zero beyond. For both states (6) has no stabilizing solution.
+    """
+    of_rate = lqr(servo.A[1:, 1:], servo.B[1:], 1.0, 1.0)
+    K = np.array([[0.0, of_rate.K.item()]])
+    P = np.diag([0.0, of_rate.P.item()])
+    return K, P
+
+
+def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
+    """Measure how fast |s| falls at |s| = 1e-6 rad/s with |d/M| = epsilon, in percent of epsilon.
+
+    The torque epsilon M(q) pushes s away on either side; k s drives it back, eq. (55).
     """
     experiment = find_experiment("arm", "nominal")
     law = lab.controller(experiment, plant, "grosmc")
-    derivative = lab.plant(experiment, plant).derivative
+    true = lab.equations(experiment, plant)
     epsilon = law.parameters.epsilon
     if epsilon == 0:
         return Measured(None, "the law does not switch")
 
-    z = np.zeros(2)
+    at_rest = np.zeros(2)
     torque = np.eye(12)[-2]
-    largest = -np.inf
-    # The law begins at 0, where it takes z for its own z(0).
+    slowest = np.inf
     for t in np.linspace(0.1, 2.0, 20).tolist():
-        x = law.coordinates.place(t, z, law.parameters)
-        acceleration = (derivative(x, 0.0, torque) - derivative(x))[1]
-        equal = epsilon / acceleration * torque
-        largest = max(largest, approach(law, derivative, [(z, t)], equal))
-    return Measured(-100 * largest / epsilon, "the least of 40 states")
+        x = law.coordinates.place(t, at_rest, law.parameters)
+        pushed_by_torque = balance(law, true, t, x, torque).push
+        equal = epsilon / pushed_by_torque * torque
+        slowest = min(slowest, -_approach(law, true, [(at_rest, t)], equal))
 
-
-def growth_of_mismatch(lab: RunCache, plant: PlantName, *, heaviest: float = 2.0) -> Measured:
-    """Measure how much more a wrong M(q) drives s off if the rates may be five times as large.
-
-    It is the largest rate of s on a grid with five times the declared bound of the rate, divided
-    by that on a grid within the declared region.
-
-    Raises:
-        NoValueError: If nothing pushes s away within the region.
-    """
-    case = perturbed("arm", "payload", 1.0, heaviest, 1.0)
-    law = lab.controller(case, plant, "grosmc")
-    true = lab.equations(case, plant)
-    region = _region(lab, case)
-    within = _largest_push(law, true, np.array([1.0, 1.0]) * region)
-    beyond = _largest_push(law, true, np.array([1.0, 5.0]) * region)
-    if within < 1e-9:
-        raise NoValueError("nothing pushes s away here")
-    return Measured(beyond / within, f"{beyond:.3g} rad/s² against {within:.3g} rad/s²")
-
-
-def _largest_push(law: Controller, true: AnalyticPlant, bounds: Array) -> float:
-    """The largest rate that the mismatch gives s on a grid within bounds of z, (2,)."""
-    states = []
-    sides = np.linspace(-1, 1, 9)
-    for z in itertools.product(sides, sides):
-        x = law.coordinates.place(0.0, bounds * z, law.parameters)
-        if true.system.linearizable(x):
-            states.append(x)
-
-    count = len(states)
-    points = balances(law, true, [0.0] * count, np.array(states), np.zeros((count, 12)))
-    return float(points.push.max())
+    rate = slowest + 1e-6 * law.parameters.k
+    return Measured(100 * rate / epsilon, "the least of 40 states")

@@ -105,7 +105,7 @@ def say_findings(
     """
     tables = findings_tables(campaign, findings)
     pass_rates = tables[0].model_copy(update={"title": "", "legend": ""})
-    console.print(screen.first_rows(pass_rates, _MOST_ROWS))
+    console.print(pass_rates.brief(_MOST_ROWS))
     drivers = [driver_words(law, rows) for law, rows in findings.sensitivities.items()]
     lines = [*_difference_lines(findings), *filter(None, drivers)]
     screen.say_lines(console, lines, "", full=False)

@@ -9,12 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Laws, Out, Target, WholeNumber, command
+from grosmc_mj.cli.command import (
+    OUTPUT,
+    Command,
+    Flag,
+    Laws,
+    Out,
+    Target,
+    WholeNumber,
+    command,
+)
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.disturbance import DisturbanceStudy, Found
+    from grosmc_mj.studies.cells import Cells
+    from grosmc_mj.studies.disturbance import Advance, DisturbanceStudy, WorstDisturbance
 
 _Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
 
@@ -49,6 +59,8 @@ class DisturbanceCommand(Command):
             the input's.
         pieces: Number of pieces to begin with.
         largest: Search the largest bound, too, up to which all is kept, from --bound up and down.
+        film: A law to film under its worst disturbance, beside the compared one.
+        gif: Write the film as a GIF, too.
         resume: Search only what is missing in disturbance_NAME, the folder in --out to which every
             finished law is written, of the same file and versions.
         out: Folder for disturbance_NAME.json, the figure and the case files.
@@ -65,12 +77,15 @@ class DisturbanceCommand(Command):
     requirement: Annotated[str, Parameter(metavar="KEY", show_default="any")] = ""
     pieces: WholeNumber = 40
     largest: Flag = False
+    film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
+    gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
     resume: Flag = False
     out: Out = Path("renders")
 
     def execute(self) -> int:
         """Search for each law, write, draw and print what was found."""
-        from grosmc_mj.studies.disturbance import disturbance_study, require_replayable
+        from grosmc_mj.studies.disturbance import disturbance_study
+        from grosmc_mj.studies.disturbance_answer import require_filmable, require_replayable
 
         study = disturbance_study(
             self.target,
@@ -84,8 +99,10 @@ class DisturbanceCommand(Command):
             pieces=self.pieces,
         )
         require_replayable(study, self.out)
+        if self.film:
+            require_filmable(study, self.film)
 
-        rows: list[Found] = []
+        rows: list[WorstDisturbance] = []
         with screen.partial_results_kept(
             lambda: self._write(study, rows, complete=False),
             "interrupted; the same command with --resume runs what is missing",
@@ -95,67 +112,105 @@ class DisturbanceCommand(Command):
             files = self._write(study, rows, complete=True)
         finally:
             self._print_answer(study, rows)
+        if self.film:
+            files = (*files, self._film(study, rows))
         screen.say_files(screen.console(), *files)
-        return DONE if all(found.share <= 1 for found in rows) else DIFFERS
+        return DONE if all(worst.kept for worst in rows) else DIFFERS
 
-    def _search(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+    def _search(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
         """Search for each law, or read what was found if --resume is given.
 
         Args:
             study: The study.
             rows: Filled law by law: an interrupt leaves the first ones.
         """
-        from grosmc_mj.studies.disturbance import FinishedSearches
+        from grosmc_mj.studies.disturbance import cells_of
 
-        finished = FinishedSearches.of(study, self._path(study).with_suffix(""))
+        cells = cells_of(study, self._path(study).with_suffix(""))
         laws = study.experiment.controllers
         with screen.progress(len(laws), "laws") as advance:
             for law in laws:
-                found = finished.read(law, largest=self.largest) if self.resume else None
-                if found is None:
-                    found = study.find(law, lambda text: advance(text, 0))
-                    if self.largest:
-                        bounds = study.largest(law, lambda text: advance(text, 0))
-                        found = found.model_copy(update={"largest": bounds})
-                    finished.write(found, largest=self.largest)
-                rows.append(found)
+                worst = self._worst(study, cells, law, lambda text: advance(text, 0))
+                rows.append(worst)
                 advance(law, 1)
+
+    def _worst(
+        self,
+        study: DisturbanceStudy,
+        cells: Cells[WorstDisturbance],
+        law: str,
+        advance: Advance,
+    ) -> WorstDisturbance:
+        """Search for a law; with --resume only what is missing."""
+        worst = None
+        if self.resume:
+            worst = cells.read(law, self.largest) or cells.read(law, False)
+        if worst is None:
+            worst = study.find(law, advance)
+            cells.write(worst)
+
+        if self.largest and worst.largest is None:
+            bounds = study.largest(law, advance)
+            worst = worst.model_copy(update={"largest": bounds})
+            cells.write(worst)
+        return worst
 
     def _path(self, study: DisturbanceStudy) -> Path:
         """Return the path of the result."""
         return self.out / f"disturbance_{result_name(study.experiment.path)}.json"
 
     def _write(
-        self, study: DisturbanceStudy, rows: list[Found], *, complete: bool
+        self, study: DisturbanceStudy, rows: list[WorstDisturbance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document, figure and case files; returns their paths, none without a row."""
         from grosmc_mj.files import atomic_write, name_in_files
         from grosmc_mj.results.charts import write_panels
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import disturbance
+        from grosmc_mj.studies import disturbance_answer as answer
 
         if not rows:
             return ()
         path = self._path(study)
-        write_json(path, disturbance.disturbance_document(study, rows, complete=complete))
+        write_json(path, answer.disturbance_document(study, rows, complete=complete))
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
-        write_panels(figure, title, disturbance.charts(study, rows))
+        write_panels(figure, title, [answer.charts(study, worst) for worst in rows])
 
         files = [path, figure]
-        for found in rows:
-            file = path.with_name(f"{path.stem}_{name_in_files(found.law)}.toml")
+        for worst in rows:
+            file = path.with_name(f"{path.stem}_{name_in_files(worst.law)}.toml")
             with atomic_write(file) as part:
-                part.write_text(disturbance.case_text(study, found), encoding="utf-8")
+                part.write_text(answer.case_text(study, worst), encoding="utf-8")
             files.append(file)
         return tuple(files)
 
-    def _print_answer(self, study: DisturbanceStudy, rows: list[Found]) -> None:
+    def _film(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> Path:
+        """Write the film; returns its path."""
+        from grosmc_mj.experiments.films import SMALL, write_case_film
+        from grosmc_mj.studies.disturbance_answer import disturbance_film
+
+        (worst,) = [row for row in rows if row.law == self.film]
+        path = self._path(study)
+        path = path.with_name(f"{path.stem}_film.mp4")
+        film = disturbance_film(study, worst, SMALL)
+        settings = study.experiment.settings
+        with screen.progress(len(film.times), "frames") as advance:
+            written = write_case_film(
+                study.experiment,
+                film,
+                path,
+                settings=settings,
+                gif=self.gif,
+                advance=lambda: advance(path.name),
+            )
+        return written.film
+
+    def _print_answer(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
         """Print which laws keep all, and what was found for each."""
-        from grosmc_mj.studies import disturbance
+        from grosmc_mj.studies import disturbance_answer as answer
 
         console = screen.console()
-        console.print(disturbance.verdict(study, rows), style="bold", markup=False)
-        for found in rows:
-            console.print(disturbance.words_of(study, found), markup=False)
-        console.print(disturbance.answer_table(study, rows))
+        console.print(answer.verdict(study, rows), style="bold", markup=False)
+        for worst in rows:
+            console.print(answer.words_of(study, worst), markup=False)
+        console.print(answer.answer_table(study, rows))

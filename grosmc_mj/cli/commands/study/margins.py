@@ -14,7 +14,8 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.margins import LawMargins, MarginStudy
+    from grosmc_mj.studies.law_margins import LawMargins
+    from grosmc_mj.studies.margins import MarginStudy
 
 
 @command
@@ -90,18 +91,20 @@ class MarginsCommand(Command):
             studied: The study.
             rows: Filled law by law: an interrupt leaves the first ones.
         """
-        from grosmc_mj.studies.margins import cells_of, law_margins
+        from grosmc_mj.studies.law_margins import cells_of, law_margins
 
         cells = cells_of(studied, self._path(studied).with_suffix(""))
         with screen.progress(len(studied.steps), "laws") as advance:
             for setup, law in studied.steps:
-                advance(f"{law.name}: {setup.name}", 0)
+                name = f"{setup.name}: {law.name}"
                 row = cells.read(setup.name, law.name) if self.resume else None
                 if row is None:
-                    row = law_margins(studied, setup, law)
+                    row = law_margins(
+                        studied, setup, law, lambda text, name=name: advance(f"{name}: {text}", 0)
+                    )
                     cells.write(row)
                 rows.append(row)
-                advance(f"{law.name}: {setup.name}", 1)
+                advance(name, 1)
 
     def _path(self, studied: MarginStudy) -> Path:
         """Return the path of the result."""
@@ -113,32 +116,29 @@ class MarginsCommand(Command):
         """Write document and figure; returns their paths, none without a row."""
         from grosmc_mj.results.charts import write_panels
         from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import margins as study
+        from grosmc_mj.studies import margins_answer as answer
+        from grosmc_mj.studies.margins_figure import charts
 
         if not rows:
             return ()
         path = self._path(studied)
-        write_json(path, study.margins_document(studied, rows, complete=complete))
-        panels = []
-        for setup in studied.setups:
-            measured = [row for row in rows if row.setup == setup.name]
-            if measured:
-                panels.append(study.charts(setup, measured))
+        write_json(path, answer.margins_document(studied, rows, complete=complete))
+        panels = [charts(setup, of_setup) for setup, of_setup in answer.by_setup(studied, rows)]
         title = f"{studied.target}: L at the plant's input, and its delay margin"
         return path, write_panels(path.with_suffix(".png"), title, panels)
 
     def _print_answer(self, studied: MarginStudy, rows: list[LawMargins]) -> None:
         """Print the margins in each setup and, on request, every table."""
-        from grosmc_mj.studies import margins as study
+        from grosmc_mj.studies import margins_answer as answer
 
         console = screen.console()
-        console.print(study.verdict(rows), style="bold", markup=False)
-        for setup in studied.setups:
-            measured = [row for row in rows if row.setup == setup.name]
-            if measured:
-                console.print(study.margin_table(setup, measured))
-                screen.say_lines(console, study.notes(measured), "dim", full=self.verbose)
+        console.print(answer.verdict(rows), style="bold", markup=False)
+        measured = list(answer.by_setup(studied, rows))
+        # One screen has no room for all: those nearest to the machine.
+        for setup, of_setup in measured if self.verbose else measured[-2:]:
+            console.print(answer.margin_table(setup, of_setup))
+            screen.say_lines(console, answer.notes(of_setup), "dim", full=self.verbose)
         if self.verbose:
-            for sheet in study.sheets(studied, rows):
+            for sheet in answer.sheets(studied, rows):
                 screen.wide_console().print(sheet.table)
-        console.print(study.LEGEND, style="dim", markup=False)
+        console.print(answer.LEGEND, style="dim", markup=False)
