@@ -118,7 +118,7 @@ LAWS = [
     ("LQR", ("lqr",)),
     ("LQI, as quick as the actuator allows", ("lqi, quick",)),
     ("ADRC", ("adrc",)),
-    ("GROSMC, sign function as printed", ("sign",)),
+    ("GROSMC, sign function", ("sign",)),
     ("GROSMC, implicit", ("implicit",)),
     ("GROSMC, super-twisting", ("super-twisting",)),
     ("GROSMC, adaptive gain", ("grosmc adaptive", "adaptive")),
@@ -146,8 +146,9 @@ def first_failing_step(system: str, names: tuple[str, ...]) -> str:
     table, _, _ = after.partition("Each alone")
     steps = [step.strip("\\*") for step in rows(table)[0][1:]]
     for step, cell in zip(steps, row_of(table, names), strict=True):
-        # Such as 12x, for twelve times the limit.
-        if cell.endswith(("x", "never", "ended")):
+        # Such as 12x, for twelve times the limit, or 7 of 10 draws.
+        verdict = cell.rstrip("?")
+        if verdict.endswith(("x", "never", "ended")) or " of " in verdict:
             return step
     return "kept"
 
@@ -157,7 +158,8 @@ def test_the_summary_of_the_ladder_agrees_with_its_tables(
     label: str, names: tuple[str, ...]
 ) -> None:
     steps = [first_failing_step(system, names) for system in SYSTEMS]
-    assert row_of(SUMMARY, (label,)) == steps
+    cells = [re.sub(r" \(.*\)", "", cell.rstrip("?")) for cell in row_of(SUMMARY, (label,))]
+    assert cells == steps
 
 
 # The map.

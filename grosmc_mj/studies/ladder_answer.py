@@ -361,6 +361,8 @@ def _standings(
         failed = first_failed(rungs)
         breaks_at = ""
         answer = "stands on every rung"
+        if any(row.hangs_on for row in rungs):
+            answer += ", but an assumed number turns it"
         if failed is not None:
             breaks_at = failed.rung
             answer = f"{failed.reason} ({condition})"
