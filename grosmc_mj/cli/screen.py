@@ -102,31 +102,6 @@ def partial_results_kept(write: Callable[[], Sequence[Path]], advice: str = "") 
         raise
 
 
-def brief_table(
-    title: str,
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    words: int = 1,
-    most: int = 12,
-    styles: Sequence[str] = (),
-) -> Table:
-    """Return a table of at most so many rows for an answer; words wrap, and numbers never do.
-
-    Args:
-        title: Above it.
-        columns: Their headers.
-        rows: A text for each column, the worst first.
-        words: So many columns hold words; those after them hold numbers.
-        most: Rows that are shown; the caption says how many there are more.
-        styles: Of the rows; none for plain ones.
-    """
-    from grosmc_mj.results.tables import numbers, phrases, table
-
-    headers = [*phrases(*columns[:words]), *numbers(*columns[words:])]
-    return table(title, headers, rows, styles=styles).brief(most)
-
-
 def say_result(
     content: Mapping[str, Any],
     path: Path,

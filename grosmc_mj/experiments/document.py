@@ -178,7 +178,7 @@ def _measured(item: Judgement) -> str:
     try:
         value *= float(allowed) / requirement.number
     except ValueError:
-        # What is asked for with ``true`` has no number in the file.
+        # A requirement that is asked for with ``true`` has no number in the file.
         unit = requirement.unit
     if unit == "1":
         unit = ""

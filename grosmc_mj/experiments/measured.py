@@ -103,20 +103,6 @@ def measured_results(experiment: Experiment) -> list[MeasuredResult]:
     return results_of_logs(experiment, tables)
 
 
-def judge_measured(experiment: Experiment) -> list[Judgement]:
-    """Return the judgements of a case's measured logs, one log after the other.
-
-    A requirement that a log cannot decide has none: ``MeasuredResult.not_judged`` says why.
-
-    Raises:
-        ArgumentError: As ``measured_results`` does.
-    """
-    judgements: list[Judgement] = []
-    for result in measured_results(experiment):
-        judgements += result.requirements
-    return judgements
-
-
 def disagreements(experiment: Experiment, judgements: Sequence[Judgement]) -> list[str]:
     """Return a line on each requirement that only one of model and machine keeps.
 

@@ -15,8 +15,6 @@ from grosmc_mj.physics.mujoco_plant import MujocoPlant
 
 # Fields of a part of the loop that are no property of the machine by themselves.
 _NO_PROPERTIES = ("of", "exact", "order")
-# Numbers of a joint that a machine can be without; its armature is a mass.
-_OF_JOINTS = ("damping", "friction")
 FITTED_MASSES = "fitted masses"
 
 

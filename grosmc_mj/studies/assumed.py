@@ -44,10 +44,8 @@ def assumed_numbers(machine: Experiment) -> Iterator[AssumedNumber]:
     for part in machine_of_file(machine.file, machine.nominal.system):
         parts.setdefault(table_of(part), []).append(part)
     if machine.loop is not None:
-        parts["computing"] = [machine.loop.computing]
-        parts["sensor"] = list(machine.loop.sensors)
-        parts["estimator"] = list(machine.loop.estimators)
-        parts["actuator"] = list(machine.loop.actuators)
+        for kind, part in machine.loop.parts:
+            parts.setdefault(kind, []).append(part)
 
     for kind, parts_of_kind in parts.items():
         tables = getattr(machine.file, kind)
@@ -60,10 +58,10 @@ def assumed_numbers(machine: Experiment) -> Iterator[AssumedNumber]:
                 if kind != "computing":
                     path = f"{kind}[{index + 1}].{name}"
                 value = getattr(parts_of_kind[index], name)
-                yield AssumedNumber(kind, path, owner_of(table, kind), name, value)
+                yield AssumedNumber(kind, path, _owner_of(table, kind), name, value)
 
 
-def owner_of(table: Any, kind: str) -> str:
+def _owner_of(table: Any, kind: str) -> str:
     """Return the state, joint, input or body that a part of a file is of; else its kind."""
     for key in _OWNERS:
         if hasattr(table, key):
@@ -75,7 +73,7 @@ def owner_of(table: Any, kind: str) -> str:
 
 
 def with_other_numbers(machine: Experiment) -> Iterator[tuple[str, Experiment]]:
-    """Yield the machine with each assumed number at half and at twice its value, and its name."""
+    """Yield the machine with each assumed number at half and at twice its value, after its name."""
     for number in assumed_numbers(machine):
         for factor in (0.5, 2.0):
             for power in _POWERS:

@@ -399,7 +399,7 @@ def _largest_share(
 
 
 def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[str, float | None]:
-    """What is shown of the first draw, and not judged."""
+    """Return numbers of the first draw that are shown and not judged."""
     optimum_settles = None
     if worst.share > 1 and worst.tightest != ENDED:
         broken = next(limit for limit in limits if limit.name == worst.tightest)

@@ -103,7 +103,8 @@ def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"
-    return f"{answer}.{_agreement(rows, top)}"
+    under_it = [row for row in rows if row.condition == condition]
+    return f"{answer}.{_agreement(under_it, top)}"
 
 
 def _agreement(rows: Iterable[RungResult], top: str) -> str:
@@ -112,7 +113,7 @@ def _agreement(rows: Iterable[RungResult], top: str) -> str:
     measured = {}
     for row in rows:
         if row.together and row.rung == top:
-            modelled.setdefault(row.law, row.kept)
+            modelled[row.law] = row.kept
         if row.rung == MEASURED:
             measured[row.law] = row.kept
     if not measured:

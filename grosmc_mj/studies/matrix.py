@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from grosmc_mj.results.charts import write_cells
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import CellChart
 from grosmc_mj.results.tables import Table, numbers, table, words
@@ -22,19 +23,6 @@ NOTE = (
     "draws of what is random, so many of so many. ?: an assumed number, at half or at twice its "
     "value, turns the verdict."
 )
-
-
-def chart_path(path: Path, condition: str, first: str) -> Path:
-    """Return the path of the figure of a condition, beside the result.
-
-    Args:
-        path: Path of the result.
-        condition: Name of the condition.
-        first: Name of the first condition, whose figure has the name of the result.
-    """
-    if condition == first:
-        return path.with_suffix(".png")
-    return path.with_name(f"{path.stem}_{condition.replace(' ', '_')}.png")
 
 
 class Cell(NamedTuple):
@@ -95,31 +83,49 @@ def verdict_chart(
         climbing: Whether each step has all those before it, so that a requirement is named where
             it first breaks alone.
     """
+    by_place = {(cell.law, cell.step): cell for cell in cells}
     placed: dict[tuple[str, str], tuple[float, str, str]] = {}
-    named: dict[str, str] = {}
-    for step, heading in headings.items():
-        for cell in cells:
-            if cell.step != step or not cell.verdict:
+    for law in dict.fromkeys(cell.law for cell in cells):
+        named = ""
+        for step, heading in headings.items():
+            cell = by_place.get((law, step))
+            if cell is None or not cell.verdict:
                 continue
+
             labels = []
-            if cell.broken and not (climbing and named.get(cell.law) == cell.broken):
-                labels.append(short_name(cell.broken))
-                named[cell.law] = cell.broken
+            if cell.broken and not (climbing and cell.broken == named):
+                labels.append(_short_name(cell.broken))
+                named = cell.broken
             if cell.mark:
                 labels.append(cell.mark)
-            place = (cell.law, heading)
-            placed[place] = (_VALUES[cell.verdict], "\n".join(labels), cell.words)
-
-    # The rows of a chart are in the order of its cells.
-    laws = list(dict.fromkeys(cell.law for cell in cells))
-    columns = list(headings.values())
-    in_order = sorted(
-        placed.items(), key=lambda item: (laws.index(item[0][0]), columns.index(item[0][1]))
-    )
-    return CellChart.of(title, dict(in_order), 1.0)
+            placed[law, heading] = (_VALUES[cell.verdict], "\n".join(labels), cell.words)
+    return CellChart.of(title, placed, 1.0)
 
 
-def short_name(requirement: str) -> str:
+def write_charts(
+    path: Path, title: str, charts: Mapping[str, CellChart], note: str
+) -> tuple[Path, ...]:
+    """Draw the chart of each condition in a figure of its own, and return the paths.
+
+    Args:
+        path: Path of the result: the figure of the first condition has its name.
+        title: Title of the figures.
+        charts: The charts, by condition.
+        note: Text below each.
+
+    Raises:
+        SetupError: If a file cannot be written.
+    """
+    figures = []
+    for condition, chart in charts.items():
+        figure = path.with_suffix(".png")
+        if figures:
+            figure = path.with_name(f"{path.stem}_{condition.replace(' ', '_')}.png")
+        figures.append(write_cells(figure, title, [chart], note))
+    return tuple(figures)
+
+
+def _short_name(requirement: str) -> str:
     """Return the name of a requirement for a cell: settles, final error, input; in short lines."""
     name = requirement.replace("_", " ").removeprefix("the ")
     for ending in _ENDINGS:

@@ -131,14 +131,13 @@ def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
 def _assumed(numbers: Sequence[AssumedNumber], rung: str) -> Iterator[str]:
     """Yield the assumed numbers that a rung adds, by the part that has them."""
     kinds, keys = _TABLES[rung]
-    names: dict[str, list[str]] = {}
+    names: dict[tuple[str, str], list[str]] = {}
     for number in numbers:
         if number.kind in kinds and (keys is None or number.name in keys):
-            # Each part has its own line: two parts of one owner are of different kinds.
+            # One owner may have two parts.
             part = number.path.rpartition(".")[0]
-            names.setdefault(f"{part} {number.owner}", []).append(number.name)
-    for part, of_part in names.items():
-        owner = part.partition(" ")[2]
+            names.setdefault((part, number.owner), []).append(number.name)
+    for (_, owner), of_part in names.items():
         yield f"{owner}: {', '.join(of_part)}"
 
 

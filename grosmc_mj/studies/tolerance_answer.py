@@ -147,9 +147,9 @@ def cell_of(row: Tolerance) -> Cell:
     elif row.weakness > 1:
         verdict = "kept"
 
-    words = ""
+    words = row.cell
     if row.breaks:
-        words = f"then breaks: {row.reason}"
+        words += f"; then breaks: {row.reason}"
     mark = "!" if row.physics_agrees is False else ""
     return Cell(
         law=row.law,
@@ -159,7 +159,7 @@ def cell_of(row: Tolerance) -> Cell:
         text=row.cell,
         broken=row.breaks if verdict == "failed" else "",
         mark=mark,
-        words=f"{row.cell}; {words}",
+        words=words,
     )
 
 

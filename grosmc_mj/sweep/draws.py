@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.requirements.judging import Judgement, margins_of
@@ -68,17 +70,22 @@ def _worst(first: Judgement, outcomes: Outcomes) -> Judgement:
     """
     requirement = first.requirement
     margins = margins_of([requirement], outcomes.columns, outcomes.completed)[requirement.name]
+    margins = np.where(np.isnan(margins), -np.inf, margins)
     kept = int(first.kept) + int((margins >= 0).sum())
     draws = 1 + len(margins)
-    note = ""
-    if 0 < kept < draws:
-        note = f"kept in {kept} of {draws} draws"
 
+    # A note is about the run that is judged: the first draw's is not the worst one's.
     worst = first
-    least = float(min(margins))
-    if first.margin is not None and least < first.margin:
-        worst = first._replace(measured=None, margin=None, kept=least >= 0)
-        if math.isfinite(least):
-            worst = worst._replace(measured=requirement.number - least, margin=least)
-    notes = filter(None, [worst.note, note])
-    return worst._replace(note="; ".join(notes))
+    least = float(margins.min())
+    if first.margin is not None and least == -math.inf:
+        worst = first._replace(
+            measured=None, margin=None, kept=False, note="a draw ends early or never gets there"
+        )
+    elif first.margin is not None and least < first.margin:
+        measured = requirement.number - least
+        worst = first._replace(measured=measured, margin=least, kept=least >= 0, note="")
+
+    if 0 < kept < draws:
+        notes = [worst.note, f"kept in {kept} of {draws} draws"]
+        worst = worst._replace(note="; ".join(filter(None, notes)))
+    return worst

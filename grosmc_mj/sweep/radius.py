@@ -39,7 +39,7 @@ PLANTS = 128
 _CORNERS = 64
 # Runs of one compass search at most.
 _MOST_RUNS = 1024
-# What the plants of a scale keep: all requirements, or |s| its bound; negative where they do not.
+# Margin that the plants of a scale must keep: of all requirements, or of |s| to its bound.
 Condition = Literal["order", "room"]
 
 

@@ -354,7 +354,7 @@ def _run_group(
 
 
 class _Ends(NamedTuple):
-    """What is kept of n runs of one law.
+    """Results of n runs of one law.
 
     Attributes:
         status: How each ended, (n,).

@@ -19,7 +19,6 @@ from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.measured import (
     MeasuredResult,
     disagreements,
-    judge_measured,
     measured_results,
     results_of_logs,
 )
@@ -63,7 +62,7 @@ saturated_for_less_than = "1 s"
 recovers_within = "1 s"
 band = "20 mrad"
 """
-# What only a log with the rate can decide, and what none can.
+# Requirements that only a log with the rate can decide, and those that no log can.
 OF_RATE = ["rotor speed stays within 1 rad/s", "always abs(rotor speed) < 1 rad/s or abs(error) >"]
 OF_MODEL = [
     "deviation below 0.1 rad",
@@ -222,7 +221,8 @@ def folder(simulated: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 def test_several_logs_are_judged_one_by_one(folder: Path) -> None:
-    judgements = judge_measured(Experiment.load(folder / "two.toml"))
+    results = measured_results(Experiment.load(folder / "two.toml"))
+    judgements = [item for result in results for item in result.requirements]
     kept = [(item.plant, item.requirement.key, item.kept) for item in judgements]
     assert kept == [
         ("measured good", "final_error_below", True),

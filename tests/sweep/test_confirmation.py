@@ -47,7 +47,7 @@ def test_runs_that_are_doubted_later_are_confirmed_then() -> None:
     confirmation.note(rows, np.zeros(len(rows), bool))
     confirmation.doubt(IN_DOUBT | DRAWN)
     assert confirmation.rows().tolist() == np.flatnonzero(IN_DOUBT & ~DRAWN).tolist()
-    # What was drawn before it was in doubt stands for the others still.
+    # Runs that were drawn before they were in doubt still stand for the others.
     assert confirmation.drawn.sum() == DRAWN.sum()
 
 

@@ -65,7 +65,7 @@ class PredictCommand(Command):
         *paths, case = self.logs_and_case
         experiment = find_experiments(case)[0].with_laws([self.law])
         logs = {Path(path): 0.0 for path in paths} or self._measured(experiment)
-        # What is wrong with a log is told before the first one runs.
+        # Every log is checked before the first prediction runs.
         questions = {path: self._question(experiment, path, logs[path]) for path in logs}
 
         inside = [self._judge(path, question) for path, question in questions.items()]

@@ -159,22 +159,17 @@ class LadderCommand(Command):
         self, studied: Ladder, rows: list[RungResult], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns their paths, none without a row."""
-        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import ladder_answer
-        from grosmc_mj.studies.matrix import NOTE, chart_path
+        from grosmc_mj.studies.matrix import NOTE, write_charts
 
         if not rows:
             return ()
         path = self._path(studied)
         write_json(path, ladder_answer.ladder_document(studied, rows, complete=complete))
-        first = studied.conditions[0].name
-        figures = []
-        for condition, chart in ladder_answer.charts(studied, rows).items():
-            figure = chart_path(path, condition, first)
-            title = f"{studied.target}: where each law fails"
-            figures.append(write_cells(figure, title, [chart], NOTE))
-        return path, *figures
+        title = f"{studied.target}: where each law fails"
+        charts = ladder_answer.charts(studied, rows)
+        return path, *write_charts(path, title, charts, NOTE)
 
     def _film(
         self,

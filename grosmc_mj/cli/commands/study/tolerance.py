@@ -119,22 +119,17 @@ class ToleranceCommand(Command):
         self, studied: ToleranceStudy, rows: list[Tolerance], *, complete: bool
     ) -> tuple[Path, ...]:
         """Write document and figure; returns their paths, none without a row."""
-        from grosmc_mj.results.charts import write_cells
         from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import tolerance_answer as study
-        from grosmc_mj.studies.matrix import chart_path
+        from grosmc_mj.studies.matrix import write_charts
 
         if not rows:
             return ()
         path = self._path(studied)
         write_json(path, study.tolerance_document(studied, rows, self.draws, complete=complete))
-        first = studied.conditions[0].name
-        figures = []
-        for condition, chart in study.charts(studied, rows).items():
-            figure = chart_path(path, condition, first)
-            title = f"{studied.target}: what of its bench each law stands"
-            figures.append(write_cells(figure, title, [chart], study.NOTE))
-        return path, *figures
+        title = f"{studied.target}: what of its bench each law stands"
+        charts = study.charts(studied, rows)
+        return path, *write_charts(path, title, charts, study.NOTE)
 
     def _print_answer(self, rows: list[Tolerance]) -> None:
         """Print which law breaks first, and how much each law stands."""
