@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
     Answer,
     CellChart,
@@ -26,7 +27,7 @@ from grosmc_mj.results.tables import numbers, table, verdicts, words
 
 def _document(kind: str, **parts: Any) -> dict[str, Any]:
     content = result(kind, {"target": "servo/case1", "case": "a long line, " * 20}, **parts)
-    return {**content, "command": f"grosmc-mj {kind} servo/case1", "machine": "here"}
+    return {**plain(content), "command": f"grosmc-mj {kind} servo/case1", "machine": "here"}
 
 
 RUN = _document(

@@ -9,12 +9,21 @@ from typing import Any
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, CellChart, ReportTable, Value, result
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    Answer,
+    CellChart,
+    ReportTable,
+    Result,
+    Value,
+    result,
+)
 from grosmc_mj.results.tables import Column, Table, number, numbers, table, text, verdicts, words
 
 
-def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, Any]:
-    """Return the content of premises_SYSTEM.json."""
+def premises_result(audits: Sequence[Audit], settings: Settings) -> Result:
+    """Return the premises of a law in each case of a system."""
     values = []
     cells = {}
     for audit in audits:
@@ -25,7 +34,7 @@ def premises_result(audits: Sequence[Audit], settings: Settings) -> dict[str, An
             cells[f"{case}, {audit.controller}", premise.name] = _cell(premise)
 
     chart = CellChart.of("premises", cells, 2.0)
-    sheets = [ReportTable(table=failures_table(audits), charts=[chart])]
+    sheets = [ReportTable(table=failures_table(audits), charts=[chart], brief=True)]
     sheets += [ReportTable(table=audit_table(audit)) for audit in audits]
     return result(
         "premises",
@@ -69,10 +78,12 @@ def _answer(audits: Sequence[Audit]) -> Answer:
     if failed:
         verdict = NOT_KEPT
         sentence = f"{failed} of {total} premises of {law} fail"
+    points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
     return Answer(
         question=f"Premises of {law} on {audits[0].case.system}",
         verdict=verdict,
         words=sentence,
+        faults=points,
     )
 
 
@@ -145,6 +156,7 @@ def audit_table(audit: Audit) -> Table:
         f"{audit.case.system}, {audit.case.name}, {audit.controller}: {audit.case.title}",
         columns,
         [_audit_row(premise) for premise in audit.premises],
+        legend="\n".join(worst_points(audit)),
     )
 
 

@@ -25,8 +25,10 @@ from grosmc_mj.results.result import (
     OPEN,
     Answer,
     ReportTable,
+    Result,
     StudyVerdict,
     Value,
+    report_tables,
     result,
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
@@ -99,8 +101,8 @@ class Validation:
             sentence += f" All {len(self.findings)} verdicts of the claims are as expected."
         return sentence
 
-    def document(self) -> dict[str, Any]:
-        """Return the content of validation.json."""
+    def result(self) -> Result:
+        """Return the result of the validation."""
         differences = self.differences
         configuration = asdict(Settings())
         configuration["cases"] = [case_document(case) for case in self.selected]
@@ -131,6 +133,7 @@ class Validation:
             verdict=verdict,
             words=self.words,
             more=counts_words(self.findings),
+            faults=[f"differs: {line}" for line in self.differences],
         )
 
     def _sheets(self) -> list[ReportTable]:
@@ -143,7 +146,7 @@ class Validation:
             agreement_table(self.agreements),
             *claims[1:],
         ]
-        return [ReportTable(table=rows) for rows in tables if rows.rows]
+        return report_tables(tables, 2)
 
     def _standings(self) -> Iterator[StudyVerdict]:
         """Verdict on each law in each case: by its requirements, else by its run on record."""

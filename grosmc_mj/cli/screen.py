@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.errors import SetupError
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
-    from grosmc_mj.results.tables import Table
+    from grosmc_mj.results.result import Result
 
 # An answer fits on a screen: forty lines of so many columns.
 WIDTH = 100
@@ -24,9 +24,13 @@ WIDTH = 100
 _FULL_WIDTH = 200
 # Seconds between two lines of progress where there is no bar.
 LINE_EVERY = 10.0
-# Lines of one kind that an answer shows, such as results that differ; and rows of a table.
+# Lines of one kind that an answer shows, such as results that differ; remarks; rows of its tables.
 _MOST_LINES = 5
-_MOST_ROWS = 16
+_MOST_REMARKS = 14
+_MOST_ROWS = 18
+_LEAST_ROWS = 8
+# Advice after an interrupt, where finished parts are kept.
+RESUME = "interrupted; the same command with --resume runs what is missing"
 
 
 def console() -> Console:
@@ -55,9 +59,10 @@ def say_lines(
     style: str = "red",
     *,
     full: bool,
+    most: int = _MOST_LINES,
 ) -> None:
     """Print lines of one kind: all of them, or the first ones and how many there are more."""
-    printed = lines if full else lines[:_MOST_LINES]
+    printed = lines if full else lines[:most]
     for line in printed:
         to.print(line, style=style, markup=False, soft_wrap=full)
 
@@ -81,80 +86,105 @@ def notice(line: str) -> None:
 
 
 @contextlib.contextmanager
-def partial_results_kept(write: Callable[[], Sequence[Path]], advice: str = "") -> Iterator[None]:
-    """Write partial results and print their paths if this block is interrupted or fails.
+def answered(
+    path: Path,
+    result: Callable[[bool], Result],
+    done: Sized,
+    draw: Callable[[], Sequence[Path]],
+    *,
+    full: bool,
+    advice: str = "",
+) -> Iterator[None]:
+    """Write and print the result of the work in this block.
+
+    If the work is interrupted or fails, the result of its finished part is written, not printed.
 
     Args:
-        write: Writes them, and returns their paths.
+        path: JSON file of the result.
+        result: Returns the result, of the whole work if its argument is True.
+        done: Parts of the work that are done, filled one by one; without any nothing is written.
+        draw: Draws the figures and writes other files; returns their paths.
+        full: True to print all tables.
         advice: What to do after an interrupt; to start over by default.
     """
+    from grosmc_mj.results.document import write_json
+
     try:
         yield
     except (Exception, KeyboardInterrupt) as end:
         # The error that ended the block is the one to report, not a second one here.
         with contextlib.suppress(SetupError):
-            files = write()
-            if files:
-                say_files(console(), *files)
+            if len(done):
+                write_json(path, result(False))
+                say_files(console(), path, *draw())
 
         if advice and isinstance(end, KeyboardInterrupt):
             raise KeyboardInterrupt(advice) from None
         raise
+    say_result(result(True), path, draw, full=full)
 
 
 def say_result(
-    content: Mapping[str, Any],
+    result: Result,
     path: Path,
-    lines: Sequence[str] = (),
+    draw: Callable[[], Sequence[Path]] = tuple,
     *,
     full: bool,
-    brief: int = 1,
-    tables: Sequence[Table] = (),
+    among: bool = False,
 ) -> None:
-    """Write a result's document, then print its answer, mistakes, tables and path.
+    """Write a result, print it, draw its figures, and print the paths of all files.
 
     A result that cannot be written is printed all the same.
 
     Args:
-        content: The document.
+        result: The result.
         path: Its JSON file.
-        lines: Mistakes, a line each.
-        full: True to print all lines, and all tables of the document.
-        brief: How many of them are printed otherwise, cut to a screen.
-        tables: Tables to print in place of the document's.
+        draw: Draws the figures and writes other files; returns their paths.
+        full: True to print all tables and lines; else those of a brief answer.
+        among: True if several results follow each other: each begins with its name, and only a
+            table of one that is not good is printed.
     """
     from grosmc_mj.results.document import write_json
     from grosmc_mj.results.result import KEPT, MEASURED
 
     try:
-        write_json(path, content)
+        write_json(path, result)
     finally:
-        answer = content["answers"][0]
-        words = answer["words"].rstrip(".")
-        say_verdict(console(), f"{words}.", good=answer["verdict"] in (KEPT, MEASURED))
-        say_lines(console(), lines, full=full)
+        to = console()
+        for answer in result.answers:
+            words = answer.words.rstrip(".")
+            if among:
+                words = f"{path.stem}: {words}"
+            say_verdict(to, f"{words}.", good=answer.verdict in (KEPT, MEASURED))
+            say_lines(to, answer.faults, full=full)
+            say_lines(to, answer.notes, "yellow", full=full)
 
-        if tables:
-            console().print(*tables)
-        elif full:
-            say_tables(content)
-        else:
-            say_tables(content, brief)
-    say_files(console(), path)
+        _say_tables(result, full=full, among=among)
+        if full or not among:
+            more = [answer.more for answer in result.answers if answer.more]
+            say_lines(to, [*more, *result.remarks], "dim", full=full, most=_MOST_REMARKS)
+    say_files(to, path, *draw())
 
 
-def say_tables(content: Mapping[str, Any], brief: int | None = None) -> None:
-    """Print the tables of a result's document: all, or the first ones, cut to a screen."""
-    from grosmc_mj.results.result import ReportTable
-
-    for sheet in content["sheets"][:brief]:
-        table = ReportTable.model_validate(sheet).table
-        if not table.rows:
-            continue
-        if brief is None:
+def _say_tables(result: Result, *, full: bool, among: bool) -> None:
+    """Print the tables of a result: all of them, or those of a brief answer, cut to a screen."""
+    tables = [sheet.table for sheet in result.sheets if sheet.table.rows and (full or sheet.brief)]
+    if full:
+        for table in tables:
             wide_console().print(table, "")
-        else:
-            console().print(table.brief(_MOST_ROWS))
+        return
+
+    if among:
+        for table in [] if result.kept else tables[:1]:
+            console().print(table.brief(_LEAST_ROWS).model_copy(update={"title": ""}))
+        return
+    most = max(_LEAST_ROWS, _MOST_ROWS // max(1, len(tables)))
+    for table in tables:
+        # The verdict above stands for the title of a single table.
+        shown = table.brief(most)
+        if len(tables) == 1:
+            shown = shown.model_copy(update={"title": ""})
+        console().print(shown)
 
 
 class _Lines:

@@ -16,7 +16,7 @@ from grosmc_mj.comparison.campaigns import (
 from grosmc_mj.comparison.changes import Change, Effect, changes
 from grosmc_mj.errors import ArgumentError, one_line, value_text
 from grosmc_mj.page.reading import Document, read_results
-from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, result
+from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
 from grosmc_mj.sweep.store import leaves
 
@@ -146,8 +146,8 @@ def _source(value: Any) -> str:
     return value_text("nothing" if value is None else value, str)
 
 
-def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
-    """Return the content of diff.json."""
+def comparison_result(comparison: ResultComparison) -> Result:
+    """Return the comparison as a result."""
     columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
     rows = [
         (change.effect.value, change.name, _value(change.before), _value(change.after), change.unit)
@@ -158,7 +158,7 @@ def comparison_document(comparison: ResultComparison) -> dict[str, Any]:
         "diff",
         None,
         answers=[_answer(comparison)],
-        sheets=[ReportTable(table=table("What changed", columns, rows))],
+        sheets=[ReportTable(table=table("What changed", columns, rows), brief=True)],
         old=str(comparison.old),
         new=str(comparison.new),
         compared=comparison.compared,

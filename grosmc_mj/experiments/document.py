@@ -24,31 +24,38 @@ from grosmc_mj.results.result import (
     OPEN,
     Answer,
     ReportTable,
+    Result,
     StudyVerdict,
     Value,
     finite,
     result,
 )
-from grosmc_mj.results.tables import number
+from grosmc_mj.results.tables import Table, number
 
 
-def experiment_document(
+def experiment_result(
     experiment: Experiment,
     results: Sequence[RunResult],
     judgements: Sequence[Judgement],
     *,
     complete: bool,
+    faults: Sequence[str] = (),
     notes: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+    tables: Sequence[Table] = (),
     premises: Sequence[Mapping[str, Any]] = (),
-) -> dict[str, Any]:
-    """Return the content of a run's JSON file.
+) -> Result:
+    """Return the result of a run.
 
     Args:
         experiment: The experiment of the case file.
         results: Its runs, in order.
         judgements: Judgements of these runs.
         complete: Whether all its runs are done.
+        faults: Runs that ended early and premises that fail, a line each.
         notes: Notes beside the verdict, a line each.
+        remarks: Lines on loop and machine.
+        tables: Further tables, for a full answer.
         premises: Premises of its laws, as plain values; left out if there are none.
     """
     target = experiment.target
@@ -61,14 +68,16 @@ def experiment_document(
     if measured:
         configuration["logs"] = [_log_document(run) for run in measured]
 
-    tables = []
+    sheets = []
     if judgements:
-        tables.append(requirements_table(judgements))
+        sheets.append(ReportTable(table=requirements_table(judgements), brief=True))
     if results:
-        tables.append(results_table(results).model_copy(update={"legend": LEGEND}))
+        runs = results_table(results).model_copy(update={"legend": LEGEND})
+        sheets.append(ReportTable(table=runs, brief=True))
     simulated = [run for run in results if run.simulated]
     if simulated:
-        tables.append(gains_table(simulated))
+        sheets.append(ReportTable(table=gains_table(simulated)))
+    sheets += [ReportTable(table=table) for table in tables]
     further: dict[str, Any] = {}
     if premises:
         further["premises"] = list(premises)
@@ -78,9 +87,10 @@ def experiment_document(
         configuration,
         seed=seed_of(experiment),
         complete=complete,
-        answers=[_answer(target, results, judgements, notes, complete=complete)],
+        answers=[_answer(target, results, judgements, faults, notes, complete=complete)],
         standings=standings(target, results, judgements, complete=complete),
-        sheets=[ReportTable(table=table) for table in tables],
+        sheets=sheets,
+        remarks=remarks,
         values=[*_judged_values(target, results, judgements), *run_values(results)],
         kept=complete and all(item.kept for item in judgements),
         requirements=[_judgement_document(item) for item in judgements],
@@ -104,6 +114,7 @@ def _answer(
     target: str,
     results: Sequence[RunResult],
     judgements: Sequence[Judgement],
+    faults: Sequence[str],
     notes: Sequence[str],
     *,
     complete: bool,
@@ -136,6 +147,7 @@ def _answer(
         verdict=verdict,
         words=words,
         more=tightest,
+        faults=faults,
         notes=notes,
     )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
@@ -13,7 +12,16 @@ from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
 from grosmc_mj.export.structures import size_of
 from grosmc_mj.requirements.judging import Judgement
-from grosmc_mj.results.result import KEPT, MEASURED, NOT_KEPT, OPEN, Answer, ReportTable, result
+from grosmc_mj.results.result import (
+    KEPT,
+    MEASURED,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    ReportTable,
+    Result,
+    result,
+)
 from grosmc_mj.results.tables import Table, names, number, numbers, table, words
 from grosmc_mj.versions import versions
 
@@ -94,8 +102,8 @@ def _measured(judgement: Judgement) -> str:
     return f"{number(judgement.measured)} {judgement.requirement.unit}".strip()
 
 
-def export_document(experiment: Experiment, law: LawInC, proof: Proof | None) -> dict[str, Any]:
-    """Return the content of the result's JSON file.
+def export_result(experiment: Experiment, law: LawInC, proof: Proof | None) -> Result:
+    """Return the result of an export.
 
     Args:
         experiment: The case.
@@ -111,7 +119,7 @@ def export_document(experiment: Experiment, law: LawInC, proof: Proof | None) ->
         if proof.overturned:
             verdict = NOT_KEPT
         if proof.verdicts:
-            sheets.append(ReportTable(table=verdict_table(proof.verdicts)))
+            sheets.append(ReportTable(table=verdict_table(proof.verdicts), brief=True))
     words_ = f"{law.name}.c: {proven}"
     if proof is not None and proof.overturned:
         words_ += f"; {len(proof.overturned)} verdicts differ"

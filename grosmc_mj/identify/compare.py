@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from grosmc_mj.results.result import (
     Answer,
     LineChart,
     ReportTable,
+    Result,
     Series,
     Value,
     finite,
@@ -171,15 +172,15 @@ def comparison_result(
     log: Log,
     case: str,
     horizon: float,
-) -> dict[str, Any]:
-    """The content of the result's JSON file."""
+) -> Result:
+    """Return the result of a comparison."""
     best = best_model(rows)
     words = ", ".join(f"{state}: {rung}" for state, rung in best.items())
     answer = Answer(
         question=f"Which rung explains {log.name}",
         verdict=MEASURED,
         words=f"Least error after {rows[0].horizons[-1]:.3g} s: {words}",
-        more="; ".join(notes),
+        notes=notes,
     )
 
     values = []
@@ -218,4 +219,5 @@ def _state_sheet(state: str, rows: Sequence[PredictionError], log: Log) -> Repor
         y = list(map(finite, row.rms))
         lines.append(Series(name=row.rung, x=list(row.horizons), y=y))
     titles = ("time since start [s]", f"RMS error [{unit}]")
-    return ReportTable(table=errors, charts=[LineChart(name=state, titles=titles, lines=lines)])
+    chart = LineChart(name=state, titles=titles, lines=lines)
+    return ReportTable(table=errors, charts=[chart], brief=True)

@@ -12,7 +12,17 @@ import numpy as np
 from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLACK, BLUE
-from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Value, finite, result
+from grosmc_mj.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    Result,
+    Value,
+    finite,
+    report_tables,
+    result,
+)
 from grosmc_mj.results.tables import Table, number, numbers, phrases, table
 
 # Name of the row of the machine with all its properties.
@@ -26,8 +36,8 @@ def prediction_result(
     complete: Prediction,
     lesser: Mapping[str, Prediction],
     configuration: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return the content of the result's JSON file.
+) -> Result:
+    """Return the result of a prediction: of the law on the log, then of the machine.
 
     Args:
         question: The law, the machine and the log.
@@ -45,7 +55,7 @@ def prediction_result(
         verdict=NOT_KEPT if outside else KEPT,
         words=words,
         more=_deciding_words(complete, lesser),
-        notes=[law_words(question), *question.notes],
+        notes=question.notes,
     )
     values = []
     for item in complete.quantities:
@@ -60,11 +70,10 @@ def prediction_result(
         "predict",
         configuration,
         seed=None if loop is None else loop.seed,
-        answers=[answer],
-        sheets=[
-            ReportTable(table=quantities_table(complete)),
-            ReportTable(table=lesser_table(question, complete, lesser)),
-        ],
+        answers=[_law_answer(question), answer],
+        sheets=report_tables(
+            [quantities_table(complete), lesser_table(question, complete, lesser)], 2
+        ),
         values=values,
         law=None if finding is None else finding._asdict(),
         complete_machine=_document(complete),
@@ -92,11 +101,16 @@ def _document(prediction: Prediction) -> dict[str, Any]:
 # -- words and tables ------------------------------------------------------------------------------
 
 
-def law_words(question: Question) -> str:
-    """Return whether the law is that of the log, in a sentence."""
-    if question.law_on_log is None:
-        return f"Law: {question.law} is not compared with the logged commands."
-    return f"Law: {question.law_on_log.words}."
+def _law_answer(question: Question) -> Answer:
+    """Return whether the law is that of the log."""
+    finding = question.law_on_log
+    words = f"Law: {question.law} is not compared with the logged commands"
+    verdict = OPEN
+    if finding is not None:
+        words = f"Law: {finding.words}"
+        if finding.first is None:
+            verdict = KEPT
+    return Answer(question=f"Is {question.law} the law of the log", verdict=verdict, words=words)
 
 
 def _headline(item: Quantity) -> str:
@@ -192,8 +206,8 @@ def _listed(items: Sequence[str]) -> str:
 # -- figure ----------------------------------------------------------------------------------------
 
 
-def draw_prediction(question: Question, complete: Prediction, path: Path) -> None:
-    """Draw each measured state and input over those of all seeds.
+def draw_prediction(question: Question, complete: Prediction, path: Path) -> Path:
+    """Draw each measured state and input over those of all seeds; returns the picture's path.
 
     Args:
         question: The law, the machine and the log.
@@ -225,3 +239,4 @@ def draw_prediction(question: Question, complete: Prediction, path: Path) -> Non
         axes[0].set_title(f"{question.law} on {log.name}")
         axes[0].legend(loc="best")
         axes[-1].set_xlabel("time [s]")
+    return path

@@ -14,7 +14,16 @@ from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.results.figure import figure_written
 from grosmc_mj.results.palette import BLUE, VERMILION
-from grosmc_mj.results.result import MEASURED, OPEN, Answer, ReportTable, Value, finite, result
+from grosmc_mj.results.result import (
+    MEASURED,
+    OPEN,
+    Answer,
+    Result,
+    Value,
+    finite,
+    report_tables,
+    result,
+)
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.sweep.family import Quantity
 
@@ -85,8 +94,8 @@ def identification(
     horizon: float,
     hold_out: float,
     notes: Sequence[str] = (),
-) -> dict[str, Any]:
-    """The content of the result's JSON file.
+) -> Result:
+    """Return the result of an identification.
 
     Args:
         fit: The fit.
@@ -104,8 +113,7 @@ def identification(
         verdict=MEASURED if white else OPEN,
         words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
         + _prediction_words(rows, predicted),
-        more="; ".join(row.words for row in fit.unseen),
-        notes=notes,
+        notes=[*notes, *(f"{row.words}." for row in fit.unseen)],
     )
 
     parameters = []
@@ -127,7 +135,7 @@ def identification(
         "identify",
         {"case": str(path), "log": log, "horizon": horizon, "hold_out": hold_out},
         answers=[answer],
-        sheets=[ReportTable(table=values_table(fit)), ReportTable(table=quality_table(rows))],
+        sheets=report_tables([values_table(fit), quality_table(rows)], 2),
         values=values,
         parameters=parameters,
         covariance=fit.covariance.tolist(),

@@ -97,7 +97,11 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
         "systems": systems_table(cases),
         "cases": cases_table(cases),
         "answers": answers_table(answers),
-        "notes": [f"{answer.question}: {note}" for answer in answers for note in answer.notes],
+        "notes": [
+            f"{answer.question}: {line}"
+            for answer in answers
+            for line in (*answer.faults, *answer.notes)
+        ],
         "breaks": studies_table(results),
         "curves": [_case(curves, films, figures) for _, curves in sorted(newest.items())],
         "studies": [_study(document, figures) for document in results if _result(document).sheets],
@@ -187,7 +191,12 @@ def _study(document: Document, figures: list[Figure]) -> dict[str, Any]:
         charts = [(chart.name, _plot(chart_figure(chart), figures)) for chart in sheet.charts]
         if sheet.table.rows or charts:
             sheets.append({"table": sheet.table, "charts": charts})
-    return {"name": name, "kind": document.kind, "sheets": sheets}
+    return {
+        "name": name,
+        "kind": document.kind,
+        "sheets": sheets,
+        "remarks": content.remarks,
+    }
 
 
 def _films(

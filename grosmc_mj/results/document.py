@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from grosmc_mj.files import atomic_write
 from grosmc_mj.versions import versions
@@ -97,16 +98,16 @@ def write_json(path: Path, content: Any) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-def set_aside_other(path: Path, content: Mapping[str, Any], part: str) -> Path | None:
-    """Rename an older document that has another ``part``, before a new one replaces it.
+def set_aside_other(path: Path, part: str, value: Any) -> Path | None:
+    """Rename an older document whose part is not this one, before a new document replaces it.
 
     It becomes NAME.previous.json or, if there is one, NAME.previous2.json and so on. A document
     that cannot be read is renamed, too.
 
     Args:
         path: Path of the new document.
-        content: The new document.
         part: Key of the part to compare, such as ``configuration``.
+        value: The part of the new document.
 
     Returns:
         New path of the older document; None if there is none, or it has the same part.
@@ -115,7 +116,7 @@ def set_aside_other(path: Path, content: Mapping[str, Any], part: str) -> Path |
         return None
     try:
         older = json.loads(path.read_text(encoding="utf-8"))
-        if older[part] == json.loads(json_text(content[part])):
+        if older[part] == json.loads(json_text(value)):
             return None
     except (OSError, ValueError, KeyError, TypeError):
         # An unreadable document is renamed.
@@ -132,6 +133,8 @@ def set_aside_other(path: Path, content: Mapping[str, Any], part: str) -> Path |
 
 def plain(value: Any) -> Any:
     """Return values that JSON has, with None for infinities and NaN."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,7 +1,7 @@
 """Form of every result: its answers, its tables and charts, and its comparable values.
 
-A command writes its own numbers beside these fields, for programs. The page and ``diff`` read only
-these fields, so neither depends on a study.
+Terminal, JSON, page and ``diff`` show these fields; a command's own numbers stand beside them, for
+programs, so that none of the four depends on a study.
 """
 
 from __future__ import annotations
@@ -60,6 +60,8 @@ class Answer(Part):
         verdict: One of ``VERDICTS``.
         words: The answer.
         more: Next sentence, such as the requirement that is nearest to its limit.
+        faults: Faults that were found, a line each: runs that ended early, premises that fail,
+            results that differ.
         notes: Notes beside the verdict, a line each: ideals of the model, loads that do nothing or
             that no input matches, requirements that cannot fail.
     """
@@ -68,6 +70,7 @@ class Answer(Part):
     verdict: Literal["not kept", "not decided", "measured", "kept"]
     words: Text
     more: Text = ""
+    faults: Sequence[Text] = ()
     notes: Sequence[Text] = ()
 
 
@@ -248,10 +251,18 @@ class ReportTable(Part):
     Attributes:
         table: The table.
         charts: Charts to choose from; empty for none.
+        brief: Whether the table belongs to a brief answer on the terminal.
     """
 
     table: Table
     charts: Sequence[Chart] = ()
+    brief: bool = False
+
+
+def report_tables(tables: Iterable[Table], brief: int) -> list[ReportTable]:
+    """Return the tables that have rows, without charts; the first ones are for a brief answer."""
+    parts = [ReportTable(table=table) for table in tables if table.rows]
+    return [part.model_copy(update={"brief": index < brief}) for index, part in enumerate(parts)]
 
 
 class Provenance(Part):
@@ -277,22 +288,34 @@ class Provenance(Part):
 
 
 class Result(Provenance):
-    """Fields of a result that the page and ``diff`` read; its other fields are for programs.
+    """Result of a command that judges or measures.
+
+    Its further fields are numbers for programs; the page and ``diff`` do not read them.
 
     Attributes:
         complete: False if an interruption left out a part.
-        answers: Answers on the page's first screen.
+        answers: Answers on the first screen.
         standings: Verdicts on the laws in their cases.
         sheets: Tables and charts.
+        remarks: How the answers were obtained, a line each: the loop, assumed numbers, the share
+            of runs that MuJoCo confirmed.
         values: Values that ``diff`` compares.
     """
+
+    model_config = ConfigDict(extra="allow")
 
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()
     standings: Sequence[StudyVerdict] = ()
     sheets: Sequence[ReportTable] = ()
+    remarks: Sequence[Text] = ()
     values: Sequence[Value] = ()
+
+    @property
+    def kept(self) -> bool:
+        """True if every answer is good: kept or measured."""
+        return all(answer.verdict in (KEPT, MEASURED) for answer in self.answers)
 
 
 def result(
@@ -304,34 +327,33 @@ def result(
     answers: Iterable[Answer] = (),
     standings: Iterable[StudyVerdict] = (),
     sheets: Iterable[ReportTable] = (),
+    remarks: Iterable[str] = (),
     values: Iterable[Value] = (),
     **numbers: Any,
-) -> dict[str, Any]:
-    """Return the content of a result's JSON file.
+) -> Result:
+    """Return a result of this checkout, machine and command.
 
     Args:
         kind: Kind of result.
         configuration: Configuration with all defaults.
         seed: Seed of the random numbers; None if there are none.
         complete: False if an interruption left out a part.
-        answers: Answers on the page's first screen.
+        answers: Answers on the first screen.
         standings: Verdicts on the laws in their cases.
         sheets: Tables and charts.
+        remarks: How the answers were obtained, a line each.
         values: Values that ``diff`` compares.
         numbers: Further fields for programs, plain values.
     """
-    return {
-        "kind": kind,
+    return Result(
+        kind=kind,
         **origin(seed, SCHEMA),
-        "complete": complete,
-        "configuration": configuration,
+        configuration=configuration,
+        complete=complete,
+        answers=list(answers),
+        standings=list(standings),
+        sheets=list(sheets),
+        remarks=list(remarks),
+        values=list(values),
         **numbers,
-        "answers": _plain(answers),
-        "standings": _plain(standings),
-        "sheets": _plain(sheets),
-        "values": _plain(values),
-    }
-
-
-def _plain(parts: Iterable[Part]) -> list[dict[str, Any]]:
-    return [part.model_dump() for part in parts]
+    )

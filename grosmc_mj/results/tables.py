@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
 from rich import box
+from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
@@ -34,6 +35,11 @@ _RICH_OPTIONS: dict[Kind, dict[str, Any]] = {
     "text": {"overflow": "fold", "ratio": 1, "min_width": _NAME_WIDTH},
     "verdict": {"no_wrap": True},
 }
+
+
+# Kinds of columns that are never broken, and the space beside each.
+_UNBROKEN = ("words", "numbers", "verdict")
+_GAP = 2
 
 
 class Column(BaseModel):
@@ -157,22 +163,42 @@ class Table(BaseModel):
     def brief(self, most: int) -> Table:
         """Return the table for an answer: its first rows, without columns of details.
 
+        Columns that are never broken are left out from the first one that has no room.
+
         Args:
             most: Largest number of rows; the legend says how many more there are.
         """
         shown = [i for i, column in enumerate(self.columns) if not column.detail]
+        fitting = self._fitting(shown)
         more = len(self.rows) - most
         legend = f"... and {more} more: --verbose has them" if more > 0 else self.legend
         if len(shown) < len(self.columns) and more <= 0:
             # The legend explains the whole table.
             legend = ""
+        left_out = [self.columns[i].header.replace("\n", " ") for i in shown[len(fitting) :]]
+        if left_out:
+            legend = f"{legend}\nNo room for: {'; '.join(left_out)}; --verbose has all.".strip()
         return self.model_copy(
             update={
-                "columns": [self.columns[i] for i in shown],
-                "rows": [[row[i] for i in shown] for row in self.rows[:most]],
+                "columns": [self.columns[i] for i in fitting],
+                "rows": [[row[i] for i in fitting] for row in self.rows[:most]],
                 "legend": legend,
             }
         )
+
+    def _fitting(self, shown: Sequence[int]) -> Sequence[int]:
+        """Return the first columns, by index, that fit into the terminal's width."""
+        used = 0
+        for place, index in enumerate(shown):
+            column = self.columns[index]
+            if column.kind not in _UNBROKEN:
+                return shown
+            texts = [column.header, *(row[index] for row in self.rows)]
+            longest = max(cell_len(line) for text in texts for line in text.split("\n"))
+            used += (column.width or longest) + _GAP
+            if used > WIDTH:
+                return shown[:place]
+        return shown
 
     def markdown(self) -> list[str]:
         """Return the lines of the table in Markdown, without title and legend."""

@@ -25,6 +25,7 @@ from grosmc_mj.results.result import (
     Answer,
     LineChart,
     ReportTable,
+    Result,
     Series,
     StudyVerdict,
     Value,
@@ -196,10 +197,10 @@ def disturbance_film(
 # -- document --------------------------------------------------------------------------------------
 
 
-def disturbance_document(
+def disturbance_result(
     study: DisturbanceStudy, rows: Sequence[WorstDisturbance], *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of disturbance_NAME.json; ``complete`` if it has every law."""
+) -> Result:
+    """Return the result of a search; ``complete`` if it has every law."""
     target = study.experiment.target
     standings = []
     values = []
@@ -232,7 +233,7 @@ def disturbance_document(
         complete=complete,
         answers=[answer],
         standings=standings,
-        sheets=[ReportTable(table=answer_table(study, rows), charts=panels)],
+        sheets=[ReportTable(table=answer_table(study, rows), charts=panels, brief=True)],
         values=values,
         found=[worst.model_dump() for worst in rows],
     )

@@ -24,6 +24,7 @@ from grosmc_mj.results.result import (
     Answer,
     CellChart,
     ReportTable,
+    Result,
     StudyVerdict,
     Value,
     finite,
@@ -326,11 +327,18 @@ def alone_chart(studied: Ladder, rows: Sequence[RungResult]) -> CellChart | None
 
 
 def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
-    """Return every table with its charts: shares, the machine under load, distances, claims."""
+    """Return every table with its charts: answers and claims, shares, loads, distances."""
+    parts: list[ReportTable] = []
+    for condition in studied.conditions:
+        if ways(rows, condition.name):
+            answer = answer_table(studied, rows, condition)
+            parts.append(ReportTable(table=answer, brief=True))
+        claims = claims_table(studied, rows, condition.name)
+        if claims is not None:
+            parts.append(ReportTable(table=claims, brief=True))
     climbing = charts(studied, rows)
     alone = alone_chart(studied, rows)
     first, *loads = studied.conditions
-    parts: list[ReportTable] = []
     if first.name in climbing:
         shares = share_table(studied, rows, first.name, together=True)
         parts.append(ReportTable(table=shares, charts=[climbing[first.name]]))
@@ -346,10 +354,6 @@ def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
     assumed = assumed_table(rows)
     if assumed is not None:
         parts.append(ReportTable(table=assumed))
-    for condition in studied.conditions:
-        claims = claims_table(studied, rows, condition.name)
-        if claims is not None:
-            parts.append(ReportTable(table=claims))
     return parts
 
 
@@ -388,10 +392,8 @@ def _values(target: str, rows: Sequence[RungResult]) -> Iterator[Value]:
             yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
 
 
-def ladder_document(
-    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of ladder_NAME.json.
+def ladder_result(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Result:
+    """Return the result of a ladder.
 
     Args:
         studied: The target.
@@ -404,9 +406,10 @@ def ladder_document(
         studied.configuration(),
         seed=case.loop.seed if case.loop else None,
         complete=complete,
-        answers=[_document_answer(studied, rows, complete=complete)],
+        answers=_answers(studied, rows, complete=complete),
         standings=_standings(studied, rows, complete=complete),
         sheets=sheets(studied, rows),
+        remarks=filter(None, [assumed_text(studied)]),
         values=_values(studied.target, rows),
         target=studied.target,
         title=case.title,
@@ -415,30 +418,25 @@ def ladder_document(
         laws=[law_document(law) for law in studied.laws],
         climbing=[rung.document() for rung in studied.climbing],
         alone=[rung.document() for rung in studied.alone],
-        assumed=assumed_text(studied),
         claims=[_claim_document(studied, claim) for claim in studied.machine.file.claim],
         climbs=[row.model_dump() for row in rows],
     )
 
 
-def _document_answer(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Answer:
-    """The verdict under each condition, and whether all laws pass the complete machine."""
+def _answers(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Iterator[Answer]:
+    """Yield the verdict under each condition: whether all laws pass the complete machine."""
     top = studied.climbing[-1].name
-    verdicts = []
-    passed = True
     for condition in studied.conditions:
         climbed = ways(rows, condition.name)
-        if climbed:
-            verdicts.append(f"{condition.name}: {verdict(studied, rows, condition.name)}")
-        for rungs in climbed.values():
-            passed = passed and rungs[-1].rung == top and rungs[-1].kept
-
-    answer = "; ".join(verdicts)
-    judgement = KEPT if passed else NOT_KEPT
-    if not complete:
-        judgement = OPEN
-        answer += " Interrupted: not complete."
-    return Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=answer)
+        if not climbed:
+            continue
+        passed = all(rungs[-1].rung == top and rungs[-1].kept for rungs in climbed.values())
+        judgement = KEPT if passed else NOT_KEPT
+        words = f"{condition.name}: {verdict(studied, rows, condition.name)}"
+        if not complete:
+            judgement = OPEN
+            words += " Interrupted: not complete."
+        yield Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=words)
 
 
 def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:

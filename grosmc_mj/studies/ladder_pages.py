@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from grosmc_mj.results.result import ReportTable
 from grosmc_mj.results.tables import Table, markdown_table, words
 from grosmc_mj.studies.ladder import RungResult
 from grosmc_mj.studies.ladder_answer import CLAIMS, first_failed, way
@@ -76,15 +77,14 @@ def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
     """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
     parts: list[str] = []
     for document in documents:
-        tables = [Table.model_validate(sheet["table"]) for sheet in document["sheets"]]
+        sheets = [ReportTable.model_validate(sheet) for sheet in document["sheets"]]
         parts.append(f"**{document['target']}**: {document['title']}")
-        parts += [_titled(part) for part in tables if not part.legend]
-        if document["assumed"]:
-            # A star would begin a list.
-            parts.append(f"\\{document['assumed']}")
-        for part in tables:
-            if part.title == CLAIMS:
-                parts += [_titled(part), part.legend]
+        parts += [_titled(sheet.table) for sheet in sheets if not sheet.brief]
+        # A star would begin a list.
+        parts += [f"\\{line}" for line in document["remarks"]]
+        for sheet in sheets:
+            if sheet.table.title == CLAIMS:
+                parts += [_titled(sheet.table), sheet.table.legend]
     return "\n\n".join(parts)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple
-from typing import Any
 
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.margins.chatter import Chatter
@@ -15,6 +14,7 @@ from grosmc_mj.results.result import (
     OPEN,
     Answer,
     ReportTable,
+    Result,
     StudyVerdict,
     Value,
     finite,
@@ -186,9 +186,13 @@ def _chatter_words(chatter: Chatter) -> str:
 def sheets(studied: MarginStudy, rows: Sequence[LawMargins]) -> list[ReportTable]:
     """Return the tables of each setup, the first one with charts."""
     parts = []
-    for setup, of_setup in by_setup(studied, rows):
+    measured = list(by_setup(studied, rows))
+    # One screen has no room for all: those nearest to the machine.
+    nearest = measured[-2:]
+    for setup, of_setup in measured:
         first = margin_table(setup, of_setup)
-        parts.append(ReportTable(table=first, charts=charts(setup, of_setup)))
+        brief = (setup, of_setup) in nearest
+        parts.append(ReportTable(table=first, charts=charts(setup, of_setup), brief=brief))
         parts.append(ReportTable(table=_task_table(setup, of_setup)))
         parts.append(ReportTable(table=_level_table(setup, of_setup)))
     return parts
@@ -238,10 +242,8 @@ def _level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
 # -- document --------------------------------------------------------------------------------------
 
 
-def margins_document(
-    studied: MarginStudy, rows: Sequence[LawMargins], *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of margins_NAME.json.
+def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete: bool) -> Result:
+    """Return the result of a study of margins.
 
     Args:
         studied: The target.
@@ -265,6 +267,7 @@ def margins_document(
         answers=[answer],
         standings=[_standing(row, complete=complete) for row in rows],
         sheets=sheets(studied, rows),
+        remarks=[LEGEND],
         values=_values(rows),
         target=studied.target,
         rows=[row.model_dump() for row in rows],

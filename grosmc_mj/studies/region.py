@@ -38,6 +38,7 @@ from grosmc_mj.results.result import (
     GridChart,
     Letter,
     ReportTable,
+    Result,
     Value,
     result,
 )
@@ -656,7 +657,7 @@ def _edited_cases(experiment: Experiment) -> str:
 
 
 def region_table(region: RegionStudy, maps: Sequence[RegionMap]) -> Table:
-    """Return the table of the maps, from the fewest starts that converge on, with its legend."""
+    """Return the table of the maps, from the fewest starts that converge on."""
     failures = [outcome for outcome in Outcome if outcome is not Outcome.CONVERGED]
     rows = []
     for law_map in sorted(maps, key=lambda law_map: law_map.converged):
@@ -667,32 +668,32 @@ def region_table(region: RegionStudy, maps: Sequence[RegionMap]) -> Table:
     headers = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in failures]
     columns = [*words("plant", "law"), *numbers("converged\n%", *headers)]
     title = f"{region.system.title}: outcomes of the starts"
-    return table(title, columns, rows, legend=_legend(region, maps))
+    return table(title, columns, rows)
 
 
-def _legend(region: RegionStudy, maps: Sequence[RegionMap]) -> str:
-    """Which engine judged the starts, and the meaning of the table's words."""
+def _remarks(region: RegionStudy, maps: Sequence[RegionMap]) -> Iterator[str]:
+    """Yield which engine judged the starts, and the meaning of the table's words."""
     bounds = set()
     for loop in region.loops:
         for symbol, (value, unit) in loop.tolerances.items():
             bounds.add(f"|error of {symbol}| <= {value:.3g} {unit}")
-    meaning = (
+    yield (
         f"converged: {' and '.join(sorted(bounds))} after {region.duration:g} s; left the "
         f"region: a sample of the law not in the region ({region.system.region})."
     )
 
     screened = [law_map.confirmation for law_map in maps if law_map.confirmation is not None]
     if not screened:
-        return meaning
+        return
     starts = sum(law_map.grid.size for law_map in maps)
     confirmed = sum(law_map.confirmed for law_map in maps)
     overturned = sum(law_map.overturned for law_map in maps)
     drawn = sum(int(confirmation.drawn.sum()) for confirmation in screened)
     wrong = sum(int((item.drawn & item.overturned).sum()) for item in screened)
-    return (
+    yield (
         f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
         f"MuJoCo, all beside another outcome among them; it overturned {overturned}, and "
-        f"{confirmation_words(drawn, wrong)}. {meaning}"
+        f"{confirmation_words(drawn, wrong)}."
     )
 
 
@@ -726,20 +727,22 @@ def write_region_figure(region: RegionStudy, maps: Sequence[RegionMap], path: Pa
     return write_panels(path, title, charts(region, maps))
 
 
-def region_document(
+def region_result(
     region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool = True
-) -> dict[str, Any]:
-    """Return the content of region_SYSTEM.json; ``complete`` if it has every map."""
+) -> Result:
+    """Return the result of a region; ``complete`` if it has every map."""
     system = region.system
     sheet = ReportTable(
         table=region_table(region, maps),
         charts=[chart for row in charts(region, maps) for chart in row],
+        brief=True,
     )
     return result(
         "region",
         _configuration(region),
         answers=[_answer(region, maps, complete=complete)],
         sheets=[sheet],
+        remarks=_remarks(region, maps),
         values=_values(system, maps),
         system=system.name,
         complete=complete,

@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from rich.cells import cell_len
-
 from grosmc_mj.results.figure import in_lines
 from grosmc_mj.results.result import (
     MEASURED,
@@ -15,11 +13,12 @@ from grosmc_mj.results.result import (
     Answer,
     CellChart,
     ReportTable,
+    Result,
     StudyVerdict,
     Value,
     result,
 )
-from grosmc_mj.results.tables import WIDTH, Table, number, numbers, table, words
+from grosmc_mj.results.tables import Table, number, numbers, table, words
 from grosmc_mj.studies.imperfections import ALL, LEAST, MOST, Imperfection
 from grosmc_mj.studies.matrix import Cell, conditions_document, law_document, verdict_chart
 from grosmc_mj.studies.studied import StudiedLaw
@@ -89,7 +88,7 @@ def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
     return len(agrees), agrees.count(False)
 
 
-def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
+def least_table(rows: Sequence[Tolerance], title: str) -> Table:
     """Return laws by imperfections: the least over the conditions that a law keeps ideally.
 
     The strongest law stands first, and the imperfection with the smallest tolerance.
@@ -120,23 +119,6 @@ def least_table(rows: Sequence[Tolerance], title: str = "") -> Table:
     headings = [in_lines(kinds[kind].heading, _LETTERS) for kind in ordered]
     columns = [*words("law", "keeps ideally"), *numbers(*headings)]
     return table(title, columns, cells, legend=LEGEND)
-
-
-def in_width(wide: Table, width: int = WIDTH) -> tuple[Table, list[str]]:
-    """Return the first columns of a table that fit into a width, and the headers of the others."""
-    room = 0
-    used = 0
-    for index, column in enumerate(wide.columns):
-        texts = [column.header, *(row[index] for row in wide.rows)]
-        lines = "\n".join(texts).split("\n")
-        used += max(cell_len(line) for line in lines) + 2
-        if used > width:
-            break
-        room += 1
-
-    outside = [column.header.replace("\n", " ") for column in wide.columns[room:]]
-    rows = [row[:room] for row in wide.rows]
-    return wide.model_copy(update={"columns": wide.columns[:room], "rows": rows}), outside
 
 
 def cell_of(row: Tolerance) -> Cell:
@@ -208,10 +190,10 @@ def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
             yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
 
 
-def tolerance_document(
+def tolerance_result(
     studied: ToleranceStudy, rows: Sequence[Tolerance], draws: int, *, complete: bool
-) -> dict[str, Any]:
-    """Return the content of tolerance_NAME.json.
+) -> Result:
+    """Return the result of a study of tolerances.
 
     Args:
         studied: The target.
@@ -224,7 +206,11 @@ def tolerance_document(
     sheet = ReportTable(
         table=least_table(rows, f"{target}: tolerances"),
         charts=list(charts(studied, rows).values()),
+        brief=True,
     )
+    remarks = []
+    if checked:
+        remarks.append(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
     return result(
         "tolerance",
         _configuration(studied, draws),
@@ -233,6 +219,7 @@ def tolerance_document(
         answers=[_document_answer(target, rows, complete=complete)],
         standings=_standings(target, rows, complete=complete),
         sheets=[sheet],
+        remarks=remarks,
         values=_values(target, rows),
         target=target,
         conditions=conditions_document(studied.conditions),

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError
 from grosmc_mj.executors import make_executor
-from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, ReportTable
+from grosmc_mj.results.result import KEPT, NOT_KEPT, OPEN, Answer, ReportTable, Result
 from grosmc_mj.results.tables import Table
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.drivers import Sensitivity, drivers_table, sensitivities
+from grosmc_mj.sweep.drivers import Sensitivity, driver_words, drivers_table, sensitivities
 from grosmc_mj.sweep.family import SCREENING
 from grosmc_mj.sweep.judges import ScreeningSummary, screening_sentences
 from grosmc_mj.sweep.margin_summary import MarginSummary, margin_summary, margins_table
 from grosmc_mj.sweep.paired import PairedDifference, paired, paired_table
-from grosmc_mj.sweep.pass_rates import PassRate, pass_rate, pass_rates_table
+from grosmc_mj.sweep.pass_rates import PassRate, pass_rate, pass_rates_table, rate_shown
 from grosmc_mj.sweep.runs import COMPLETED, MARGIN
 from grosmc_mj.sweep.sampled import ALL, COMPLETES, SampledRuns
 from grosmc_mj.sweep.store import Folder, result_of, run_missing
@@ -226,10 +225,26 @@ def findings_tables(campaign: Campaign, findings: Findings) -> list[Table]:
 # ---- the document
 
 
-def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
-    """Return results.json; a margin without bound is that of a run that did not complete."""
+def campaign_result(
+    campaign: Campaign,
+    findings: Findings,
+    at_least: float | None = None,
+    progress: Sequence[str] = (),
+) -> Result:
+    """Return the result; a margin without bound is that of a run that did not complete.
+
+    Args:
+        campaign: The campaign.
+        findings: Statements that its runs allow.
+        at_least: Share of the plants that each law must be shown to keep; None without.
+        progress: Lines on how its runs were made.
+    """
     sampled = findings.sampled
-    sheets = [ReportTable(table=table) for table in findings_tables(campaign, findings)]
+    pass_rates_of_all, *further = findings_tables(campaign, findings)
+    # The remarks say of all tables what the sample allows.
+    first = pass_rates_of_all.model_copy(update={"legend": ""})
+    sheets = [ReportTable(table=first, brief=True)]
+    sheets += [ReportTable(table=table) for table in further]
     pass_rates = [
         {"requirement": requirement, "controller": law, **rate._asdict()}
         for (requirement, law), rate in findings.rates.items()
@@ -259,10 +274,10 @@ def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
         campaign,
         "campaign",
         complete=sampled.runs == sampled.planned,
-        answers=[_answer(campaign, findings)],
+        answers=_answers(campaign, findings, at_least),
         sheets=sheets,
+        remarks=[*_remarks(campaign, findings), *progress],
         sampled={**sampled._asdict(), "words": sampled.words},
-        says=sampled.footnote,
         pass_rates=pass_rates,
         ended_early=dict(findings.cut_short),
         judged=judged,
@@ -274,30 +289,77 @@ def results_document(campaign: Campaign, findings: Findings) -> dict[str, Any]:
     )
 
 
-def _answer(campaign: Campaign, findings: Findings) -> Answer:
-    """Number of runs that keep everything, by law."""
-    # Where nothing is required, the rates are those of the runs that complete.
-    requirement = ALL if campaign.judged else COMPLETES
-    laws = [law for name, law in findings.rates if name == requirement]
-
-    verdict = KEPT
-    if findings.sampled.runs != findings.sampled.planned:
-        verdict = OPEN
-    sentences: list[str] = []
-    for law in laws:
-        rate = findings.rates[requirement, law]
-        if rate.kept < rate.runs:
+def _answers(campaign: Campaign, findings: Findings, at_least: float | None) -> Iterator[Answer]:
+    """Yield on how many plants each law keeps everything, the worst law first."""
+    rates = rates_of_laws(findings)
+    notes = campaign.notes
+    for law in sorted(rates, key=lambda law: rates[law].rate):
+        rate = rates[law]
+        good = rate.kept == rate.runs
+        words = _rate_words(law, rate, findings)
+        if at_least is not None and law in campaign.judged:
+            bound = rate_shown(rate.kept, rate.runs, rate.confidence)
+            good = keeps_enough(rate, at_least)
+            words = (
+                f"{law}: at least {100 * bound:.4g} % of the declared design keep everything "
+                f"({rate.kept} of {rate.runs} plants, one-sided confidence {rate.confidence:g}); "
+                f"{100 * at_least:g} % are asked for."
+            )
+        verdict = KEPT
+        if not good:
             # One failure decides, however many runs are missing.
             verdict = NOT_KEPT
-        sentence = f"{law}: {rate.kept} of {rate.runs}"
-        interval = rate.interval("to")
-        if interval:
-            sentence += f" [{interval} %]"
-        sentences.append(sentence)
-    return Answer(
-        question=f"Campaign {campaign.specification.name}",
-        verdict=verdict,
-        words="; ".join(sentences),
-        more=screening_sentences(findings.judges),
-        notes=campaign.notes,
-    )
+        elif findings.sampled.runs != findings.sampled.planned:
+            verdict = OPEN
+        question = f"Campaign {campaign.specification.name}"
+        yield Answer(question=question, verdict=verdict, words=words, notes=notes)
+        # Notes are on the plants, not on a law.
+        notes = ()
+
+
+def keeps_enough(rate: PassRate, at_least: float | None) -> bool:
+    """Return True if a law is shown to keep a share of the plants; without one, at least a plant.
+
+    Args:
+        rate: Plants on which the law keeps everything.
+        at_least: The share; None if none is asked for.
+    """
+    if at_least is None:
+        return rate.kept > 0
+    # Of a tie, rounding has no say.
+    return rate_shown(rate.kept, rate.runs, rate.confidence) >= at_least * (1 - 1e-12)
+
+
+def rates_of_laws(findings: Findings) -> dict[str, PassRate]:
+    """Return the share of plants on which each law keeps everything.
+
+    A law that nothing is required of has the share of its runs that complete.
+    """
+    rates = {law: rate for (name, law), rate in findings.rates.items() if name == COMPLETES}
+    rates |= {law: rate for (name, law), rate in findings.rates.items() if name == ALL}
+    return rates
+
+
+def _rate_words(law: str, rate: PassRate, findings: Findings) -> str:
+    """Return a sentence on how many plants a law keeps everything, with the interval."""
+    bounds = rate.interval("to")
+    interval = findings.sampled.intervals
+    if bounds:
+        interval = f"{bounds} % ({100 * rate.confidence:g} % interval)"
+    keeps = "keeps everything"
+    if (ALL, law) not in findings.rates:
+        keeps = "completes, and nothing more is required of it,"
+    return f"{law} {keeps} on {rate.kept} of {rate.runs} plants of the declared design: {interval}."
+
+
+def _remarks(campaign: Campaign, findings: Findings) -> Iterator[str]:
+    """Yield lines on pairs of laws, on what drives margins, on screening and the sample."""
+    for (requirement, first_law, second_law), counts in findings.differences.items():
+        if requirement == ALL:
+            yield (
+                f"same plants: {first_law} alone keeps everything on {counts.only_first}, "
+                f"{second_law} alone on {counts.only_second}"
+            )
+    lines = [driver_words(law, rows) for law, rows in findings.sensitivities.items()]
+    lines += [screening_sentences(findings.judges), findings.sampled.sentences]
+    yield from filter(None, lines)

@@ -15,6 +15,7 @@ from grosmc_mj.results.result import (
     Answer,
     LineChart,
     ReportTable,
+    Result,
     Series,
     Value,
     finite,
@@ -367,28 +368,26 @@ def _promise_note(search: Radius) -> str:
     return f"{note}."
 
 
-def radius_document(campaign: Campaign, searches: Sequence[Radius]) -> dict[str, Any]:
-    """Return radius.json: the scales that each controller reaches."""
+def radius_result(campaign: Campaign, searches: Sequence[Radius]) -> Result:
+    """Return how far the uncertainty may grow under each law, the least first."""
     values: list[Value] = []
-    sentences: list[str] = []
     for search in searches:
-        name = f"{search.controller}: no failure found up to"
-        values.append(Value(name=f"{campaign.target} {name}", value=search.found, better=1))
-        sentences.append(f"{name} {search.found:.3g}")
+        name = f"{campaign.target} {search.controller}: no failure found up to"
+        values.append(Value(name=name, value=search.found, better=1))
 
-    answer = Answer(
-        question=f"How far the uncertainty of {campaign.specification.name} may grow",
-        verdict=MEASURED,
-        words="; ".join(sentences),
-    )
+    question = f"How far the uncertainty of {campaign.specification.name} may grow"
+    answers = [
+        Answer(question=question, verdict=MEASURED, words=search.sentence)
+        for search in sorted(searches, key=lambda search: search.found)
+    ]
     charts = [chart(search) for search in searches]
     return result_of(
         campaign,
         "radius",
-        answers=[answer],
+        answers=answers,
         sheets=[ReportTable(table=radius_table(campaign, searches), charts=charts)],
+        remarks=[NO_PROOF],
         values=values,
-        says=NO_PROOF,
         controllers={search.controller: _content(campaign, search) for search in searches},
     )
 

@@ -28,7 +28,7 @@ from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.files import atomic_write, cannot_write
 from grosmc_mj.requirements.metrics import stored_metrics
 from grosmc_mj.results.document import git_revision, machine_words, write_json
-from grosmc_mj.results.result import result
+from grosmc_mj.results.result import Result, result
 from grosmc_mj.sweep.campaign import Campaign, Specification
 from grosmc_mj.sweep.family import SCREENING
 from grosmc_mj.sweep.runs import MARGIN, Outcomes
@@ -51,7 +51,7 @@ Advance = Callable[[int, dict[str, float]], object]
 _imported: dict[str, tuple[str, str]] = {}
 
 
-def result_of(campaign: Campaign, kind: str, **fields: Any) -> dict[str, Any]:
+def result_of(campaign: Campaign, kind: str, **fields: Any) -> Result:
     """Return a result of a campaign, with its configuration and seed."""
     return result(kind, configuration_of(campaign), seed=campaign.specification.seed, **fields)
 

@@ -15,6 +15,7 @@ from grosmc_mj.results.result import (
     NOT_KEPT,
     Answer,
     ReportTable,
+    Result,
     Value,
     finite,
 )
@@ -241,24 +242,23 @@ def _table_row(campaign: Campaign, plant: WorstPlant) -> tuple[str, ...]:
     )
 
 
-def worst_document(campaign: Campaign, searches: Sequence[WorstPlant]) -> dict[str, Any]:
-    """Return worst.json: the worst plants, by controller."""
-    verdict = MEASURED
-    sentence = "none fails"
-    failing = [plant.controller for plant in searches if plant.fails]
-    if failing:
-        verdict = NOT_KEPT
-        sentence = f"a failing plant was found for {', '.join(failing)}"
-
-    name = campaign.specification.name
-    answer = Answer(question=f"Worst plants of {name}", verdict=verdict, words=sentence)
+def worst_result(campaign: Campaign, searches: Sequence[WorstPlant]) -> Result:
+    """Return the worst plants that were found, the worst first."""
+    answers = []
+    for plant in sorted(searches, key=lambda plant: plant.relative):
+        answer = Answer(
+            question=f"Worst plants of {campaign.specification.name}",
+            verdict=NOT_KEPT if plant.fails else MEASURED,
+            words=plant.sentence(campaign),
+        )
+        answers.append(answer)
     return result_of(
         campaign,
         "worst",
-        answers=[answer],
+        answers=answers,
         sheets=[ReportTable(table=worst_table(campaign, searches))],
+        remarks=[NO_PROOF],
         values=[_least_margin(campaign.target, plant) for plant in searches],
-        says=NO_PROOF,
         controllers={plant.controller: _content(campaign, plant) for plant in searches},
     )
 

@@ -481,7 +481,7 @@ def test_a_sweep_finds_where_the_answer_changes(
     (swept,) = sweep(stub, [with_choice(values, meant)])
     assert [trial["holds"] for trial in swept["values"]] == holds
 
-    content = Result.model_validate(sweeps_result([swept], LAB.settings))
+    content = sweeps_result([swept], LAB.settings)
     words = content.answers[0].words
     if flip is None:
         assert swept["flips"] == ""
@@ -605,7 +605,7 @@ def test_no_quote_is_a_part_of_another() -> None:
 
 def test_the_document_has_every_sentence_with_its_verdict() -> None:
     content = claims_result(EXPECTED, LAB.settings)
-    tables = {sheet["table"]["title"]: sheet["table"]["rows"] for sheet in content["sheets"]}
+    tables = {sheet.table.title: sheet.table.rows for sheet in content.sheets}
     rows = [(quote, verdict) for quote, _, verdict in tables[Kind.CLAIM.value]]
     assert rows == [(sentence.quote, sentence.verdict.value) for sentence in SENTENCES]
 

@@ -32,7 +32,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.results.result import Value
 from grosmc_mj.sweep.findings import SampledRuns
 from grosmc_mj.sweep.promise import Promise
-from grosmc_mj.sweep.radius import Radius, ScaleTrial, radius_document
+from grosmc_mj.sweep.radius import Radius, ScaleTrial, radius_result
 
 VERSIONS = {"grosmc_mj": "0.1.0", "mujoco": "3.17.0", "numba": "0.62", "numpy": "2", "scipy": "1"}
 RUNS = 400
@@ -584,8 +584,8 @@ def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
         declared = campaign(pair(), name=name)
         trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), np.ones(1)),)
         radius = Radius("lqr", 8, trials, Promise(None, "", None), 1.0)
-        document = radius_document(declared, [radius])
-        names |= {value["name"] for value in document["values"]}
+        document = radius_result(declared, [radius])
+        names |= {value.name for value in document.values}
     assert names == {
         "servo/light lqr: no failure found up to",
         "servo/heavy lqr: no failure found up to",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from case_texts import STEP, load
 
-from grosmc_mj.experiments.document import experiment_document
+from grosmc_mj.experiments.document import experiment_result
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.requirements.judging import Judgement, judge_run, judge_runs
 from grosmc_mj.requirements.requirement import Requirement
@@ -262,9 +262,7 @@ class Judged(NamedTuple):
     judgements: list[Judgement]
 
     def result(self, *, complete: bool = True) -> Result:
-        content = experiment_document(
-            self.experiment, self.runs, self.judgements, complete=complete
-        )
+        content = experiment_result(self.experiment, self.runs, self.judgements, complete=complete)
         return Result.model_validate_json(json_text(content))
 
 

@@ -16,8 +16,8 @@ from grosmc_mj.studies.disturbance import DisturbanceStudy, WorstDisturbance, di
 from grosmc_mj.studies.disturbance_answer import (
     case_text,
     charts,
-    disturbance_document,
     disturbance_film,
+    disturbance_result,
     words_of,
 )
 from grosmc_mj.sweep.signal_search import SignalSearch
@@ -258,8 +258,8 @@ def test_a_study_that_was_interrupted_is_open_unless_a_law_has_failed(tmp_path) 
         study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10)
         found = study.find("lqr", lambda _: None)
         for complete in (True, False):
-            document = disturbance_document(study, [found], complete=complete)
-            verdicts[bound, complete] = document["answers"][0]["verdict"]
+            document = disturbance_result(study, [found], complete=complete)
+            verdicts[bound, complete] = document.answers[0].verdict
     assert verdicts == {
         ("1 mN m", True): "kept",
         ("1 mN m", False): "not decided",

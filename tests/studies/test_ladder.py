@@ -446,7 +446,7 @@ def loaded_ladder() -> study.Ladder:
 
 @cache
 def loaded_document() -> dict[str, Any]:
-    content = answer.ladder_document(loaded_ladder(), TWO_CONDITIONS, complete=True)
+    content = answer.ladder_result(loaded_ladder(), TWO_CONDITIONS, complete=True)
     return json.loads(json_text(content))
 
 

@@ -549,7 +549,7 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     # The other law was interrupted after its first answer.
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit")
     rows = [*rows_of(studied), *weaker, *never, endless]
-    content = answer.tolerance_document(studied, rows, 4, complete=False)
+    content = answer.tolerance_result(studied, rows, 4, complete=False)
     document = json.loads(json_text(content))
     lines = answer.tolerances_text([document]).splitlines()
     header, lqr, implicit = (

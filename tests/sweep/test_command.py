@@ -3,7 +3,6 @@
 import io
 import json
 from contextlib import redirect_stderr, redirect_stdout
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,9 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_cases import AMPLITUDE, DEVIATION, LQR, deviation_below, servo
 from commands import Patch, Screen, run
+from rich.console import Console
 
 from grosmc_mj import cli
-from grosmc_mj.cli.commands.campaign import answer
+from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.sweep import map as maps
@@ -135,7 +135,7 @@ def free(tmp_path_factory: pytest.TempPathFactory) -> Answer:
 
 
 def test_a_law_of_which_nothing_is_required_is_named(free: Answer) -> None:
-    assert "lqr: nothing is required of it." in free.words
+    assert "lqr completes, and nothing more is required of it, on 16 of 16" in free.words
 
 
 def test_without_a_requirement_runs_are_counted(free: Answer) -> None:
@@ -247,17 +247,26 @@ def test_an_interrupted_campaign_says_how_to_go_on(
 def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatch: Patch) -> None:
     written: dict[str, set[str]] = {}
 
-    def note(name: str, returned: Any, *_: Any, **__: Any) -> Any:
-        """Note the documents that are there when something is shown."""
-        written[name] = {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
-        return returned
+    def documents() -> set[str]:
+        """Documents that are there when something is shown."""
+        return {path.stem for path in tmp_path.glob("*.json")} - {"manifest"}
 
-    for name in ("say_campaign_verdict", "say_worst", "say_radius"):
-        monkeypatch.setattr(answer, name, partial(note, name, cli.DONE))
-    monkeypatch.setattr(maps, "write_figures", partial(note, "figures", []))
+    def note_figures(*_: Any, **__: Any) -> list[Path]:
+        written["figures"] = documents()
+        return []
+
+    def note_verdict(to: Console, words: str, *, good: bool) -> None:
+        """Note the documents at the first verdict of each answer."""
+        (kind,) = [
+            kind for kind in ("keeps everything", "worst plant", "no failure") if kind in words
+        ]
+        written.setdefault(kind, documents())
+
+    monkeypatch.setattr(screen, "say_verdict", note_verdict)
+    monkeypatch.setattr(maps, "write_figures", note_figures)
     assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
     # The verdict comes before searches and figures.
-    assert [*written] == ["say_campaign_verdict", "say_worst", "say_radius", "figures"]
+    assert [*written] == ["keeps everything", "worst plant", "no failure", "figures"]
     assert [len(names) for names in written.values()] == [1, 2, 3, 3]
 
 

@@ -19,8 +19,8 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import (
     ScreeningSummary,
+    campaign_result,
     findings,
-    results_document,
     run_campaign,
     screening_sentences,
 )
@@ -253,7 +253,7 @@ def test_the_answer_says_who_judged(screened_folder: Folder) -> None:
         f"lqr: of {drawn} confirmed at random, 0 overturned: at most "
         f"{share:.2g} % of those by the equations at 95 %."
     ) in words
-    assert results_document(screened(), result)["answers"][0]["more"] == words
+    assert words in campaign_result(screened(), result).remarks
 
 
 def test_the_same_runs_are_confirmed_whatever_the_parts(

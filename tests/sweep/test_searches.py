@@ -22,6 +22,7 @@ from campaign_cases import (
 )
 from commands import Patch
 
+from grosmc_mj.results.document import plain
 from grosmc_mj.sweep import worst as worst_module
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.compass import CompassSearch
@@ -30,7 +31,7 @@ from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Radius, ScaleTrial, _growth, radius
 from grosmc_mj.sweep.screening import evaluate
-from grosmc_mj.sweep.worst import WorstPlant, shrunk, worst, worst_document
+from grosmc_mj.sweep.worst import WorstPlant, shrunk, worst, worst_result
 
 
 def loads(limit: float, tables: str = AMPLITUDE, laws: str = LQR, **options: Any) -> Campaign:
@@ -148,7 +149,7 @@ def test_a_search_can_lose(lost: WorstPlant) -> None:
 
 
 def test_the_document_says_who_has_the_worst_plant(lost: WorstPlant) -> None:
-    document = worst_document(loads(1.0, BOTH), [lost])["controllers"]["lqr"]
+    document = plain(worst_result(loads(1.0, BOTH), [lost]))["controllers"]["lqr"]
     assert document["worst_by"] == lost.winner
     assert document["worst_of_the_search"] == lost.search
     assert document["worst_of_as_many_random_plants"] == least_random()
@@ -176,7 +177,7 @@ def test_a_margin_of_zero_is_kept() -> None:
     declared = campaign(servo(AMPLITUDE, laws=LQR, limits=STAYS_AT_START))
     search = worst(declared, "lqr", [0], 128)
     assert (search.relative, search.fails, search.shrunk, search.changed) == (0.0, False, None, ())
-    assert worst_document(declared, [search])["controllers"]["lqr"]["shrunk"] is None
+    assert plain(worst_result(declared, [search]))["controllers"]["lqr"]["shrunk"] is None
 
 
 def test_a_margin_of_zero_is_no_failure_of_a_scale() -> None:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
-from grosmc_mj.chapter.claims.story import claims_tables, turning_table
+from grosmc_mj.chapter.claims.story import claim_tables, claims_tables, turning_table
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.results.document import plain
 from grosmc_mj.results.result import (
@@ -18,8 +18,10 @@ from grosmc_mj.results.result import (
     Answer,
     LineChart,
     ReportTable,
+    Result,
     Series,
     Value,
+    report_tables,
     result,
 )
 
@@ -47,8 +49,16 @@ _SWITCHED = 0.1
 _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be told"}
 
 
-def claims_result(findings: Sequence[Finding], settings: Settings) -> dict[str, Any]:
-    """Return the content of claims.json."""
+def claims_result(
+    findings: Sequence[Finding], settings: Settings, faults: Sequence[str] = ()
+) -> Result:
+    """Return the result of judged claims; of a single one it tells how it was judged.
+
+    Args:
+        findings: The judged claims.
+        settings: Settings of their runs.
+        faults: Verdicts that are not the expected ones, a line each.
+    """
     verdict = KEPT
     sentence = "All verdicts are as expected"
     unexpected = sum(bool(finding.unexpected) for finding in findings)
@@ -56,13 +66,24 @@ def claims_result(findings: Sequence[Finding], settings: Settings) -> dict[str, 
         verdict = NOT_KEPT
         sentence = f"{unexpected} of {len(findings)} verdicts differ from the expected ones"
 
-    answer = Answer(question="Claims", verdict=verdict, words=sentence, more=counts_words(findings))
+    answer = Answer(
+        question="Claims",
+        verdict=verdict,
+        words=sentence,
+        more=counts_words(findings),
+        faults=faults,
+    )
+    tables = claims_tables(findings)
+    brief = 2
+    if len(findings) == 1:
+        tables = claim_tables(findings[0])
+        brief = len(tables)
     return result(
         "claims",
         asdict(settings),
         seed=0,
         answers=[answer],
-        sheets=[ReportTable(table=rows) for rows in claims_tables(findings) if rows.rows],
+        sheets=report_tables(tables, brief),
         values=claims_values(findings),
         claims=[claim_numbers(finding) for finding in findings],
     )
@@ -118,8 +139,8 @@ def claim_numbers(finding: Finding) -> dict[str, Any]:
     }
 
 
-def sweeps_result(rows: Sequence[Mapping[str, Any]], settings: Settings) -> dict[str, Any]:
-    """Return the content of sweeps.json, from the rows that ``sweep`` yields."""
+def sweeps_result(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Result:
+    """Return the result of sweeps, from the rows that ``sweep`` yields."""
     claims = {row["claim"] for row in rows}
     turning = {row["claim"] for row in rows if row["flips"] and not row["printed"]}
     answer = Answer(
@@ -140,7 +161,7 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], settings: Settings) -> dict
         values=values,
         sweeps=rows,
         answers=[answer],
-        sheets=[ReportTable(table=turning_table(rows), charts=charts)],
+        sheets=[ReportTable(table=turning_table(rows), charts=charts, brief=True)],
     )
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -50,18 +50,25 @@ class JudgeCommand(Command):
         from grosmc_mj.chapter.claims.judging import verdict_differences
         from grosmc_mj.chapter.claims.ledger import select_claims
         from grosmc_mj.chapter.claims.page import write_page
+        from grosmc_mj.chapter.claims.picture import write_picture
         from grosmc_mj.chapter.claims.results import claims_result
 
         self._refuse_page()
         lab = _run_cache()
         findings = judge_with_progress(lab, select_claims(self.target))
-        document = claims_result(findings, lab.settings)
         differences = [f"differs: {line}" for line in verdict_differences(findings)]
+        result = claims_result(findings, lab.settings, differences)
         if findings[0].claim.id == self.target:
-            self._say_claim(findings[0], lab, document, differences)
+            path = self.out / f"claims/{self.target}.json"
+            picture = path.with_suffix(".png")
+            screen.say_result(
+                result,
+                path,
+                lambda: (write_picture(findings[0], lab, picture),),
+                full=self.verbose,
+            )
         else:
-            path = self.out / "claims.json"
-            screen.say_result(document, path, differences, full=self.verbose, brief=2)
+            screen.say_result(result, self.out / "claims.json", full=self.verbose)
 
         if self.page is not None:
             screen.say_files(screen.console(), *write_page(findings, lab, self.page))
@@ -75,23 +82,6 @@ class JudgeCommand(Command):
             raise ArgumentError(f"--page {self.page} must end in .md")
         if self.target:
             raise ArgumentError(f"--page {self.page} is about all claims: leave out {self.target}")
-
-    def _say_claim(
-        self,
-        finding: Finding,
-        lab: RunCache,
-        document: Mapping[str, Any],
-        differences: Sequence[str],
-    ) -> None:
-        """Write, print and draw the result of one claim."""
-        from grosmc_mj.chapter.claims.picture import write_picture
-        from grosmc_mj.chapter.claims.story import claim_tables
-
-        path = self.out / f"claims/{self.target}.json"
-        tables = claim_tables(finding)
-        screen.say_result(document, path, differences, full=self.verbose, tables=tables)
-        picture = write_picture(finding, lab, path.with_suffix(".png"))
-        screen.say_files(screen.console(), picture)
 
 
 @command
@@ -124,10 +114,9 @@ class SweepCommand(Command):
         claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
             sweeps = list(sweep(lab, claims, advance))
-            content = sweeps_result(sweeps, lab.settings)
 
         path = STORED if self.record else self.out / "sweeps.json"
-        screen.say_result(content, path, full=self.verbose)
+        screen.say_result(sweeps_result(sweeps, lab.settings), path, full=self.verbose)
         return DONE
 
 
@@ -154,7 +143,7 @@ class PremisesCommand(Command):
     def execute(self) -> int:
         """Check the premises, write the result and print what fails."""
         from grosmc_mj.assumptions.robot import audit_of
-        from grosmc_mj.chapter.premises import premises_result, worst_points
+        from grosmc_mj.chapter.premises import premises_result
         from grosmc_mj.experiments.catalogue import find_experiments
 
         lab = _run_cache()
@@ -165,11 +154,8 @@ class PremisesCommand(Command):
             experiments = without_loop
 
         audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
-        lines: list[str] = []
-        for audit in audits:
-            lines.extend(f"{audit.case.name}: {line}" for line in worst_points(audit))
         path = self.out / f"premises_{experiments[0].system}.json"
-        screen.say_result(premises_result(audits, lab.settings), path, lines, full=self.verbose)
+        screen.say_result(premises_result(audits, lab.settings), path, full=self.verbose)
         return DONE
 
 

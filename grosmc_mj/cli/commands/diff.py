@@ -42,16 +42,10 @@ class DiffCommand(Command):
 
     def execute(self) -> int:
         """Compare the results, write and print the comparison."""
-        from grosmc_mj.comparison.comparison import compare, comparison_document
+        from grosmc_mj.comparison.comparison import compare, comparison_result
 
         comparison = compare(self.old, self.new)
-        content = comparison_document(comparison)
-        screen.say_result(content, self.out / "diff.json", full=self.verbose)
-
-        console = screen.console()
-        more = content["answers"][0]["more"]
-        if more:
-            console.print(more, markup=False)
+        screen.say_result(comparison_result(comparison), self.out / "diff.json", full=self.verbose)
         self._say_list("Made from", comparison.sources)
         self._say_list("Not read", comparison.notices)
         return DIFFERS if comparison.worse else DONE

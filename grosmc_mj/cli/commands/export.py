@@ -65,7 +65,7 @@ class ExportCommand(Command):
 
     def execute(self) -> int:
         """Write the law, prove it, write it once more with its proof."""
-        from grosmc_mj.export.answer import NOT_PROVEN, about, export_document
+        from grosmc_mj.export.answer import NOT_PROVEN, about, export_result
         from grosmc_mj.export.compiler import write_law
         from grosmc_mj.export.fmu import write_fmu
 
@@ -82,8 +82,8 @@ class ExportCommand(Command):
         if self.fmu:
             files.append(write_fmu(law, experiment.x0, self.out))
 
-        document = export_document(experiment, law, proof)
-        screen.say_result(document, self.out / f"export_{law.name}.json", full=self.verbose)
+        result = export_result(experiment, law, proof)
+        screen.say_result(result, self.out / f"export_{law.name}.json", full=self.verbose)
         screen.say_files(screen.console(), *files)
         return _exit_code(law, proof)
 

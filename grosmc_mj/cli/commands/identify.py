@@ -115,12 +115,11 @@ class IdentifyCommand(_OfLog):
         predicted, _ = prediction_errors({"fitted": found}, held_out, **steps)
         doubts = [*log.notes, *filter(None, [slip(best, fitted, plant, **steps)])]
         doubts += unexplained_moments([found], log, **steps)
-        document = identification(
+        result = identification(
             best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
         )
         path = self._path("identification", experiment)
-        unseen = [f"{parameter.words}." for parameter in best.unseen]
-        screen.say_result(document, path, [*doubts, *unseen], full=self.verbose, brief=2)
+        screen.say_result(result, path, full=self.verbose)
 
         figure = path.with_suffix(".png")
         draw_residuals(errors, held_out, plant.system, figure)
@@ -185,8 +184,8 @@ class CompareCommand(_OfLog):
         steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
         notes = [*log.notes, *notes, *unexplained_moments(followed, log, **steps)]
         path = self._path("compare", experiment)
-        document = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
-        screen.say_result(document, path, notes, full=True)
+        result = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
+        screen.say_result(result, path, full=self.verbose)
         if film is not None:
             write_film_of_log(film, path.with_suffix(".mp4"))
         return DONE

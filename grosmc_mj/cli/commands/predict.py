@@ -118,19 +118,21 @@ class PredictCommand(Command):
             film_of = filmable(experiment.plant(experiment.nominal.truest), question.log)
 
         complete, lesser = self._predictions(question)
-        document = prediction_result(question, complete, lesser, self._configuration(question))
+        result = prediction_result(question, complete, lesser, self._configuration(question))
         name = f"predict_{result_name(experiment.path)}_{log.stem}"
         path = self.out / f"{name}.json"
-        self._print(question, document, path)
-
         figure = path.with_suffix(".png")
-        draw_prediction(question, complete, figure)
-        screen.say_files(screen.console(), figure)
+        screen.say_result(
+            result,
+            path,
+            lambda: (draw_prediction(question, complete, figure),),
+            full=self.verbose,
+        )
         if film_of is not None:
             run = complete.runs[complete.nearest]
             film = film_beside_log(film_of, run, question.log, 0.0, "predicted")
             write_film_of_log(film, self.out / FOLDER / f"{name}.mp4")
-        return document["answers"][0]["verdict"] == KEPT
+        return result.answers[-1].verdict == KEPT
 
     def _predictions(self, question: Question) -> tuple[Prediction, Mapping[str, Prediction]]:
         """Return the prediction of the machine, and those without each of its properties."""
@@ -159,13 +161,3 @@ class PredictCommand(Command):
             "law": self.law,
             "seeds": self.seeds,
         }
-
-    def _print(self, question: Question, document: Mapping[str, Any], path: Path) -> None:
-        """Print law, prediction, tables and which properties decide; write the document."""
-        from grosmc_mj.identify.predict_report import law_words
-
-        finding = question.law_on_log
-        reproduces = finding is not None and finding.first is None
-        screen.say_verdict(screen.console(), law_words(question), good=reproduces)
-        screen.say_result(document, path, question.notes, full=self.verbose, brief=2)
-        screen.console().print(document["answers"][0]["more"], markup=False)

@@ -29,8 +29,8 @@ from grosmc_mj.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.assumptions.audit import Audit
-    from grosmc_mj.cli.commands.run_answer import RunAnswer
     from grosmc_mj.experiments.experiment import Experiment, RunResult
+    from grosmc_mj.results.result import Result
 
 
 @command
@@ -103,7 +103,7 @@ class RunCommand(Command):
             alone: True if it is the only one of the command: its answer is longer.
         """
         from grosmc_mj.assumptions.robot import audits
-        from grosmc_mj.cli.commands.run_answer import judge
+        from grosmc_mj.cli.commands.run_answer import answer_of_run
         from grosmc_mj.sweep.draws import judged_over_draws
 
         name = "_".join([result_name(experiment.path), *[log.stem for log in self.log]])
@@ -111,8 +111,6 @@ class RunCommand(Command):
         path = self.out / f"{name}.json"
         results: list[RunResult] = []
         premises: Sequence[Audit] = ()
-        complete = False
-        kept = False
         try:
             if not self.log:
                 steps = len(experiment.plant_names) * len(experiment.controllers)
@@ -121,18 +119,18 @@ class RunCommand(Command):
                         results.append(judged_over_draws(result, self.draws))
                         advance(result.key)
                 premises = audits(results)
-            results += measured
-            complete = True
-        finally:
-            # Results are kept and shown, whatever happened since.
+        except (Exception, KeyboardInterrupt):
+            # Finished runs are kept and shown, whatever happened since.
             if results:
-                answer = judge(experiment, results, premises, draws=self.draws, complete=complete)
-                kept = answer.kept
-                self._write(answer, path, alone=alone)
+                part = answer_of_run(
+                    experiment, results, premises, draws=self.draws, complete=False
+                )
+                self._say(part, results, path, alone=alone)
+            raise
+        results += measured
+        answer = answer_of_run(experiment, results, premises, draws=self.draws, complete=True)
+        self._say(answer, results, path, alone=alone)
 
-        files = [path]
-        if self.figures:
-            files.append(_draw(results, path.with_suffix(".png")))
         console = screen.console()
         if self.save:
             folder = self.out / "trajectories"
@@ -141,10 +139,9 @@ class RunCommand(Command):
                 plant = name_in_files(result.plant)
                 result.save(folder / f"{name}.{plant}.{law}.{self.save}")
             console.print(f"{len(results)} trajectories in {folder}", soft_wrap=True)
-        screen.say_files(console, *files)
         if self.film:
             film_runs(console, results, experiment.settings, self.out / FOLDER / f"{name}.mp4")
-        return kept
+        return answer.kept
 
     def _measured(self, experiment: Experiment) -> Sequence[RunResult]:
         """Return the logs of the command, or else those of the file, as runs.
@@ -166,36 +163,44 @@ class RunCommand(Command):
                 raise ArgumentError(f"{result.log}: no requirement can be judged: {reasons}")
         return measured
 
-    def _write(
+    def _say(
         self,
-        answer: RunAnswer,
+        answer: Result,
+        results: Sequence[RunResult],
         path: Path,
         *,
         alone: bool,
     ) -> None:
-        """Write the results of an experiment, and print them, also if they cannot be written."""
-        from grosmc_mj.cli.commands import run_answer
-        from grosmc_mj.experiments.curves import write_curves
-        from grosmc_mj.results.document import set_aside_other, write_json
+        """Write and print the results of an experiment, also if they cannot be written."""
+        from grosmc_mj.results.document import set_aside_other
 
-        try:
-            aside = set_aside_other(path, answer.content, "configuration")
-            write_json(path, answer.content)
-            write_curves(answer.results, path.stem, path.parent)
-        finally:
-            if alone:
-                run_answer.print_alone(answer, verbose=self.verbose)
-            else:
-                run_answer.print_among(answer, path.stem, verbose=self.verbose)
-            if self.verbose:
-                run_answer.print_tables(answer)
-
+        aside = set_aside_other(path, "configuration", answer.configuration)
+        screen.say_result(
+            answer,
+            path,
+            lambda: self._draw(answer, results, path),
+            full=self.verbose,
+            among=not alone,
+        )
         if aside is not None:
             screen.console().print(
                 f"{path.name} had results of another file or other settings: now in {aside.name}; "
                 "figures and trajectories of that name are replaced",
                 style="dim",
             )
+
+    def _draw(self, answer: Result, results: Sequence[RunResult], path: Path) -> tuple[Path, ...]:
+        """Write the curves and, of a complete answer, draw the figure; returns its path."""
+        from grosmc_mj.experiments.curves import draw_experiment, figure_size, write_curves
+        from grosmc_mj.results.figure import figure_written
+
+        write_curves(results, path.stem, path.parent)
+        if not self.figures or not answer.complete:
+            return ()
+        figure_path = path.with_suffix(".png")
+        with figure_written(figure_path, figure_size(results)) as figure:
+            draw_experiment(figure, results)
+        return (figure_path,)
 
 
 def _check(experiment: Experiment) -> None:
@@ -218,13 +223,3 @@ def _check(experiment: Experiment) -> None:
     if experiment.not_judged and not experiment.limits:
         notes = "; ".join(line.removeprefix("not judged: ") for line in experiment.not_judged)
         raise ArgumentError(f"{experiment.path}: no requirement can be judged: {notes}")
-
-
-def _draw(results: Sequence[RunResult], path: Path) -> Path:
-    """Draw the figure; returns its path."""
-    from grosmc_mj.experiments.curves import draw_experiment, figure_size
-    from grosmc_mj.results.figure import figure_written
-
-    with figure_written(path, figure_size(results)) as figure:
-        draw_experiment(figure, results)
-    return path

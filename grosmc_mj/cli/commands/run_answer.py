@@ -1,88 +1,46 @@
-"""Answer of run on the terminal: verdict, mistakes, requirements, runs, loop and machine."""
+"""Result of run: judged requirements, failing premises, and lines on loop and machine."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
-
-from rich.console import Console
 
 from grosmc_mj.assumptions.audit import Audit
 from grosmc_mj.assumptions.notes import notes_on
-from grosmc_mj.chapter.premises import audit_document, audit_table, worst_points
-from grosmc_mj.cli import screen
-from grosmc_mj.experiments.document import experiment_document
+from grosmc_mj.chapter.premises import audit_document, audit_table
+from grosmc_mj.experiments.document import experiment_result
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
-from grosmc_mj.experiments.tables import endings, requirements_table, results_table
+from grosmc_mj.experiments.tables import endings
 from grosmc_mj.plants.system import Signal
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.results.result import KEPT
-from grosmc_mj.results.tables import Table
-
-# Rows of a table in an answer, which fits on a screen.
-_MOST_ROWS = 9
+from grosmc_mj.results.result import Result
 
 
-@dataclass(frozen=True)
-class RunAnswer:
-    """Judged results of an experiment.
-
-    Attributes:
-        experiment: The experiment.
-        results: Its runs.
-        premises: Audits of the theorems' premises, one for each law.
-        judgements: Requirements as each run keeps them.
-        content: The document that is written.
-    """
-
-    experiment: Experiment
-    results: Sequence[RunResult]
-    premises: Sequence[Audit]
-    judgements: Sequence[Judgement]
-    content: Mapping[str, Any]
-
-    @property
-    def kept(self) -> bool:
-        """True if everything that is required is kept."""
-        return self.content["answers"][0]["verdict"] == KEPT
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Notes beside the verdict, a line each."""
-        return self.content["answers"][0]["notes"]
-
-    @property
-    def words(self) -> str:
-        """Verdict as a sentence, without its full stop."""
-        return self.content["answers"][0]["words"]
-
-
-def judge(
+def answer_of_run(
     experiment: Experiment,
     results: Sequence[RunResult],
     premises: Sequence[Audit],
     *,
     draws: int,
     complete: bool,
-) -> RunAnswer:
-    """Return the judged runs of an experiment with their document.
+) -> Result:
+    """Return the judged runs of an experiment.
 
     Args:
         experiment: The experiment.
         results: Its runs.
-        premises: Audits of the theorems' premises.
+        premises: Audits of the theorems' premises, one for each law.
         draws: Draws of a loop that the runs are judged over.
         complete: Whether nothing was interrupted.
     """
     simulated = [result for result in results if result.simulated]
     measured = [result for result in results if isinstance(result, MeasuredResult)]
 
-    judgements = by_requirement(experiment.limits, simulated)
+    judgements = _by_requirement(experiment.limits, simulated)
     notes = notes_on(experiment, simulated) if simulated else list(experiment.not_judged)
     if simulated and experiment.loop is not None and experiment.loop.drawn and draws > 1:
         notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
@@ -90,18 +48,24 @@ def judge(
         judgements += result.requirements
         notes += result.not_judged
     notes += disagreements(experiment, judgements)
-    content = experiment_document(
+
+    remarks = [*_premise_lines(premises), *_log_lines(measured)]
+    if simulated:
+        remarks += [*_loop_lines(experiment), *_machine_lines(experiment), *_rest_lines(experiment)]
+    return experiment_result(
         experiment,
         results,
         judgements,
         complete=complete,
+        faults=[*endings(results), *_failing_premises(premises)],
         notes=notes,
+        remarks=remarks,
+        tables=[audit_table(audit) for audit in premises],
         premises=[audit_document(audit) for audit in premises],
     )
-    return RunAnswer(experiment, results, premises, judgements, content)
 
 
-def by_requirement(
+def _by_requirement(
     requirements: Iterable[Requirement], results: Sequence[RunResult]
 ) -> list[Judgement]:
     """Return the judgements of all runs, requirement by requirement."""
@@ -112,75 +76,24 @@ def by_requirement(
     return ordered
 
 
-def print_alone(answer: RunAnswer, *, verbose: bool) -> None:
-    """Print the answer of the only experiment, with its requirements, runs, loop and machine."""
-    console = screen.console()
-    _print_verdict(console, answer, f"{answer.words}.", verbose=verbose)
-    if answer.judgements:
-        console.print(_brief(requirements_table(answer.judgements)))
-    console.print(_brief(results_table(answer.results)))
-
-    screen.say_lines(console, _log_lines(answer.results), "dim", full=verbose)
-    if not any(result.simulated for result in answer.results):
-        return
-    experiment = answer.experiment
-    screen.say_lines(console, _loop_lines(experiment), "dim", full=verbose)
-    screen.say_lines(console, _machine_lines(experiment), "dim", full=verbose)
-    screen.say_lines(console, _rest_lines(experiment), "dim", full=verbose)
-
-
-def _brief(table: Table) -> Table:
-    """Return a table as the answer has it: its first rows, below the verdict, without a title."""
-    return table.brief(_MOST_ROWS).model_copy(update={"title": ""})
-
-
-def print_among(answer: RunAnswer, name: str, *, verbose: bool) -> None:
-    """Print the answer of one of several experiments, with the requirements that fail."""
-    console = screen.console()
-    _print_verdict(console, answer, f"{name}: {answer.words}.", verbose=verbose)
-    if answer.judgements and not answer.kept:
-        failed = [judgement for judgement in answer.judgements if not judgement.kept]
-        console.print(_brief(requirements_table(failed)))
-
-
-def _print_verdict(
-    console: Console,
-    answer: RunAnswer,
-    words: str,
-    *,
-    verbose: bool,
-) -> None:
-    """Print the verdict, notes, what is wrong, and how many premises of each law hold."""
-    screen.say_verdict(console, words, good=answer.kept)
-    screen.say_lines(console, list(_mistakes(answer)), full=verbose)
-    screen.say_lines(console, answer.notes, "yellow", full=verbose)
-    for audit in answer.premises:
+def _premise_lines(premises: Sequence[Audit]) -> Iterator[str]:
+    """Yield how many premises of each law hold."""
+    for audit in premises:
         count = len(audit.premises)
-        held = count - len(audit.failed())
-        console.print(f"premises of {audit.controller}: {held} of {count} hold", style="dim")
+        yield f"premises of {audit.controller}: {count - len(audit.failed())} of {count} hold"
 
 
-def print_tables(answer: RunAnswer) -> None:
-    """Print all tables of an answer, and where the premises are worst."""
-    screen.say_tables(answer.content)
-    for audit in answer.premises:
-        screen.wide_console().print(audit_table(audit), *worst_points(audit), sep="\n")
-
-
-def _mistakes(answer: RunAnswer) -> Iterator[str]:
-    """Yield a line for each run that ended early and each premise that fails."""
-    yield from endings(answer.results)
-    for audit in answer.premises:
+def _failing_premises(premises: Sequence[Audit]) -> Iterator[str]:
+    """Yield a line for each premise that fails."""
+    for audit in premises:
         for premise in audit.failed():
             yield f"premise fails: {premise.name} of {audit.controller} ({premise.source})"
 
 
-def _log_lines(results: Sequence[RunResult]) -> list[str]:
+def _log_lines(results: Sequence[MeasuredResult]) -> list[str]:
     """Return a line on each log: its part that is judged, and where it starts."""
     lines = []
     for result in results:
-        if not isinstance(result, MeasuredResult):
-            continue
         end = result.begin + result.trajectory.time[-1]
         starts = []
         pairs = zip(

@@ -114,10 +114,7 @@ class ValidateCommand(Command):
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
 
-        document = done.document()
-        differences = [f"differs: {line}" for line in done.differences]
-        path = self.out / "validation.json"
-        screen.say_result(document, path, differences, full=self.verbose, brief=2)
+        screen.say_result(done.result(), self.out / "validation.json", full=self.verbose)
         for key in dict.fromkeys(result.case.key for result in done.results):
             results = [result for result in done.results if result.case.key == key]
             case = results[0].case

@@ -10,14 +10,13 @@ from cyclopts import Group, Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, WholeNumber, command
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.sweep.campaign import Campaign, Specification
-    from grosmc_mj.sweep.findings import Findings
+    from grosmc_mj.sweep.campaign import Specification
     from grosmc_mj.sweep.radius import Radius
-    from grosmc_mj.sweep.store import Folder
 
 # Options of --plant alone, and those that a campaign has, too.
 _FOR_PLANT = ("case_file",)
@@ -161,13 +160,20 @@ class CampaignCommand(Command):
 
     def _run(self) -> int:
         """Carry out a campaign; returns the exit code."""
-        from grosmc_mj.cli.commands.campaign import answer
-        from grosmc_mj.cli.commands.campaign.running import notices, run_parts
+        from grosmc_mj.cli.commands.campaign.running import (
+            notices,
+            run_parts,
+            search_radii,
+            search_worst,
+        )
         from grosmc_mj.executors import make_executor
-        from grosmc_mj.results.document import write_json
         from grosmc_mj.sweep.campaign import Campaign
-        from grosmc_mj.sweep.findings import RESULTS, findings, results_document
+        from grosmc_mj.sweep.findings import RESULTS, campaign_result, findings, keeps_enough
+        from grosmc_mj.sweep.map import write_figures
+        from grosmc_mj.sweep.radius import RADIUS, radius_result
+        from grosmc_mj.sweep.sampled import ALL
         from grosmc_mj.sweep.store import Folder, read_manifest, refuse_other_code
+        from grosmc_mj.sweep.worst import WORST, worst_result
 
         specification = self._specification()
         folder = Folder(self.out or _FOLDER / specification.name)
@@ -183,15 +189,25 @@ class CampaignCommand(Command):
                 screen.notice(line)
             progress = run_parts(campaign, folder, executor)
 
-        result = findings(campaign, folder, self.confidence)
-        write_json(folder.path / RESULTS, results_document(campaign, result))
-        console = screen.console()
-        code = answer.say_campaign_verdict(
-            console, campaign, result, self.at_least, self.confidence
-        )
-        answer.say_findings(console, campaign, result, progress, full=self.verbose)
-        self._search(campaign, folder, result)
-        return code
+        found = findings(campaign, folder, self.confidence)
+        result = campaign_result(campaign, found, self.at_least, progress)
+        screen.say_result(result, folder.path / RESULTS, full=self.verbose)
+        if self.worst:
+            plants = search_worst(campaign, found, self.evaluations)
+            result_of_worst = worst_result(campaign, plants)
+            screen.say_result(result_of_worst, folder.path / WORST, full=self.verbose)
+        radii: list[Radius] = []
+        if self.radius:
+            radii = search_radii(campaign)
+            result_of_radii = radius_result(campaign, radii)
+            screen.say_result(result_of_radii, folder.path / RADIUS, full=self.verbose)
+        if self.figures:
+            figures = write_figures(campaign, folder, found, radii, self.axes)
+            screen.say_files(screen.console(), *figures)
+
+        rates = [found.rates[ALL, law] for law in campaign.judged]
+        kept = all(keeps_enough(rate, self.at_least) for rate in rates)
+        return DONE if kept else DIFFERS
 
     def _specification(self) -> Specification:
         """Return the family of plants and how much of it is run.
@@ -210,49 +226,6 @@ class CampaignCommand(Command):
         self._refuse_numbers()
         specified: dict[str, Any] = {name: getattr(self, name) for name in _SPECIFIED}
         return specification_of(self.target, **specified)
-
-    def _search(self, campaign: Campaign, folder: Folder, result: Findings) -> None:
-        """Make the searches and the figures that are asked for, and print where all results are."""
-        from grosmc_mj.sweep.findings import RESULTS
-        from grosmc_mj.sweep.map import write_figures
-        from grosmc_mj.sweep.radius import RADIUS
-
-        files = [folder.path / RESULTS]
-        if self.worst:
-            files.append(self._search_worst(campaign, folder, result))
-        radii: list[Radius] = []
-        if self.radius:
-            path = folder.path / RADIUS
-            radii = self._search_radii(campaign, path)
-            files.append(path)
-        if self.figures:
-            files += write_figures(campaign, folder, result, radii, self.axes)
-        screen.say_files(screen.console(), *files)
-
-    def _search_worst(self, campaign: Campaign, folder: Folder, result: Findings) -> Path:
-        """Search the worst plants, write and print them; returns the path of their document."""
-        from grosmc_mj.cli.commands.campaign.answer import say_worst
-        from grosmc_mj.cli.commands.campaign.running import search_worst
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.sweep.worst import WORST, worst_document
-
-        path = folder.path / WORST
-        plants = search_worst(campaign, result, self.evaluations)
-        write_json(path, worst_document(campaign, plants))
-        say_worst(screen.console(), campaign, plants, full=self.verbose)
-        return path
-
-    def _search_radii(self, campaign: Campaign, path: Path) -> list[Radius]:
-        """Search the radii, write their document and print them."""
-        from grosmc_mj.cli.commands.campaign.answer import say_radius
-        from grosmc_mj.cli.commands.campaign.running import search_radii
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.sweep.radius import radius_document
-
-        radii = search_radii(campaign)
-        write_json(path, radius_document(campaign, radii))
-        say_radius(screen.console(), campaign, radii, full=self.verbose)
-        return radii
 
     def _refuse_idle(self) -> None:
         """Refuse options of the other kind: of a campaign for --plant, of --plant elsewhere."""

@@ -85,7 +85,11 @@ class DisturbanceCommand(Command):
     def execute(self) -> int:
         """Search for each law, write, draw and print what was found."""
         from grosmc_mj.studies.disturbance import disturbance_study
-        from grosmc_mj.studies.disturbance_answer import require_filmable, require_replayable
+        from grosmc_mj.studies.disturbance_answer import (
+            disturbance_result,
+            require_filmable,
+            require_replayable,
+        )
 
         study = disturbance_study(
             self.target,
@@ -103,18 +107,17 @@ class DisturbanceCommand(Command):
             require_filmable(study, self.film)
 
         rows: list[WorstDisturbance] = []
-        with screen.partial_results_kept(
-            lambda: self._write(study, rows, complete=False),
-            "interrupted; the same command with --resume runs what is missing",
+        with screen.answered(
+            self._path(study),
+            lambda complete: disturbance_result(study, rows, complete=complete),
+            rows,
+            lambda: self._draw(study, rows),
+            full=self.verbose,
+            advice=screen.RESUME,
         ):
             self._search(study, rows)
-        try:
-            files = self._write(study, rows, complete=True)
-        finally:
-            self._print_answer(study, rows)
         if self.film:
-            files = (*files, self._film(study, rows))
-        screen.say_files(screen.console(), *files)
+            screen.say_files(screen.console(), self._film(study, rows))
         return DONE if all(worst.kept for worst in rows) else DIFFERS
 
     def _search(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
@@ -159,24 +162,18 @@ class DisturbanceCommand(Command):
         """Return the path of the result."""
         return self.out / f"disturbance_{result_name(study.experiment.path)}.json"
 
-    def _write(
-        self, study: DisturbanceStudy, rows: list[WorstDisturbance], *, complete: bool
-    ) -> tuple[Path, ...]:
-        """Write document, figure and case files; returns their paths, none without a row."""
+    def _draw(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> tuple[Path, ...]:
+        """Draw the figure and write the case files; returns their paths."""
         from grosmc_mj.files import atomic_write, name_in_files
         from grosmc_mj.results.charts import write_panels
-        from grosmc_mj.results.document import write_json
         from grosmc_mj.studies import disturbance_answer as answer
 
-        if not rows:
-            return ()
         path = self._path(study)
-        write_json(path, answer.disturbance_document(study, rows, complete=complete))
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
         write_panels(figure, title, [answer.charts(study, worst) for worst in rows])
 
-        files = [path, figure]
+        files = [figure]
         for worst in rows:
             file = path.with_name(f"{path.stem}_{name_in_files(worst.law)}.toml")
             with atomic_write(file) as part:
@@ -204,13 +201,3 @@ class DisturbanceCommand(Command):
                 advance=lambda: advance(path.name),
             )
         return written.film
-
-    def _print_answer(self, study: DisturbanceStudy, rows: list[WorstDisturbance]) -> None:
-        """Print which laws keep all, and what was found for each."""
-        from grosmc_mj.studies import disturbance_answer as answer
-
-        console = screen.console()
-        console.print(answer.verdict(study, rows), style="bold", markup=False)
-        for worst in rows:
-            console.print(answer.words_of(study, worst), markup=False)
-        console.print(answer.answer_table(study, rows))

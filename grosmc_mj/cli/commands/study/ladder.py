@@ -78,6 +78,7 @@ class LadderCommand(Command):
         """Climb with each law, write, draw and print where it breaks."""
         from grosmc_mj.arguments import require_known
         from grosmc_mj.studies.ladder import cells_of
+        from grosmc_mj.studies.ladder_answer import ladder_result
         from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
@@ -89,19 +90,17 @@ class LadderCommand(Command):
         cells = {load.name: cells_of(studied, load, folder) for load in studied.conditions}
 
         rows: list[RungResult] = []
-        with screen.partial_results_kept(
-            lambda: self._write(studied, rows, complete=False),
-            "interrupted; the same command with --resume runs what is missing",
+        with screen.answered(
+            self._path(studied),
+            lambda complete: ladder_result(studied, rows, complete=complete),
+            rows,
+            lambda: self._draw(studied, rows),
+            full=self.verbose,
+            advice=screen.RESUME,
         ):
             self._climb(studied, cells, rows)
-        try:
-            files = self._write(studied, rows, complete=True)
-        finally:
-            self._print_answer(studied, rows)
-
         if self.film:
-            files = (*files, self._film(studied, laws[self.film], rows))
-        screen.say_files(screen.console(), *files)
+            screen.say_files(screen.console(), self._film(studied, laws[self.film], rows))
         keeping = {row.law for row in rows if row.kept}
         return DONE if keeping.issuperset(laws) else DIFFERS
 
@@ -155,21 +154,13 @@ class LadderCommand(Command):
         """Return the path of the result."""
         return self.out / f"ladder_{result_name(studied.machine.path)}.json"
 
-    def _write(
-        self, studied: Ladder, rows: list[RungResult], *, complete: bool
-    ) -> tuple[Path, ...]:
-        """Write document and figure; returns their paths, none without a row."""
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import ladder_answer
+    def _draw(self, studied: Ladder, rows: list[RungResult]) -> tuple[Path, ...]:
+        """Draw the figures; returns their paths."""
+        from grosmc_mj.studies.ladder_answer import charts
         from grosmc_mj.studies.matrix import NOTE, write_charts
 
-        if not rows:
-            return ()
-        path = self._path(studied)
-        write_json(path, ladder_answer.ladder_document(studied, rows, complete=complete))
         title = f"{studied.target}: where each law fails"
-        charts = ladder_answer.charts(studied, rows)
-        return path, *write_charts(path, title, charts, NOTE)
+        return write_charts(self._path(studied), title, charts(studied, rows), NOTE)
 
     def _film(
         self,
@@ -186,29 +177,3 @@ class LadderCommand(Command):
         settings = studied.experiment.settings
         written = write_case_film(studied.machine, film, path, settings=settings, gif=self.gif)
         return written.film
-
-    def _print_answer(self, studied: Ladder, rows: list[RungResult]) -> None:
-        """Print which laws pass, where each breaks, and on request every table."""
-        from grosmc_mj.studies import ladder_answer
-
-        console = screen.console()
-        for condition in studied.conditions:
-            console.print(
-                ladder_answer.verdict(studied, rows, condition.name), style="bold", markup=False
-            )
-            console.print(ladder_answer.answer_table(studied, rows, condition))
-            claims = ladder_answer.claims_table(studied, rows, condition.name)
-            if claims:
-                console.print(claims.model_copy(update={"legend": ""}))
-
-        if self.verbose:
-            wide_console = screen.wide_console()
-            for sheet in ladder_answer.sheets(studied, rows):
-                if not sheet.table.legend:
-                    wide_console.print(sheet.table)
-
-        assumed = ladder_answer.assumed_text(studied)
-        if assumed:
-            console.print(assumed, style="dim", markup=False)
-        if self.verbose:
-            console.print(ladder_answer.LEGEND, style="dim", markup=False)

@@ -63,6 +63,7 @@ class MarginsCommand(Command):
     def execute(self) -> int:
         """Measure each law, write, draw and print the margins."""
         from grosmc_mj.studies.margins import margin_study
+        from grosmc_mj.studies.margins_answer import margins_result
 
         studied = margin_study(
             self.target,
@@ -72,16 +73,15 @@ class MarginsCommand(Command):
             period=self.period,
         )
         rows: list[LawMargins] = []
-        with screen.partial_results_kept(
-            lambda: self._write(studied, rows, complete=False),
-            "interrupted; the same command with --resume runs what is missing",
+        with screen.answered(
+            self._path(studied),
+            lambda complete: margins_result(studied, rows, complete=complete),
+            rows,
+            lambda: self._draw(studied, rows),
+            full=self.verbose,
+            advice=screen.RESUME,
         ):
             self._measure(studied, rows)
-        try:
-            files = self._write(studied, rows, complete=True)
-        finally:
-            self._print_answer(studied, rows)
-        screen.say_files(screen.console(), *files)
         return DONE if all(row.task for row in rows) else DIFFERS
 
     def _measure(self, studied: MarginStudy, rows: list[LawMargins]) -> None:
@@ -110,35 +110,12 @@ class MarginsCommand(Command):
         """Return the path of the result."""
         return self.out / f"margins_{result_name(studied.setups[0].case.path)}.json"
 
-    def _write(
-        self, studied: MarginStudy, rows: list[LawMargins], *, complete: bool
-    ) -> tuple[Path, ...]:
-        """Write document and figure; returns their paths, none without a row."""
+    def _draw(self, studied: MarginStudy, rows: list[LawMargins]) -> tuple[Path, ...]:
+        """Draw the figure; returns its path."""
         from grosmc_mj.results.charts import write_panels
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import margins_answer as answer
+        from grosmc_mj.studies.margins_answer import by_setup
         from grosmc_mj.studies.margins_figure import charts
 
-        if not rows:
-            return ()
-        path = self._path(studied)
-        write_json(path, answer.margins_document(studied, rows, complete=complete))
-        panels = [charts(setup, of_setup) for setup, of_setup in answer.by_setup(studied, rows)]
+        panels = [charts(setup, of_setup) for setup, of_setup in by_setup(studied, rows)]
         title = f"{studied.target}: L at the plant's input, and its delay margin"
-        return path, write_panels(path.with_suffix(".png"), title, panels)
-
-    def _print_answer(self, studied: MarginStudy, rows: list[LawMargins]) -> None:
-        """Print the margins in each setup and, on request, every table."""
-        from grosmc_mj.studies import margins_answer as answer
-
-        console = screen.console()
-        console.print(answer.verdict(rows), style="bold", markup=False)
-        measured = list(answer.by_setup(studied, rows))
-        # One screen has no room for all: those nearest to the machine.
-        for setup, of_setup in measured if self.verbose else measured[-2:]:
-            console.print(answer.margin_table(setup, of_setup))
-            screen.say_lines(console, answer.notes(of_setup), "dim", full=self.verbose)
-        if self.verbose:
-            for sheet in answer.sheets(studied, rows):
-                screen.wide_console().print(sheet.table)
-        console.print(answer.LEGEND, style="dim", markup=False)
+        return (write_panels(self._path(studied).with_suffix(".png"), title, panels),)

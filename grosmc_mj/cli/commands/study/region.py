@@ -12,11 +12,8 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Out, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import atomic_write
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from grosmc_mj.studies.region import RegionMap, RegionStudy
 
 
@@ -72,8 +69,7 @@ class RegionCommand(Command):
 
     def execute(self) -> int:
         """Compute the maps, write, draw and print them."""
-        from grosmc_mj.results.document import json_text
-        from grosmc_mj.studies import region as study
+        from grosmc_mj.studies.region import region_result, write_region_figure
 
         region = self._region()
         path = self.out / f"region_{region.system.name}.json"
@@ -82,27 +78,17 @@ class RegionCommand(Command):
                 screen.notice(f"{case}: not screened by equations: {reason}.")
 
         maps: list[RegionMap] = []
-        # Opened before the work: a place that cannot be written is refused at once.
         with (
-            screen.partial_results_kept(lambda: _write_partial(region, maps, path)),
-            atomic_write(path) as part,
+            screen.answered(
+                path,
+                lambda complete: region_result(region, maps, complete=complete),
+                maps,
+                lambda: (write_region_figure(region, maps, path.with_suffix(".png")),),
+                full=self.verbose,
+            ),
+            screen.progress(region.batches, "batches") as advance,
         ):
-            with screen.progress(region.batches, "batches") as advance:
-                maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
-            document = study.region_document(region, maps)
-            part.write_text(json_text(document), encoding="utf-8")
-        figure = study.write_region_figure(region, maps, path.with_suffix(".png"))
-
-        console = screen.console()
-        least = min(maps, key=lambda law_map: law_map.converged)
-        console.print(
-            f"{least.controller} on {least.case.name} converges from the fewest starts: "
-            f"{least.converged:.1f} % of {least.grid.size}.",
-            style="bold",
-        )
-        console.print(study.region_table(region, maps))
-        console.print(f"{len(maps)} maps of {self.points} x {self.points} starts")
-        screen.say_files(console, path, figure)
+            maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
         converging = {law_map.controller for law_map in maps if law_map.converged > 0}
         all_converge = all(law_map.controller in converging for law_map in maps)
         return DONE if all_converge else DIFFERS
@@ -126,14 +112,3 @@ class RegionCommand(Command):
             duration=self.duration,
             **pairs,
         )
-
-
-def _write_partial(region: RegionStudy, maps: Sequence[RegionMap], path: Path) -> tuple[Path, ...]:
-    """Write the maps of a study that did not come to its end; returns where they are."""
-    from grosmc_mj.results.document import write_json
-    from grosmc_mj.studies import region as study
-
-    if not maps:
-        return ()
-    write_json(path, study.region_document(region, maps, complete=False))
-    return path, study.write_region_figure(region, maps, path.with_suffix(".png"))

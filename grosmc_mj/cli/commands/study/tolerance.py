@@ -58,6 +58,7 @@ class ToleranceCommand(Command):
     def execute(self) -> int:
         """Search the tolerances, write, draw and print them."""
         from grosmc_mj.studies.tolerance import tolerance_study
+        from grosmc_mj.studies.tolerance_answer import tolerance_result
         from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
@@ -66,18 +67,19 @@ class ToleranceCommand(Command):
         )
         # Laws finish in any order.
         by_law: dict[int, list[Tolerance]] = {}
-        with screen.partial_results_kept(
-            lambda: self._write(studied, _in_order(by_law), complete=False),
-            "interrupted; the same command with --resume runs what is missing",
+        with screen.answered(
+            self._path(studied),
+            lambda complete: tolerance_result(
+                studied, _in_order(by_law), self.draws, complete=complete
+            ),
+            by_law,
+            lambda: self._draw(studied, _in_order(by_law)),
+            full=self.verbose,
+            advice=screen.RESUME,
         ):
             self._search(studied, by_law)
 
         rows = _in_order(by_law)
-        try:
-            files = self._write(studied, rows, complete=True)
-        finally:
-            self._print_answer(rows)
-        screen.say_files(screen.console(), *files)
         keeping = {row.law for row in rows if row.kept_ideally}
         return DONE if all(row.law in keeping for row in rows) else DIFFERS
 
@@ -115,41 +117,13 @@ class ToleranceCommand(Command):
         """Return the path of the result."""
         return self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
 
-    def _write(
-        self, studied: ToleranceStudy, rows: list[Tolerance], *, complete: bool
-    ) -> tuple[Path, ...]:
-        """Write document and figure; returns their paths, none without a row."""
-        from grosmc_mj.results.document import write_json
-        from grosmc_mj.studies import tolerance_answer as study
+    def _draw(self, studied: ToleranceStudy, rows: list[Tolerance]) -> tuple[Path, ...]:
+        """Draw the figures; returns their paths."""
         from grosmc_mj.studies.matrix import write_charts
+        from grosmc_mj.studies.tolerance_answer import NOTE, charts
 
-        if not rows:
-            return ()
-        path = self._path(studied)
-        write_json(path, study.tolerance_document(studied, rows, self.draws, complete=complete))
         title = f"{studied.target}: what of its bench each law stands"
-        charts = study.charts(studied, rows)
-        return path, *write_charts(path, title, charts, study.NOTE)
-
-    def _print_answer(self, rows: list[Tolerance]) -> None:
-        """Print which law breaks first, and how much each law stands."""
-        from grosmc_mj.studies import tolerance_answer as study
-
-        console = screen.console()
-        console.print(study.verdict(rows), style="bold", markup=False)
-        least = study.least_table(rows, "The least over the conditions kept ideally")
-        if self.verbose:
-            screen.wide_console().print(least)
-        else:
-            table, omitted = study.in_width(least)
-            console.print(table)
-            if omitted:
-                words = f"No room for: {'; '.join(omitted)}; --verbose has all."
-                console.print(words, style="dim", markup=False)
-
-        checked, differing = study.confirmed(rows)
-        if checked:
-            console.print(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
+        return write_charts(self._path(studied), title, charts(studied, rows), NOTE)
 
 
 def _in_order(by_law: Mapping[int, list[Tolerance]]) -> list[Tolerance]:
