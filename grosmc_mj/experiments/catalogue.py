@@ -10,7 +10,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.task import AS_PRINTED, Analytic, Realization
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
 from grosmc_mj.fields import Name, checked_call
@@ -73,7 +73,7 @@ def select_experiments(systems: Sequence[str], case: str | None) -> list[Experim
 @cache
 def _shipped(path: Path) -> Experiment:
     """Return an experiment of the package."""
-    return experiment_without_designs(read_case_file(path), path)
+    return Experiment.of_file(read_case_file(path), path)
 
 
 @checked_call

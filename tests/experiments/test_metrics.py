@@ -78,6 +78,7 @@ def result_of(run: Trajectory, **metrics: Metric) -> RunResult:
         trajectory=run,
         comparison=comparison,
         metrics={**measured(run), **metrics},
+        true=nominal.plant("physics"),
     )
 
 

@@ -216,9 +216,9 @@ def known_loop_of_file(file: Any, system: System) -> Loop | None:
 
 def run_of_file(file: Any) -> int:
     """Return the number of the run that the loop of a case file draws for; 0 if it names none."""
-    if file.computing is None or file.computing.run is None:
+    if file.computing is None:
         return 0
-    return file.computing.run
+    return file.computing.run or 0
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
