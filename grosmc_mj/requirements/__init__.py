@@ -3,9 +3,9 @@
 ``requirement`` has the base class of the kinds, ``judging`` the judgements.
 
 ``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
-run, ``accumulator`` accumulates it, with ``events``, and ``run_metrics`` gives the metrics.
-``error_metrics`` has those of an error alone, ``event_metrics`` those of an event. ``optimum`` has
-the optimum that a run is compared with. ``event_requirement`` is the base of the kinds on events.
+run, ``accumulator`` accumulates it, with ``events``, and ``run_metrics`` gives the metrics;
+``error_metrics`` those of an error alone. ``optimum`` has the optimum that a run is compared with.
+``event_requirement`` is the base of the kinds on events.
 
 ``always`` takes a text, as which ``envelope`` writes its bounds: ``temporal_text`` reads it,
 ``temporal`` has the logic, ``expressions`` the arithmetic with units, ``signals`` the signals of a

@@ -387,7 +387,7 @@ class Rows:
     Attributes:
         time: Instants from 0 on [s], (N + 1,).
         z: Error states, (N + 1, n).
-        x: States of the plant, (N + 1, states); none by default.
+        x: States of the plant, (N + 1, states).
         u: Inputs that are held from each instant but the last on, (N, m); none by default.
         v: Inputs that the index weighs, likewise.
         s: Sliding variable, likewise; (N, 0) of a law without one.
@@ -395,7 +395,7 @@ class Rows:
 
     time: Array
     z: Array
-    x: Array | None = None
+    x: Array
     u: Array = field(default_factory=lambda: np.zeros((0, 1)))
     v: Array = field(default_factory=lambda: np.zeros((0, 1)))
     s: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -411,13 +411,9 @@ def replay(rows: Rows, constants: Constants, values: Any = None) -> Any:
     """
     if values is None:
         values = _structure(Accumulated.nothing(constants))
-    x = rows.x
-    if x is None:
-        x = np.zeros((len(rows.time), 0))
-
+    columns = (rows.z, rows.x, rows.u, rows.v, rows.s)
     note_rows = _noting_rows()
-    columns = [np.ascontiguousarray(column) for column in (rows.z, x, rows.u, rows.v, rows.s)]
-    note_rows(rows.time, *columns, values, _structure(constants))
+    note_rows(rows.time, *map(np.ascontiguousarray, columns), values, _structure(constants))
     return values
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.requirements.accumulator import ERROR, Constants, Rows, replay
 from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Metric, settling
 from grosmc_mj.requirements.run_metrics import settled_from
 
@@ -21,48 +19,23 @@ def settling_time(time: Array, error: Array, width: float | None = None) -> Metr
         error: Error at the instants, (N,).
         width: Half width of the band; 2 % of |error(0)| by default.
     """
-    values = _values_of_error(time, error, width)
+    if width is None:
+        width = SETTLING_BAND * abs(error[0])
+    outside = time[np.abs(error) > width]
+    last_outside = np.max(outside, initial=-1.0).reshape(1, 1)
+
     duration = float(time[-1])
     step = float(time[1]) if len(time) > 1 else 1.0
-    settled = settled_from(values["last_outside"], step, np.array([duration]))[0, 0]
+    settled = float(settled_from(last_outside, step, np.array([duration]))[0, 0])
     if settled > (1 - DWELL) * duration:
         settled = math.inf
-    return settling(float(settled))
+    return settling(settled)
 
 
 def overshoot(error: Array) -> Metric:
     """Return the largest error beyond zero, in percent of the initial error."""
-    values = _values_of_error(np.arange(float(len(error))), error, None)
-    start = abs(float(values["start"][0]))
+    start = float(error[0])
     if start == 0:
         return Metric(None, "%", "no initial error")
-    share = float(values["opposite"][0]) / start
-    return Metric(100 * share, "%")
-
-
-def _values_of_error(time: Array, error: Array, width: float | None) -> Any:
-    """Return what is accumulated of an error alone."""
-    share = SETTLING_BAND
-    if width is not None:
-        share = 0.0
-    nothing = np.zeros((1, 1))
-    constants = Constants(
-        after=np.zeros(1),
-        signals=np.array([ERROR]),
-        turns=np.zeros(1),
-        event_errors=np.array([ERROR]),
-        event_turns=np.zeros(1),
-        event_bands=np.array([math.inf]),
-        event_values=np.array([ERROR]),
-        outputs=np.zeros(1),
-        onset=math.inf,
-        late=math.inf,
-        share=share,
-        widths=np.array([width or 0.0]),
-        transition=nothing,
-        Q=nothing,
-        R=nothing,
-        K=nothing,
-        limits=np.zeros((2, 1)),
-    )
-    return replay(Rows(time, error[:, None]), constants)
+    beyond = float(np.max(-error * math.copysign(1.0, start), initial=0.0))
+    return Metric(100 * (beyond / abs(start)), "%")

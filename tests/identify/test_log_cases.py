@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import Screen, run
+from event_metrics import event_metrics
 from real_logs import DATA, MISSING
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.measured import MeasuredResult, results_of_logs
-from grosmc_mj.requirements.event_metrics import event_metrics
 from grosmc_mj.requirements.metrics import Event
 from grosmc_mj.requirements.optimum import compare_with_optimum
 

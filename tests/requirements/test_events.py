@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from case_texts import STEP, load
+from event_metrics import event_metrics
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
-from grosmc_mj.requirements.event_metrics import event_metrics
 from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.requirements.metrics import Event, Metric
 from grosmc_mj.requirements.optimum import compare_with_optimum
