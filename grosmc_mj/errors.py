@@ -9,7 +9,9 @@ import difflib
 import numbers
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
+
+Returned = TypeVar("Returned")
 
 # Separator of the mistakes in a message that lists several.
 MISTAKE_SEPARATOR = "\n  - "
@@ -103,6 +105,23 @@ class Mistakes:
             self.note(*[where + mistake for mistake in error.mistakes])
         except GrosmcError as error:
             self.note(f"{where}{error}")
+
+    def each(
+        self, kind: str, tables: Iterable[Any], make: Callable[[Any], Returned]
+    ) -> list[Returned]:
+        """Return what is made of each table of a kind; mistakes are noted with its number."""
+        made = []
+        for index, table in enumerate(tables):
+            with self.gathered(f"{kind} {index + 1}: "):
+                made.append(make(table))
+        return made
+
+    def attempt(self, make: Callable[..., Returned], *arguments: Any, where: str = "") -> Returned:
+        """Return the result of a function; None after a mistake, which is noted."""
+        result: Any = None
+        with self.gathered(where):
+            result = make(*arguments)
+        return result
 
     def refuse(self) -> None:
         """Raise one error for all mistakes.

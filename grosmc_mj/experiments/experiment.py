@@ -8,7 +8,8 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -168,24 +169,13 @@ class Experiment:
         system = nominal.system
         settings = _settings_of(file, nominal)
 
-        x0: tuple[float, ...] = ()
-        disturbances: tuple[AnyDisturbance, ...] = ()
-        edits: tuple[Edit, ...] = ()
-        loop = None
-        known_loop = None
         mistakes = Mistakes()
-        with mistakes.gathered():
-            x0 = state_of(file.run.start, system, "run: start", nominal.rest)
-        with mistakes.gathered():
-            disturbances = disturbances_of(file, system, folder)
-        with mistakes.gathered():
-            loop = loop_of_file(file, system)
-        with mistakes.gathered("known_loop: "):
-            known_loop = known_loop_of_file(file, system)
-        with mistakes.gathered():
-            edits = edits_of(file, system, known=False)
-        with mistakes.gathered():
-            edits += machine_of_file(file, system)
+        x0 = mistakes.attempt(state_of, file.run.start, system, "run: start", nominal.rest)
+        disturbances = mistakes.attempt(disturbances_of, file, system, folder)
+        loop = mistakes.attempt(loop_of_file, file, system)
+        known_loop = mistakes.attempt(known_loop_of_file, file, system, where="known_loop: ")
+        edits = mistakes.attempt(partial(edits_of, known=False), file, system)
+        parts = mistakes.attempt(machine_of_file, file, system)
         mistakes.refuse()
 
         experiment = cls(
@@ -198,7 +188,7 @@ class Experiment:
             source=file.source,
             x0=x0,
             duration=file.run.duration,
-            edits=edits,
+            edits=(*edits, *parts),
             disturbances=disturbances,
             loop=loop,
             known_loop=known_loop,
@@ -338,13 +328,10 @@ class Experiment:
     def _all_limits(self, kind: str, tables: Sequence[RequirementTable]) -> list[Requirement]:
         """Return the limits in the tables of a kind."""
         laws = [self.laws[self.plant_names[0], name] for name in self._declared]
-        required = []
         mistakes = Mistakes()
-        for index, table in enumerate(tables):
-            with mistakes.gathered(f"{kind} {index + 1}: "):
-                required += self._limits_of(table, laws)
+        required = mistakes.each(kind, tables, lambda table: self._limits_of(table, laws))
         mistakes.refuse()
-        return required
+        return list(chain.from_iterable(required))
 
     def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Requirement]:
         """Return the limits in a table."""

@@ -35,7 +35,6 @@ class Always(Requirement):
     key = "always"
     quantity = "formula"
     options = ("after",)
-    is_level = False
     recorded = True
 
     specification: Specification

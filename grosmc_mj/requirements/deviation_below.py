@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
 from dataclasses import dataclass
 
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.requirement import Requirement
 
 
@@ -16,12 +14,5 @@ class DeviationBelow(Requirement):
     key = "deviation_below"
     quantity = "output"
     figure = "deviation"
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Say that the optimum is the model's."""
-        return "a log is not compared with the nominal optimum"
-
-    @property
-    def metric(self) -> str:
-        """Name of the largest distance."""
-        return "deviation"
+    usual_metric = "deviation"
+    not_in_logs = "a log is not compared with the nominal optimum"

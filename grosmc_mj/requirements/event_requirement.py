@@ -31,7 +31,6 @@ class EventRequirement(Requirement):
 
     options = ("state", "band", "periodic")
     needs_band = True
-    is_level = False
 
     band: float = math.inf
     band_written: str = ""

@@ -22,6 +22,7 @@ class InputBelow(Requirement):
     key = "input_below"
     quantity = "input"
     figure = "input"
+    usual_metric = "max_input"
     of_actuators = True
 
     @classmethod
@@ -30,15 +31,6 @@ class InputBelow(Requirement):
         units = {item.unit for item in error.system.inputs}
         if len(units) > 1:
             raise ArgumentError("the inputs have different units")
-
-    @property
-    def metric(self) -> str:
-        """Name of the largest input."""
-        return "max_input"
-
-    def watched(self, error: Any) -> list[str]:
-        """Return the names of the inputs."""
-        return [signal.name for signal in error.system.inputs]
 
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that the actuators give no more than is allowed."""

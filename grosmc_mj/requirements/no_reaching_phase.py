@@ -20,14 +20,9 @@ class NoReachingPhase(SurfaceRequirement):
 
     key = "no_reaching_phase"
     figure = "sliding"
-    is_level = False
+    usual_metric = "sliding_start"
 
     number: float = ROUNDING
-
-    @property
-    def metric(self) -> str:
-        """Name of |s(0)|."""
-        return "sliding_start"
 
     @property
     def words(self) -> str:

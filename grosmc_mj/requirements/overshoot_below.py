@@ -19,6 +19,7 @@ class OvershootBelow(Requirement):
 
     key = "overshoot_below"
     quantity = "1"
+    usual_metric = "overshoot"
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
@@ -29,11 +30,6 @@ class OvershootBelow(Requirement):
     def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
         """Refuse a start without error."""
         require_initial_error(law, x0, f"{self.key}: it is a share")
-
-    @property
-    def metric(self) -> str:
-        """Name of the overshoot."""
-        return "overshoot"
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the overshoot as a share; among the metrics of a run it is in percent."""

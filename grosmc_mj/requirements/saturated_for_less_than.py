@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,28 +18,15 @@ class SaturatedForLessThan(Requirement):
 
     key = "saturated_for_less_than"
     quantity = "s"
-    is_level = False
+    usual_metric = "longest_saturation"
     of_actuators = True
     recorded = True
-
-    @property
-    def metric(self) -> str:
-        """Name of the longest time."""
-        return "longest_saturation"
-
-    def watched(self, error: Any) -> list[str]:
-        """Return the names of the inputs."""
-        return [signal.name for signal in error.system.inputs]
 
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that the inputs have no limit."""
         if np.any(np.isfinite(input_limits)):
             return ""
         return "no input has a limit"
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Return nothing: a log has the inputs."""
-        return ""
 
     def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
         """Return the longest time over all inputs."""

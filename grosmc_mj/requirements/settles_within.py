@@ -31,7 +31,6 @@ class SettlesWithin(Requirement):
     quantity = "s"
     options = ("band",)
     figure = "output"
-    is_level = False
 
     band: float | None = None
     band_written: str = ""

@@ -16,11 +16,7 @@ class SlidingBelow(SurfaceRequirement):
     key = "sliding_below"
     quantity = "sliding"
     figure = "sliding"
-
-    @property
-    def metric(self) -> str:
-        """Name of the largest |s|."""
-        return "max_sliding"
+    usual_metric = "max_sliding"
 
     def watched(self, error: Any) -> list[str]:
         """Return the names of the sliding variables."""
