@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.events import find_event
 from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.requirements.measurement import Windows
-from grosmc_mj.requirements.metrics import Event
+from grosmc_mj.requirements.metrics import DWELL
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.signals import ERROR, signals_of
+from grosmc_mj.simulation.trajectory import Trajectory
 
 # Margin, in parts of the number, of a run without the event: searches compare finite numbers.
 _NEVER = -1e3
@@ -27,23 +30,45 @@ class EventRequirement(Requirement):
     Attributes:
         band: Half width of the band in the unit of the state or output.
         band_written: The band as written in the file.
+        measures: Attribute of the event that is limited.
     """
 
     options = ("state", "band", "periodic")
     needs_band = True
+    recorded = True
+    measures: ClassVar[str]
 
     band: float = math.inf
     band_written: str = ""
 
     @property
-    def event(self) -> Event:
-        """The event."""
-        return Event(self.signal, self.band, self.periodic)
+    def metric(self) -> str:
+        """Name of the limited value and of the event."""
+        before = "" if self.measures == "reached" else " before"
+        turn = " modulo a turn" if self.periodic else ""
+        signal = self.signal or "error"
+        return f"{self.measures.replace('_', ' ')}{before} {signal} in {self.band!r}{turn}"
 
-    @property
-    def windows(self) -> Windows:
-        """The event."""
-        return Windows(events=(self.event,))
+    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+        """Return the limited value; infinite where the error is not in the band for good.
+
+        It must stay for the last tenth of the run at least: one that swings through the band is
+        always inside for a moment before some end.
+        """
+        error = law.designed.error
+        outputs = [error.names[row] for row in error.output_rows]
+        away = f"{self.signal} error" if self.signal in outputs else self.signal or ERROR
+        # Where an output is a state, it is the state itself that swings.
+        moving = outputs[0] if not self.signal and len(outputs) == 1 else self.signal
+        if moving not in {state.name for state in error.system.states}:
+            moving = away
+
+        signals = signals_of(run, law, {away, moving})
+        turn = 2 * math.pi if self.periodic else 0.0
+        event = find_event(run.time, signals[away], turn, signals[moving], self.band)
+        if event.reached > (1 - DWELL) * run.time[-1]:
+            return math.inf
+        return getattr(event, self.measures)
 
     @property
     def band_in_words(self) -> str:

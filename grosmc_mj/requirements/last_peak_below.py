@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from grosmc_mj.requirements.event_requirement import SwingRequirement
-from grosmc_mj.requirements.metrics import last_peak_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,8 +17,4 @@ class LastPeakBelow(SwingRequirement):
 
     key = "last_peak_below"
     quantity = "output"
-
-    @property
-    def metric(self) -> str:
-        """Name of the last peak."""
-        return last_peak_of(self.event)
+    measures = "last_peak"

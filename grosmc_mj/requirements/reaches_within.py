@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.event_requirement import EventRequirement
-from grosmc_mj.requirements.metrics import DWELL, reached_of
+from grosmc_mj.requirements.metrics import DWELL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,16 +19,12 @@ class ReachesWithin(EventRequirement):
     key = "reaches_within"
     quantity = "s"
     figure = "output"
+    measures = "reached"
 
     @property
     def words(self) -> str:
         """The requirement in words."""
         return f"{self.title} {self.written} to {self.band_in_words}"
-
-    @property
-    def metric(self) -> str:
-        """Name of the instant at which the band is reached."""
-        return reached_of(self.event)
 
     @property
     def tolerated_as(self) -> str:

@@ -171,6 +171,8 @@ class Requirement:
     @property
     def windows(self) -> Windows:
         """Windows, bands and signals that the metric needs."""
+        if self.recorded:
+            return Windows()
         signal = MeasuredSignal(self.signal, self.periodic)
         signals = (signal,) if signal != MeasuredSignal() else ()
         after = (self.after,) if self.after else ()

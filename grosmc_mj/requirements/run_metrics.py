@@ -18,12 +18,9 @@ from grosmc_mj.requirements.metrics import (
     DWELL,
     Metric,
     largest_of,
-    last_peak_of,
-    reached_of,
     rms_of,
     settled_in,
     settling,
-    swings_of,
 )
 from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -49,7 +46,6 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     }
     metrics |= _transient_metrics(measurements, values)
     metrics |= _costs(first.controller, values)
-    metrics |= _event_metrics(measurements, values)
     return metrics | _signal_metrics(first, values)
 
 
@@ -111,23 +107,6 @@ def _costs(controller: Controller, values: Any) -> dict[str, Array]:
         "cost_optimal": optimal,
         "cost_ratio": _ratio(whole, optimal),
     }
-
-
-def _event_metrics(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
-    """Return instant, swings and last peak of each event; infinite where it does not come.
-
-    It has come if the error stays in the band for the last tenth of the run at least: one that
-    swings through it is always inside for a moment before some end.
-    """
-    latest = (1 - DWELL) * np.array([item.duration for item in measurements])
-    metrics = {}
-    for i, event in enumerate(measurements[0].windows.events):
-        reached = values["reached"][:, i]
-        never = reached > latest
-        metrics[reached_of(event)] = np.where(never, np.inf, reached)
-        metrics[swings_of(event)] = np.where(never, np.inf, values["swings"][:, i])
-        metrics[last_peak_of(event)] = np.where(never, np.inf, values["last_peak"][:, i])
-    return metrics
 
 
 def _signal_metrics(measurement: Measurement, values: Any) -> dict[str, Array]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from grosmc_mj.requirements.event_requirement import SwingRequirement
-from grosmc_mj.requirements.metrics import swings_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,8 +13,4 @@ class SwingsBelow(SwingRequirement):
 
     key = "swings_below"
     quantity = "1"
-
-    @property
-    def metric(self) -> str:
-        """Name of the number of swings."""
-        return swings_of(self.event)
+    measures = "swings"
