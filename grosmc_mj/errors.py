@@ -9,7 +9,7 @@ import difflib
 import numbers
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 Returned = TypeVar("Returned")
 
@@ -118,10 +118,9 @@ class Mistakes:
 
     def attempt(self, make: Callable[..., Returned], *arguments: Any, where: str = "") -> Returned:
         """Return the result of a function; None after a mistake, which is noted."""
-        result: Any = None
         with self.gathered(where):
-            result = make(*arguments)
-        return result
+            return make(*arguments)
+        return cast("Returned", None)
 
     def refuse(self) -> None:
         """Raise one error for all mistakes.

@@ -43,7 +43,7 @@ from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, Require
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_of
-from grosmc_mj.experiments.laws import design
+from grosmc_mj.experiments.laws import LawRequest, design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import requirements_in
@@ -406,7 +406,7 @@ class Experiment:
         key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
         if key not in self._designs:
             self._designs[key] = design(
-                table, self.file, self.nominal, plant, self.path.parent, period
+                LawRequest(table, self.file, self.nominal, plant, self.path.parent, period)
             )
         controller = self._designs[key]
         return _sampled(_realized(controller, self._realization_of(table, controller)), period)

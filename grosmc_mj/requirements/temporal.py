@@ -104,7 +104,7 @@ class Operation:
                 return _least(inner, first, last)
             case "eventually":
                 return -_least(-inner, first, last)
-        return _until(inner, *others, first, last)
+        return _until(inner, others[0], first, last)
 
 
 Formula = Comparison | Operation
