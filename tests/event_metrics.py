@@ -7,13 +7,11 @@ import math
 import numpy as np
 
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.requirements.last_peak_below import LastPeakBelow
 from grosmc_mj.requirements.measurement import Windows, signal_units
 from grosmc_mj.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
 from grosmc_mj.requirements.optimum import Comparison
-from grosmc_mj.requirements.reaches_within import ReachesWithin
 from grosmc_mj.requirements.run_metrics import metrics_of_record
-from grosmc_mj.requirements.swings_below import SwingsBelow
+from grosmc_mj.requirements.swings import LastPeakBelow, ReachesWithin, SwingsBelow
 from grosmc_mj.simulation.trajectory import Trajectory
 
 KINDS = {"reached": ReachesWithin, "swings": SwingsBelow, "last_peak": LastPeakBelow}

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, name_list
@@ -277,49 +275,3 @@ def missing_signals(needed: Iterable[str], known: Set[str]) -> str:
     if not missing:
         return ""
     return f"the log does not have {name_list(missing)}"
-
-
-class SurfaceRequirement(Requirement):
-    """A requirement on the sliding variable, which is asked of laws with a surface only."""
-
-    not_in_logs = "a log does not have the sliding variable"
-
-    @classmethod
-    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
-        """Whether a law has a surface."""
-        return bool(law.designed.sliding_unit)
-
-    @classmethod
-    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
-        """Refuse laws without a surface."""
-        if not laws:
-            raise ArgumentError("no law that it is asked of has a surface")
-
-
-# -- the error at the start ------------------------------------------------------------------------
-
-
-def initial_error(law: Controller, x0: Sequence[float]) -> float:
-    """Return the size of the outputs' error at a start (n,), in their unit."""
-    error = law.designed.error
-    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
-    return float(np.linalg.norm(z[list(error.output_rows)]))
-
-
-def require_initial_error(law: Controller, x0: Sequence[float], reason: str) -> None:
-    """Refuse a start without error.
-
-    Args:
-        law: One of the laws.
-        x0: Start, (n,).
-        reason: What is a share of the error at the start.
-
-    Raises:
-        ArgumentError: If the error is zero to rounding.
-    """
-    if initial_error(law, x0) > ROUNDING:
-        return
-    raise ArgumentError(
-        f"{reason} of the error at the start, and runs start without error: ask for "
-        "stays_within with after instead, or start elsewhere"
-    )

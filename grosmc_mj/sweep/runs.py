@@ -18,8 +18,9 @@ from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
 from grosmc_mj.requirements.measurement import Measurement
-from grosmc_mj.requirements.requirement import Requirement, initial_error
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import metrics_of_simulations
+from grosmc_mj.requirements.transient import initial_error
 from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory

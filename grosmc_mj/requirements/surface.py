@@ -1,14 +1,48 @@
-"""A sliding variable that starts at zero."""
+"""The sliding variable: its largest value, and its start at zero."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.task import GrosmcParameters
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.requirements.requirement import ROUNDING, SurfaceRequirement
+from grosmc_mj.requirements.requirement import ROUNDING, Requirement
+from grosmc_mj.requirements.signals import sliding_names
+
+
+class SurfaceRequirement(Requirement):
+    """A requirement on the sliding variable, which is asked of laws with a surface only."""
+
+    not_in_logs = "a log does not have the sliding variable"
+
+    @classmethod
+    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
+        """Whether a law has a surface."""
+        return bool(law.designed.sliding_unit)
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse laws without a surface."""
+        if not laws:
+            raise ArgumentError("no law that it is asked of has a surface")
+
+
+class SlidingBelow(SurfaceRequirement):
+    """Largest |s|; by default of the laws that have a surface."""
+
+    key = "sliding_below"
+    quantity = "sliding"
+    figure = "sliding"
+    usual_metric = "max_sliding"
+
+    def watched(self, error: Any) -> list[str]:
+        """Return the names of the sliding variables."""
+        return sliding_names(error.inputs)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The base class of requirements on an event, see ``events``."""
+"""What a run does until an error is in a band for good, see ``events``."""
 
 from __future__ import annotations
 
@@ -104,3 +104,54 @@ class SwingRequirement(EventRequirement):
         """Refuse several outputs together."""
         if len(error.output_rows) > 1 and not signal:
             raise ArgumentError("several outputs swing together: name one of them as state")
+
+
+class ReachesWithin(EventRequirement):
+    """The error, or |x_i| of a state, enters a band by then [s] and stays to the end of the run.
+
+    Unlike ``settles_within`` it counts the whole run, and any state or output.
+    """
+
+    key = "reaches_within"
+    quantity = "s"
+    figure = "output"
+    measures = "reached"
+
+    @property
+    def words(self) -> str:
+        """The requirement in words."""
+        return f"{self.title} {self.written} to {self.band_in_words}"
+
+    @property
+    def tolerated_as(self) -> str:
+        """Name of the usual settling time."""
+        return "settling_time"
+
+    def refuse_duration(self, duration: float) -> None:
+        """Refuse runs without a tenth left in which the error is seen to stay."""
+        latest = (1 - DWELL) * duration
+        if self.number > latest * (1 + 1e-12):
+            raise ArgumentError(
+                f"{self.key}: a run of {duration:g} s tells up to {latest:g} s, since an error "
+                "must stay in the band for its last tenth: require that at most"
+            )
+
+
+class SwingsBelow(SwingRequirement):
+    """Number of reversals before the error is in a band for good, at most."""
+
+    key = "swings_below"
+    quantity = "1"
+    measures = "swings"
+
+
+class LastPeakBelow(SwingRequirement):
+    """Magnitude at the last reversal before the error is in a band for good; 0 without one.
+
+    It is that of the state itself, also where the state is an output; of an output that is no
+    state it is that of its error.
+    """
+
+    key = "last_peak_below"
+    quantity = "output"
+    measures = "last_peak"

@@ -1,14 +1,21 @@
-"""Cost of a run over the least one."""
+"""Distance from the nominal optimum, and cost of a run over the least one."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement
 
 
-@dataclass(frozen=True, kw_only=True)
+class DeviationBelow(Requirement):
+    """Largest distance from the law's own nominal optimum."""
+
+    key = "deviation_below"
+    quantity = "output"
+    figure = "deviation"
+    usual_metric = "deviation"
+    not_in_logs = "a log is not compared with the nominal optimum"
+
+
 class CostRatioBelow(Requirement):
     """J with the whole input over J*.
 
