@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
 from grosmc_mj.fields import Name, checked_call
-from grosmc_mj.plants import SYSTEMS, find_system
+from grosmc_mj.plants import find_system
 
 
 def find_experiments(target: str) -> list[Experiment]:
@@ -47,26 +46,6 @@ def find_experiment(system: str, case: str) -> Experiment:
     by_name = {experiment.name: experiment for experiment in experiments}
     require_known(f"case of {system}", case, by_name)
     return by_name[case]
-
-
-def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
-    """Return the experiments of some systems.
-
-    Args:
-        systems: Names of systems; none for all.
-        case: Name of the only case of each system; None for all cases.
-
-    Raises:
-        ModelError: If a system is unknown.
-        ArgumentError: If a system has no such case.
-    """
-    names = [find_system(name).name for name in dict.fromkeys(systems or SYSTEMS)]
-    if case is not None:
-        return [find_experiment(name, case) for name in names]
-    experiments = []
-    for name in names:
-        experiments += find_experiments(name)
-    return experiments
 
 
 # Claims ask for cases by name a thousand times.

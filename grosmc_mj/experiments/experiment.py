@@ -209,11 +209,6 @@ class Experiment:
         return f"{self.system}/{self.name}"
 
     @property
-    def design(self) -> str:
-        """Name of its laws together; empty for the system's name."""
-        return self.file.task.name
-
-    @property
     def key(self) -> tuple[Any, ...]:
         """Key that differs between cases: the file of the laws, and what happens to the plant."""
         return (
@@ -496,11 +491,6 @@ class Experiment:
         return self.law(self.plant_names[0], law).designed.error.names
 
     @property
-    def slope(self) -> float:
-        """L of the super-twisting law, in the unit of s per second squared."""
-        return self.file.task.slope or SwitchingNumbers.slope
-
-    @property
     def realization(self) -> Realization:
         """Realization of a sliding mode law for which the file gives none."""
         return self._realization(self.settings.switching, self.settings.surface)
@@ -521,7 +511,8 @@ class Experiment:
 
     def _realization(self, switching: str, surface: str) -> Realization:
         """Return a realization by the names of switching law and surface."""
-        law = find_switching(switching, slope=self.slope)
+        slope = self.file.task.slope or SwitchingNumbers.slope
+        law = find_switching(switching, slope=slope)
         if surface == "discrete":
             return Realization(law, self.settings.control_period)
         return Realization(law, None)
@@ -801,7 +792,7 @@ def _settings_of(file: CaseFile, nominal: NominalPlant) -> Settings:
         engine=run.engine,
         control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),
         timestep=timestep,
-        integrator=run.integrator or nominal.integrator,
+        integrator=run.integrator or nominal.plant.stepped_by,
     )
 
 
