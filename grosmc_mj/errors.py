@@ -132,6 +132,15 @@ class Mistakes:
             raise MistakesError(self._mistakes)
 
 
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Raise the errors of the block as one ``ArgumentError``, with ``where`` before the message."""
+    try:
+        yield
+    except GrosmcError as error:
+        raise ArgumentError(f"{where}{error}") from error
+
+
 def together(mistakes: Sequence[str]) -> str:
     """Join mistakes: one stays as it is, several get a line each."""
     if len(mistakes) == 1:

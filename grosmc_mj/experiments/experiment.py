@@ -29,6 +29,7 @@ from grosmc_mj.errors import (
     ImplausibleWarning,
     Mistakes,
     MistakesError,
+    placed,
 )
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
@@ -143,10 +144,8 @@ class Experiment:
         require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
         path = find_file(str(target))
         file = read_case_file(path)
-        try:
+        with placed(f"{path}: "):
             experiment = cls.of_file(file, path).checked()
-        except GrosmcError as error:
-            raise ArgumentError(f"{path}: {error}") from error
         for line in implausible(
             experiment.nominal.system, experiment.x0, experiment.edits, experiment.loop
         ):
@@ -418,15 +417,13 @@ class Experiment:
         self.plant(plant)
         stride_of(self.settings.control_period, self.settings.timestep)
         controller = self.law(plant, name)
-        try:
+        with placed(f"controller {name}: "):
             return self.loop_around(
                 controller,
                 self.loop,
                 predict=self.predicts(name),
                 run=self.run_number,
             )
-        except GrosmcError as error:
-            raise ArgumentError(f"controller {name}: {error}") from error
 
     def predicts(self, name: str) -> bool:
         """Whether a controller of the file, or a law by its name, knows its loop."""
@@ -574,12 +571,10 @@ class Experiment:
         content = deepcopy(self.file.content)
         for path, value in changes.items():
             set_number(content, path, in_units(value))
-        try:
+        with placed(""):
             file = case_file_of(content, self.path)
             before = Experiment.of_file(case_file_of(self.file.content, self.path), self.path)
             after = Experiment.of_file(file, self.path)
-        except GrosmcError as error:
-            raise ArgumentError(str(error)) from error
 
         # A file with further laws, or of a campaign, keeps its other tables.
         owners = {re.split(r"[.\[]", path)[0] for path in changes}
@@ -615,13 +610,10 @@ class Experiment:
         name = law or self.controllers[-1]
         controller = self.law(plant, name)
         loop = self.applied_loop(plant, name)
-        try:
-            with blamed(self.path.parent):
-                # Compiled code does not say where a law fails, or that it does.
-                require_answer(controller, np.array(self.x0), len(self.nominal.system.inputs))
-                return run_on(self, plant, controller, true, loop)
-        except GrosmcError as error:
-            raise ArgumentError(f"{self.path}: {error}") from error
+        with placed(f"{self.path}: "), blamed(self.path.parent):
+            # Compiled code does not say where a law fails, or that it does.
+            require_answer(controller, np.array(self.x0), len(self.nominal.system.inputs))
+            return run_on(self, plant, controller, true, loop)
 
     def runs(self) -> Iterator[RunResult]:
         """Run every controller on every plant, one by one; raises as ``run`` does."""

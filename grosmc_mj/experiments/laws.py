@@ -39,6 +39,7 @@ from grosmc_mj.errors import (
     PremiseError,
     name_list,
     one_line,
+    placed,
     unknown_name,
     value_text,
 )
@@ -511,10 +512,8 @@ def _outputs_by_formulas(formulas: list[str], system: System) -> tuple[sp.Expr, 
     """Return outputs from formulas in the names of the states."""
     symbols = [sp.Symbol(state.name) for state in system.states]
     states: Any = dict(zip(symbols, system.symbolic_equations.x, strict=True))
-    try:
+    with placed("task: outputs: "):
         outputs = [formula(text, *symbols) for text in formulas]
-    except ArgumentError as error:
-        raise ArgumentError(f"task: outputs: {error}") from None
     return tuple(output.subs(states, simultaneous=True) for output in outputs)
 
 
@@ -532,10 +531,8 @@ def _reference(
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
-    try:
+    with placed("task: reference: "):
         return _reference_by_formulas(tuple(formulas), degrees), NoNumbers()
-    except ArgumentError as error:
-        raise ArgumentError(f"task: reference: {error}") from None
 
 
 def _users_reference(name: str, nominal: Any, folder: Path) -> tuple[ReferenceFunction, Any]:

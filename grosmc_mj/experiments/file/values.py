@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, Mistakes
+from grosmc_mj.errors import ArgumentError, Mistakes, placed
 from grosmc_mj.experiments.file.parts import (
     in_model,
 )
@@ -127,10 +127,8 @@ def _gear(table: EditTable, name: str, system: System) -> float:
         unit = "1"
     elif " " in input_unit or "/" in input_unit:
         unit = f"{force}/({input_unit})"
-    try:
+    with placed(f"edit of {name!r}: gear: "):
         return si_number(table.gear, unit)
-    except ArgumentError as error:
-        raise ArgumentError(f"edit of {name!r}: gear: {error}") from None
 
 
 # Shipped profiles, whose fields are keys of the table.
