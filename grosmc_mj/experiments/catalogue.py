@@ -27,12 +27,10 @@ def find_experiments(target: str) -> list[Experiment]:
         ArgumentError: If there is none, or a file is wrong, in one line.
     """
     files = shipped_files()
-    cases = [name for name in files if name.split("/")[0] == target]
-    if cases:
-        return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
-    if target in files:
-        return [_shipped(files[target])]
-    return [Experiment.load(target)]
+    cases = [name for name in files if target in (name, name.split("/")[0])]
+    if not cases:
+        return [Experiment.load(target)]
+    return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
 
 
 def find_experiment(system: str, case: str) -> Experiment:

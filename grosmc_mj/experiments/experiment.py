@@ -210,17 +210,7 @@ class Experiment:
     @property
     def key(self) -> tuple[Any, ...]:
         """Key that differs between cases: the file of the laws, and what happens to the plant."""
-        return (
-            self.path,
-            self.name,
-            self.x0,
-            self.duration,
-            self.edits,
-            self.disturbances,
-            self.loop,
-            self.known_loop,
-            self.run_number,
-        )
+        return self.path, self.name, *[getattr(self, name) for name in _OF_FILE]
 
     @property
     def parts(self) -> tuple[MachinePart, ...]:

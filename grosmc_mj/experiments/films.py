@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,6 @@ from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
-from grosmc_mj.films.pool import RenderingPool
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
@@ -176,11 +175,7 @@ def write_case_film(
     path: Path,
     *,
     settings: Settings,
-    backend: str | None = None,
-    workers: int | None = None,
-    pool: RenderingPool | None = None,
-    gif: bool = False,
-    advance: Callable[[], object] = lambda: None,
+    **rendering: Any,
 ) -> Written:
     """Write a film and, beside it, a JSON file with all that it was made from.
 
@@ -189,24 +184,12 @@ def write_case_film(
         film: Film of runs of the case.
         path: Path of the MP4.
         settings: Simulation settings of the runs.
-        backend: See ``write_film``.
-        workers: See ``write_film``.
-        pool: See ``write_film``.
-        gif: See ``write_film``.
-        advance: See ``write_film``.
+        rendering: Further arguments of ``write_film``.
 
     Raises:
         SetupError: If it cannot be rendered or written.
     """
-    written = write_film(
-        film,
-        path,
-        backend=backend,
-        workers=workers,
-        pool=pool,
-        gif=gif,
-        advance=advance,
-    )
+    written = write_film(film, path, **rendering)
     configuration = {
         **asdict(settings),
         "case": case_document(case),

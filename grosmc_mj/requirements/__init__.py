@@ -6,8 +6,8 @@
 and stands in ``KINDS``.
 
 ``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
-run, ``accumulator`` accumulates it, and ``run_metrics`` gives the metrics; ``error_metrics`` those
-of an error alone, ``events`` those of an event. ``optimum`` has the optimum that a run is compared
+run, ``accumulator`` accumulates it, and ``run_metrics`` gives the metrics, ``events``
+those of an event. ``optimum`` has the optimum that a run is compared
 with.
 
 ``always`` takes a text, as which bounds are written too: ``temporal_text`` reads it, ``temporal``

@@ -17,7 +17,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.accumulator import ERROR, Accumulated, Constants, noting_timesteps
 from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, MeasuredSignal
 from grosmc_mj.simulation.accumulator import Accumulator
-from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Windows(NamedTuple):
@@ -59,17 +58,6 @@ class Measurement:
     onset: float = math.inf
     windows: Windows = NO_WINDOWS
     input_limits: Array | None = None
-
-    @classmethod
-    def of_record(
-        cls,
-        run: Trajectory,
-        controller: Controller,
-        onset: float = math.inf,
-        windows: Windows = NO_WINDOWS,
-    ) -> Measurement:
-        """Measurement of a recorded run, whose input is limited already."""
-        return cls(controller, float(run.time[1]), float(run.time[-1]), onset, windows)
 
     @property
     def transient(self) -> float:

@@ -12,11 +12,11 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.requirements.error_metrics import settling_time
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Metric, settled_in
 from grosmc_mj.requirements.requirement import ROUNDING, Requirement
+from grosmc_mj.requirements.run_metrics import settling_time
 
 
 @dataclass(frozen=True, kw_only=True)
