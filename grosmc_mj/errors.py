@@ -9,7 +9,9 @@ import difflib
 import numbers
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar, cast
+
+Returned = TypeVar("Returned")
 
 # Separator of the mistakes in a message that lists several.
 MISTAKE_SEPARATOR = "\n  - "
@@ -104,6 +106,22 @@ class Mistakes:
         except GrosmcError as error:
             self.note(f"{where}{error}")
 
+    def each(
+        self, kind: str, tables: Iterable[Any], make: Callable[[Any], Returned]
+    ) -> list[Returned]:
+        """Return what is made of each table of a kind; mistakes are noted with its number."""
+        made = []
+        for index, table in enumerate(tables):
+            with self.gathered(f"{kind} {index + 1}: "):
+                made.append(make(table))
+        return made
+
+    def attempt(self, make: Callable[..., Returned], *arguments: Any, where: str = "") -> Returned:
+        """Return the result of a function; None after a mistake, which is noted."""
+        with self.gathered(where):
+            return make(*arguments)
+        return cast("Returned", None)
+
     def refuse(self) -> None:
         """Raise one error for all mistakes.
 
@@ -112,6 +130,15 @@ class Mistakes:
         """
         if self._mistakes:
             raise MistakesError(self._mistakes)
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Raise the errors of the block as one ``ArgumentError``, with ``where`` before the message."""
+    try:
+        yield
+    except GrosmcError as error:
+        raise ArgumentError(f"{where}{error}") from error
 
 
 def together(mistakes: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ import grosmc_mj
 from grosmc_mj.chapter.validation import cases_table, results_markdown
 from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import SetupError
-from grosmc_mj.experiments.catalogue import select_experiments
+from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.films.film import Format
 
 README = Path(__file__).parents[1] / "README.md"
@@ -81,7 +81,7 @@ after
 @pytest.fixture(scope="module")
 def document() -> dict[str, Any]:
     """Return the parts of a validation document that the README's table comes from."""
-    (experiment,) = select_experiments(["servo"], "case1")
+    experiment = find_experiment("servo", "case1")
     runs = [experiment.run(plant, "lqr") for plant in ("physics", "corrected")]
     return {"sheets": [{"table": cases_table(runs).model_dump(), "charts": []}]}
 

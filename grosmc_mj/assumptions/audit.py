@@ -15,7 +15,6 @@ from grosmc_mj.assumptions.balance import Added, Balance, balances, balances_alo
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
@@ -107,7 +106,7 @@ class Audit:
         signals: Along the run, for figures: time, required and configured rho.
     """
 
-    case: Case
+    case: Experiment
     controller: str
     premises: tuple[Premise, ...]
     signals: Mapping[str, Array] = field(default_factory=dict)

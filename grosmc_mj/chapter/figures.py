@@ -14,11 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.tip import true_tip
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.curves import draw_panel, panel_of
-from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.experiments.runs import PlantName
 from grosmc_mj.results.figure import TITLE_SIZE, draw_legend_below, figure_written
 from grosmc_mj.results.palette import OPTIMUM, PLANTS, REFERENCE, law_styles
 
@@ -163,7 +162,7 @@ def claim_runs(lab: RunCache, system: str, case: str, laws: Sequence[str]) -> li
     return [lab.case(system, case, plant, law) for plant, law in pairs]
 
 
-def drawable(selected: Sequence[Case]) -> list[CaseFigure]:
+def drawable(selected: Sequence[Experiment]) -> list[CaseFigure]:
     """Return the figures that these cases suffice for."""
     cases = {(case.system, case.name) for case in selected}
     return [picture for picture in PICTURES if (picture.system, picture.case) in cases]

@@ -15,5 +15,5 @@ def true_tip(result: RunResult) -> Array:
     """
     error = result.controller.designed.error
     assert isinstance(error, ErrorCoordinates)
-    z = error.outputs_along(result.trajectory.state, result.plant_parameters)
+    z = error.outputs_along(result.trajectory.state, result.true.parameters)
     return z[:, error.output_rows]

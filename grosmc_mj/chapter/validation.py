@@ -12,10 +12,9 @@ from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
 from grosmc_mj.chapter.claims.story import claims_tables
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.document import run_document, run_values, standings
-from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.experiments.tables import metric_cell
 from grosmc_mj.requirements.metrics import Metric, largest_of
@@ -61,7 +60,7 @@ class Validation:
         differing: Results that are not as recorded, a line each.
     """
 
-    selected: Sequence[Case]
+    selected: Sequence[Experiment]
     seed: int = 0
     results: list[RunResult] = field(default_factory=list)
     agreements: list[Agreement] = field(default_factory=list)

@@ -12,8 +12,7 @@ from grosmc_mj.errors import SetupError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from grosmc_mj.experiments.case import Case
-    from grosmc_mj.experiments.experiment import RunResult
+    from grosmc_mj.experiments.experiment import Experiment, RunResult
     from grosmc_mj.experiments.settings import Settings
     from grosmc_mj.films.film import Film
     from grosmc_mj.films.pool import RenderingPool
@@ -23,7 +22,7 @@ FOLDER = "films"
 
 def write_with_progress(
     console: Console,
-    case: Case,
+    case: Experiment,
     film: Film,
     path: Path,
     settings: Settings,
@@ -78,7 +77,7 @@ def film_results(
     """Film every case of a validation, or say in one line why not; current films are kept."""
     from grosmc_mj.experiments.films import films_of
 
-    films: dict[Path, tuple[Case, Film]] = {}
+    films: dict[Path, tuple[Experiment, Film]] = {}
     for case, film in films_of(results):
         path = folder / FOLDER / f"{case.system}_{case.name}.mp4"
         films[path] = (case, film)
@@ -98,14 +97,14 @@ def film_runs(
     plants = [result.plant for result in results]
     plant = "physics" if "physics" in plants else plants[-1]
     filmed = [result for result in results if result.plant == plant][-MOST_TAKES:]
-    films: dict[Path, tuple[Case, Film]] = {}
+    films: dict[Path, tuple[Experiment, Film]] = {}
     films[path] = (filmed[0].case, film_of(filmed))
     _write_missing(console, films, settings)
 
 
 def _write_missing(
     console: Console,
-    films: Mapping[Path, tuple[Case, Film]],
+    films: Mapping[Path, tuple[Experiment, Film]],
     settings: Settings,
 ) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""

@@ -41,7 +41,8 @@ def recorded_experiments(target: str) -> list[Experiment]:
         ArgumentError: If there is no such case, it is on a machine, or a file.
         ModelError: If there is no such system.
     """
-    from grosmc_mj.experiments.catalogue import find_experiment, select_experiments
+    from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
+    from grosmc_mj.plants import find_system
 
     if target.endswith(_FILE):
         raise ArgumentError(
@@ -51,7 +52,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
 
     system, _, name = target.partition("/")
     if not name:
-        experiments = select_experiments([system], None)
+        experiments = find_experiments(find_system(system).name)
         return [experiment for experiment in experiments if not experiment.on_machine]
 
     experiment = find_experiment(system, name)

@@ -1,4 +1,7 @@
-"""Cases as plain values, for documents."""
+"""Cases as plain values, for documents.
+
+An experiment writes documents of its runs: here it is known by its attributes.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.simulation.disturbances import (
     AnyDisturbance,
     Disturbance,
@@ -24,14 +26,14 @@ _KEYS: Mapping[type[AnyDisturbance], str] = {
 }
 
 
-def seed_of(case: Case) -> int | None:
+def seed_of(case: Any) -> int | None:
     """Return the seed of the loop's random numbers; None without a loop."""
     if case.loop is None:
         return None
     return case.loop.seed
 
 
-def case_document(case: Case) -> dict[str, Any]:
+def case_document(case: Any) -> dict[str, Any]:
     """Return a case as plain values."""
     disturbances = [_disturbance_document(disturbance) for disturbance in case.disturbances]
     return {

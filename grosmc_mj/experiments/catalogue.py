@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -10,11 +9,11 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import realized
 from grosmc_mj.control.task import AS_PRINTED, Analytic, Realization
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
 from grosmc_mj.fields import Name, checked_call
-from grosmc_mj.plants import SYSTEMS, find_system
+from grosmc_mj.plants import find_system
 
 
 def find_experiments(target: str) -> list[Experiment]:
@@ -28,12 +27,10 @@ def find_experiments(target: str) -> list[Experiment]:
         ArgumentError: If there is none, or a file is wrong, in one line.
     """
     files = shipped_files()
-    cases = [name for name in files if name.split("/")[0] == target]
-    if cases:
-        return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
-    if target in files:
-        return [_shipped(files[target])]
-    return [Experiment.load(target)]
+    cases = [name for name in files if target in (name, name.split("/")[0])]
+    if not cases:
+        return [Experiment.load(target)]
+    return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
 
 
 def find_experiment(system: str, case: str) -> Experiment:
@@ -49,31 +46,11 @@ def find_experiment(system: str, case: str) -> Experiment:
     return by_name[case]
 
 
-def select_experiments(systems: Sequence[str], case: str | None) -> list[Experiment]:
-    """Return the experiments of some systems.
-
-    Args:
-        systems: Names of systems; none for all.
-        case: Name of the only case of each system; None for all cases.
-
-    Raises:
-        ModelError: If a system is unknown.
-        ArgumentError: If a system has no such case.
-    """
-    names = [find_system(name).name for name in dict.fromkeys(systems or SYSTEMS)]
-    if case is not None:
-        return [find_experiment(name, case) for name in names]
-    experiments = []
-    for name in names:
-        experiments += find_experiments(name)
-    return experiments
-
-
 # Claims ask for cases by name a thousand times.
 @cache
 def _shipped(path: Path) -> Experiment:
     """Return an experiment of the package."""
-    return experiment_without_designs(read_case_file(path), path)
+    return Experiment.of_file(read_case_file(path), path)
 
 
 @checked_call

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case_document import seed_of
-from grosmc_mj.experiments.experiment import Case, RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.document import origin, write_json
@@ -564,7 +564,7 @@ def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
         axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
 
 
-def shade_disturbances(axes: Axes, case: Case) -> None:
+def shade_disturbances(axes: Axes, case: Experiment) -> None:
     """Shade the time in which each disturbance of a case acts, on axes of the case's duration."""
     from grosmc_mj.results.figure import shade
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,17 +16,15 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.case_document import case_document, seed_of
-from grosmc_mj.experiments.runs import Run
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
-from grosmc_mj.films.pool import RenderingPool
 from grosmc_mj.films.storyboard import storyboard
 from grosmc_mj.films.write import Written, write_film
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.results.document import origin, write_json
 from grosmc_mj.results.palette import law_styles
 from grosmc_mj.simulation.trajectory import Status
@@ -48,7 +46,7 @@ _ENDED = {
 
 
 def film_of(
-    results: Sequence[Run],
+    results: Sequence[MeasuredRun],
     form: Format | None = None,
     names: Sequence[str] = (),
 ) -> Film:
@@ -97,7 +95,7 @@ def film_of(
     )
 
 
-def _refuse_several_cases(results: Sequence[Run]) -> None:
+def _refuse_several_cases(results: Sequence[MeasuredRun]) -> None:
     """Raise an ArgumentError if the runs are not of one case on one plant."""
     cases = {(result.case.system, result.case.name) for result in results}
     plants = {result.plant for result in results}
@@ -105,13 +103,13 @@ def _refuse_several_cases(results: Sequence[Run]) -> None:
         raise ArgumentError("a film shows runs of one case on one plant")
 
 
-def _reference_moves(results: Sequence[Run]) -> bool:
+def _reference_moves(results: Sequence[MeasuredRun]) -> bool:
     """True if the reference of any run moves."""
     spans = [np.ptp(result.comparison.reference, axis=0).max() for result in results]
     return bool(max(spans) > _STILL)
 
 
-def _early_end(result: Run) -> str:
+def _early_end(result: MeasuredRun) -> str:
     """Words for the end of a run that ended early, empty for one that did not."""
     reason = _ENDED[result.status]
     if not reason:
@@ -120,7 +118,7 @@ def _early_end(result: Run) -> str:
     return f"{reason} at {until:.2f} s"
 
 
-def _coordinate_beside(results: Sequence[Run]) -> int | None:
+def _coordinate_beside(results: Sequence[MeasuredRun]) -> int | None:
     """First coordinate that is not controlled, to be shown in place of s.
 
     None if a law has s, unless there is a law of the whole state, which holds more than the
@@ -135,7 +133,7 @@ def _coordinate_beside(results: Sequence[Run]) -> int | None:
     return others[0] if others else None
 
 
-def _ghost(result: Run, *, moving: bool) -> Array:
+def _ghost(result: MeasuredRun, *, moving: bool) -> Array:
     """Controlled coordinates of the reference, if it moves, or of the optimum, (N + 1, controlled).
 
     Where outputs are no coordinates, the coordinates that have these outputs.
@@ -149,7 +147,7 @@ def _ghost(result: Run, *, moving: bool) -> Array:
     if moving:
         z = np.zeros_like(z)
     # With the true plant's numbers: an arm whose links are longer than believed is drawn longer.
-    p = replace(result.controller.parameters, plant=result.plant_parameters)
+    p = replace(result.controller.parameters, plant=result.true.parameters)
     controlled = list(result.trajectory.system.controlled)
     rows = []
     state = None
@@ -159,7 +157,7 @@ def _ghost(result: Run, *, moving: bool) -> Array:
     return np.array(rows)
 
 
-def films_of(results: Sequence[Run], form: Format = SMALL) -> list[tuple[Case, Film]]:
+def films_of(results: Sequence[MeasuredRun], form: Format = SMALL) -> list[tuple[Any, Film]]:
     """Films of the cases that have runs on physics under all of ``CONTROLLERS``."""
     on_physics = [result for result in results if result.plant == "physics"]
     runs = {(result.case.key, result.controller.name): result for result in on_physics}
@@ -172,42 +170,26 @@ def films_of(results: Sequence[Run], form: Format = SMALL) -> list[tuple[Case, F
 
 
 def write_case_film(
-    case: Case,
+    case: Any,
     film: Film,
     path: Path,
     *,
     settings: Settings,
-    backend: str | None = None,
-    workers: int | None = None,
-    pool: RenderingPool | None = None,
-    gif: bool = False,
-    advance: Callable[[], object] = lambda: None,
+    **rendering: Any,
 ) -> Written:
     """Write a film and, beside it, a JSON file with all that it was made from.
 
     Args:
-        case: Case of the film.
+        case: Experiment of the film.
         film: Film of runs of the case.
         path: Path of the MP4.
         settings: Simulation settings of the runs.
-        backend: See ``write_film``.
-        workers: See ``write_film``.
-        pool: See ``write_film``.
-        gif: See ``write_film``.
-        advance: See ``write_film``.
+        rendering: Further arguments of ``write_film``.
 
     Raises:
         SetupError: If it cannot be rendered or written.
     """
-    written = write_film(
-        film,
-        path,
-        backend=backend,
-        workers=workers,
-        pool=pool,
-        gif=gif,
-        advance=advance,
-    )
+    written = write_film(film, path, **rendering)
     configuration = {
         **asdict(settings),
         "case": case_document(case),

@@ -39,6 +39,7 @@ from grosmc_mj.errors import (
     PremiseError,
     name_list,
     one_line,
+    placed,
     unknown_name,
     value_text,
 )
@@ -105,8 +106,17 @@ _MAY_BE_LISTS = {"G", "uncertainty", "kp", "ki", "kd", "controls"}
 
 
 @dataclass(frozen=True)
-class _Request:
-    """A controller to design; attributes as the arguments of ``design``."""
+class LawRequest:
+    """A controller to design.
+
+    Attributes:
+        table: Law and numbers of the controller.
+        file: The case file, with the task.
+        nominal: The nominal plant.
+        plant: Name of the plant that the controller will run on.
+        folder: Folder of the user's own Python.
+        control_period: Control period of the runs [s].
+    """
 
     table: ControllerTable
     file: CaseFile
@@ -115,37 +125,24 @@ class _Request:
     folder: Path
     control_period: float
 
+    @property
+    def equations(self) -> AnalyticPlant:
+        """Equations that the law is designed from."""
+        return self.nominal.equations(self.plant)
 
-def design(
-    table: ControllerTable,
-    file: CaseFile,
-    nominal: NominalPlant,
-    plant: PlantName,
-    folder: Path,
-    control_period: float,
-) -> Controller:
-    """Design the controller of a table for the nominal plant, sampled as printed.
 
-    Args:
-        table: Law and numbers of the controller.
-        file: The case file, with the task.
-        nominal: The nominal plant.
-        plant: Name of the plant that the controller will run on.
-        folder: Folder of the user's own Python.
-        control_period: Control period of the runs [s].
+def design(request: LawRequest) -> Controller:
+    """Design a controller for the nominal plant, sampled as printed.
 
     Raises:
         GrosmcError: If there is no such law, a number does not fit, or the design fails.
     """
-    request = _Request(table, file, nominal, plant, folder, control_period)
-    if is_named(table.law):
-        controller = _users_controller(request)
-    else:
-        controller = _packaged_controller(request)
-    return replace(controller, name=table.called)
+    named = is_named(request.table.law)
+    controller = _users_controller(request) if named else _packaged_controller(request)
+    return replace(controller, name=request.table.called)
 
 
-def _packaged_controller(request: _Request) -> Controller:
+def _packaged_controller(request: LawRequest) -> Controller:
     """Design a law of the package."""
     table = request.table
     nominal = request.nominal
@@ -187,7 +184,7 @@ def _linearizes(maker: Maker) -> bool:
     return maker not in (linear_lqr, linear_grosmc)
 
 
-def _further_controller(request: _Request, maker: Callable[..., Controller]) -> Controller:
+def _further_controller(request: LawRequest, maker: Callable[..., Controller]) -> Controller:
     """Design a law of one system, with weights of its own."""
     table = request.table
     nominal = request.nominal
@@ -198,7 +195,7 @@ def _further_controller(request: _Request, maker: Callable[..., Controller]) -> 
     linear_model = None
     if design_variant(request.plant) == "corrected" and nominal.plant.kind == "physics":
         linear_model = nominal.plant.linearization()
-    return maker(nominal.equations(request.plant), linear_model)
+    return maker(request.equations, linear_model)
 
 
 def _arguments(
@@ -246,7 +243,7 @@ def laws_of(nominal: NominalPlant) -> Laws:
     return GENERAL
 
 
-def _users_controller(request: _Request) -> Controller:
+def _users_controller(request: LawRequest) -> Controller:
     """Make a controller of a user's controller, linear system, law, or function that makes one."""
     table = request.table
     value = load_named(table.law, request.folder)
@@ -254,18 +251,17 @@ def _users_controller(request: _Request) -> Controller:
     value = getattr(value, "py_func", value)
     numbers = _users_numbers(table)
 
-    if isinstance(value, Controller):
-        _refuse_memory(table)
-        if numbers:
-            raise ArgumentError("a controller has its numbers already")
-        return value
-    if is_linear_system(value):
-        _refuse_memory(table)
-        return _linear_system(request, value, numbers)
-    if _is_law(value, table.law):
+    linear = is_linear_system(value)
+    if not isinstance(value, Controller) and not linear and _is_law(value, table.law):
         return _custom_law(request, value, numbers)
     _refuse_memory(table)
-    return _made_by_function(request, value, numbers)
+    if linear:
+        return _linear_system(request, value, numbers)
+    if not isinstance(value, Controller):
+        return _made_by_function(request, value, numbers)
+    if numbers:
+        raise ArgumentError("a controller has its numbers already")
+    return value
 
 
 def _users_numbers(table: ControllerTable) -> dict[str, Any]:
@@ -279,7 +275,7 @@ def _users_numbers(table: ControllerTable) -> dict[str, Any]:
     return numbers
 
 
-def _linear_system(request: _Request, system: Any, numbers: dict[str, Any]) -> Controller:
+def _linear_system(request: LawRequest, system: Any, numbers: dict[str, Any]) -> Controller:
     """Make a controller of a linear system of python-control."""
     optimum = _optimum_for_users_law(request)
     further = [name for name in numbers if name not in _WEIGHTS]
@@ -288,7 +284,7 @@ def _linear_system(request: _Request, system: Any, numbers: dict[str, Any]) -> C
     return from_control(system, request.control_period, optimum, request.table.called)
 
 
-def _custom_law(request: _Request, law: Any, numbers: dict[str, Any]) -> Controller:
+def _custom_law(request: LawRequest, law: Any, numbers: dict[str, Any]) -> Controller:
     """Make a controller of a law (t, x, memory, p, u)."""
     table = request.table
     optimum = _optimum_for_users_law(request)
@@ -297,7 +293,7 @@ def _custom_law(request: _Request, law: Any, numbers: dict[str, Any]) -> Control
     return custom_controller(table.called, law, optimum, parameters, memory)
 
 
-def _optimum_for_users_law(request: _Request) -> Controller:
+def _optimum_for_users_law(request: LawRequest) -> Controller:
     """Design the linear optimum that a user's own law is compared with."""
     nominal = request.nominal
     at_rest = nominal.robot is not None or nominal.at is not None
@@ -308,7 +304,7 @@ def _optimum_for_users_law(request: _Request) -> Controller:
     return _packaged_controller(replace(request, table=table))
 
 
-def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any]) -> Controller:
+def _made_by_function(request: LawRequest, function: Any, numbers: dict[str, Any]) -> Controller:
     """Call a function that makes a controller."""
     nominal = request.nominal
     name = request.table.law
@@ -320,7 +316,7 @@ def _made_by_function(request: _Request, function: Any, numbers: dict[str, Any])
     arguments = []
     if _required_parameters(function):
         # A robot itself, the equations of any other plant.
-        arguments.append(nominal.robot or nominal.equations(request.plant))
+        arguments.append(nominal.robot or request.equations)
     try:
         inspect.signature(function).bind(*arguments, **numbers)
     except TypeError as error:
@@ -379,7 +375,7 @@ def _required_parameters(function: Any) -> list[inspect.Parameter]:
     ]
 
 
-def _weight(name: str, request: _Request, names: Sequence[str]) -> Array:
+def _weight(name: str, request: LawRequest, names: Sequence[str]) -> Array:
     """Return Q or R of a law, its own or the task's, (n, n) of n names."""
     if name in request.table.numbers:
         return weight(name, request.table.numbers[name], names)
@@ -389,7 +385,7 @@ def _weight(name: str, request: _Request, names: Sequence[str]) -> Array:
     return weight(f"task: {name}", value, names)
 
 
-def _state_task(request: _Request) -> Task:
+def _state_task(request: LawRequest) -> Task:
     """Return the task of a law on the linearization about the operating point."""
     task = request.file.task
     nominal = request.nominal
@@ -403,14 +399,14 @@ def _state_task(request: _Request) -> Task:
     return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
 
 
-def _task(request: _Request, maker: Maker) -> Task:
+def _task(request: LawRequest, maker: Maker) -> Task:
     """Return the task of a law that follows outputs."""
     if request.nominal.robot is not None:
         return _robot_task(request, request.nominal.robot)
 
     task = request.file.task
     nominal = request.nominal
-    equations = nominal.equations(request.plant)
+    equations = request.equations
     outputs = _outputs(task.outputs, nominal, request.folder)
     try:
         chains = feedback_linearization(equations.system.symbolic_equations, outputs)
@@ -434,7 +430,7 @@ def _task(request: _Request, maker: Maker) -> Task:
     return Task(equations, error, parameters, Q, R)
 
 
-def _robot_task(request: _Request, robot: Robot) -> Task:
+def _robot_task(request: LawRequest, robot: Robot) -> Task:
     """Return the task of a law that follows a robot's joint angles."""
     task = request.file.task
     if not task.outputs.own or task.sign != 1:
@@ -516,10 +512,8 @@ def _outputs_by_formulas(formulas: list[str], system: System) -> tuple[sp.Expr, 
     """Return outputs from formulas in the names of the states."""
     symbols = [sp.Symbol(state.name) for state in system.states]
     states: Any = dict(zip(symbols, system.symbolic_equations.x, strict=True))
-    try:
+    with placed("task: outputs: "):
         outputs = [formula(text, *symbols) for text in formulas]
-    except ArgumentError as error:
-        raise ArgumentError(f"task: outputs: {error}") from None
     return tuple(output.subs(states, simultaneous=True) for output in outputs)
 
 
@@ -537,10 +531,8 @@ def _reference(
         raise ArgumentError(
             f"task: reference: {len(formulas)} formulas, there are {len(degrees)} outputs"
         )
-    try:
+    with placed("task: reference: "):
         return _reference_by_formulas(tuple(formulas), degrees), NoNumbers()
-    except ArgumentError as error:
-        raise ArgumentError(f"task: reference: {error}") from None
 
 
 def _users_reference(name: str, nominal: Any, folder: Path) -> tuple[ReferenceFunction, Any]:

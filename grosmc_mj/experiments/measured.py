@@ -12,13 +12,13 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, placed
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import System
 from grosmc_mj.requirements.judging import Judgement, judge_runs
-from grosmc_mj.requirements.metrics import DEFINITIONS, Metric, largest_of
+from grosmc_mj.requirements.metrics import Metric, largest_of
 from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import measure
@@ -190,12 +190,10 @@ def run_of_log(
     """
     truest = experiment.plant_names[-1]
     controller = experiment.law(truest, law)
-    try:
+    with placed(f"{path}: "):
         begin, trajectory = _as_trajectory(
             log, experiment.nominal.system, experiment.duration, start
         )
-    except ArgumentError as error:
-        raise ArgumentError(f"{path}: {error}") from None
 
     # Sums over states that were not measured are NaN; they are not asked for.
     with np.errstate(invalid="ignore"):
@@ -341,12 +339,12 @@ def _known_signals(log: Log, law: Controller, comparison: Comparison) -> frozens
 
 def _known_metrics(metrics: dict[str, Metric], known: frozenset[str]) -> dict[str, Metric]:
     """Return the usual metrics; without a value where a log does not tell it."""
-    told = {}
-    for name, metric in metrics.items():
-        is_known = name in _OF_INPUT
-        if name in _OF_ERROR:
-            is_known = ERROR in known
-        elif name not in DEFINITIONS:
-            is_known = any(name == largest_of(signal) for signal in known)
-        told[name] = metric if is_known else Metric(None, metric.unit, "not in a log")
-    return told
+    measured = {*_OF_INPUT, *map(largest_of, known)}
+    if ERROR in known:
+        measured.update(_OF_ERROR)
+    unknown = {
+        name: Metric(None, metric.unit, "not in a log")
+        for name, metric in metrics.items()
+        if name not in measured
+    }
+    return {**metrics, **unknown}

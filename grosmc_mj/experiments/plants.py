@@ -87,11 +87,6 @@ class NominalPlant:
             return None
         return tuple(self.at.x.tolist())
 
-    @property
-    def integrator(self) -> Integrator:
-        """Integrator of the model; equations are stepped by RK4."""
-        return self.plant.stepped_by
-
     def equations(self, plant: PlantName) -> AnalyticPlant:
         """Return the nominal equations for the design of a law that runs on a plant."""
         return self.believed or self.plant.analytic(design_variant(plant))

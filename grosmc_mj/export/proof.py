@@ -10,8 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.case import Case
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs, run_on
+from grosmc_mj.experiments.experiment import Experiment, run_on
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.export.compiler import CompiledLaw
@@ -216,7 +215,7 @@ def uncertain_experiment(experiment: Experiment) -> Experiment | None:
     if path is None:
         return None
     settings = experiment.settings
-    of_campaign = experiment_without_designs(read_case_file(path), path)
+    of_campaign = Experiment.of_file(read_case_file(path), path)
     return of_campaign.with_settings(
         control_period=settings.control_period, timestep=settings.timestep
     )
@@ -234,7 +233,7 @@ def _random_plants(
     return cases, [plant_of(case, nominal) for case in cases]
 
 
-def _loop_around(experiment: Experiment, law: LawInC, case: Case, run: int) -> Any:
+def _loop_around(experiment: Experiment, law: LawInC, case: Experiment, run: int) -> Any:
     """The loop of a case around a law: of an export with its loop that one; None for an ideal one.
 
     Args:
@@ -255,7 +254,7 @@ def _loop_around(experiment: Experiment, law: LawInC, case: Case, run: int) -> A
 
 def _simulated(
     experiment: Experiment,
-    cases: Sequence[Case],
+    cases: Sequence[Experiment],
     plants: Sequence[Plant],
     controller: Controller,
     loops: Sequence[Any],

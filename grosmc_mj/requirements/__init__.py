@@ -1,37 +1,30 @@
-"""Requirements on runs, one file a kind, and the metrics that they limit.
+"""Requirements on runs, and the metrics that they limit.
 
-``requirement`` has the base class of the kinds, ``judging`` the judgements.
+``requirement`` has the base class of the kinds, ``judging`` the judgements. The kinds are in
+``magnitudes``, ``transient``, ``beside_optimum``, ``actuators``, ``surface``, ``swings``,
+``recovers_within`` and ``always``; a further one is a class in a file of its own or in one of them,
+and stands in ``KINDS``.
 
 ``metrics`` has names, units and tolerances of metrics. ``measurement`` says what is measured of a
-run, ``accumulator`` accumulates it, with ``events``, and ``run_metrics`` gives the metrics.
-``error_metrics`` has those of an error alone, ``event_metrics`` those of an event. ``optimum`` has
-the optimum that a run is compared with. ``event_requirement`` is the base of the kinds on events.
+run, ``accumulator`` accumulates it, and ``run_metrics`` gives the metrics, ``events``
+those of an event. ``optimum`` has the optimum that a run is compared
+with.
 
-``always`` takes a text, as which ``envelope`` writes its bounds: ``temporal_text`` reads it,
-``temporal`` has the logic, ``expressions`` the arithmetic with units, ``signals`` the signals of a
-run by name.
+``always`` takes a text, as which bounds are written too: ``temporal_text`` reads it, ``temporal``
+has the logic, ``expressions`` the arithmetic with units, ``signals`` the signals of a run by name.
 """
 
 from __future__ import annotations
 
-from grosmc_mj.requirements.always import Always
-from grosmc_mj.requirements.cost_ratio_below import CostRatioBelow
-from grosmc_mj.requirements.deviation_below import DeviationBelow
-from grosmc_mj.requirements.envelope import Envelope
-from grosmc_mj.requirements.final_error_below import FinalErrorBelow
-from grosmc_mj.requirements.input_below import InputBelow
-from grosmc_mj.requirements.last_peak_below import LastPeakBelow
-from grosmc_mj.requirements.no_reaching_phase import NoReachingPhase
-from grosmc_mj.requirements.overshoot_below import OvershootBelow
-from grosmc_mj.requirements.reaches_within import ReachesWithin
+from grosmc_mj.requirements.actuators import InputBelow, SaturatedForLessThan
+from grosmc_mj.requirements.always import Always, Envelope
+from grosmc_mj.requirements.beside_optimum import CostRatioBelow, DeviationBelow
+from grosmc_mj.requirements.magnitudes import FinalErrorBelow, RmsBelow, StaysWithin
 from grosmc_mj.requirements.recovers_within import RecoversWithin
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.rms_below import RmsBelow
-from grosmc_mj.requirements.saturated_for_less_than import SaturatedForLessThan
-from grosmc_mj.requirements.settles_within import SettlesWithin
-from grosmc_mj.requirements.sliding_below import SlidingBelow
-from grosmc_mj.requirements.stays_within import StaysWithin
-from grosmc_mj.requirements.swings_below import SwingsBelow
+from grosmc_mj.requirements.surface import NoReachingPhase, SlidingBelow
+from grosmc_mj.requirements.swings import LastPeakBelow, ReachesWithin, SwingsBelow
+from grosmc_mj.requirements.transient import OvershootBelow, SettlesWithin
 
 # All kinds, in the order in which a table of a file is read.
 KINDS: tuple[type[Requirement], ...] = (

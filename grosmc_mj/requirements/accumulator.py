@@ -20,7 +20,6 @@ from grosmc_mj.control.coordinates.base import StateMap
 from grosmc_mj.control.matrices import quadratic, row_times
 from grosmc_mj.jitable import jitable
 from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.requirements.events import note_event, wrapped
 
 # Number of the error among the signals, see ``Constants.signals``.
 ERROR = -1.0
@@ -37,10 +36,6 @@ class Constants:
         after: Instants from which on signals are measured [s], (k,).
         signals: Number of each measured signal, see ``_signal_value``, (c,).
         turns: A turn of each signal that is measured modulo one, else 0, (c,).
-        event_errors: Number of the signal of each event whose error shall be in a band, (e,).
-        event_turns: A turn of each of them that counts modulo one, else 0, (e,).
-        event_bands: Half width of each of these bands, (e,).
-        event_values: Number of the signal of each event whose reversals are counted, (e,).
         outputs: Entries of z that are errors of outputs.
         onset: End of the transient [s].
         late: Beginning of the late part of the transient [s].
@@ -56,10 +51,6 @@ class Constants:
     after: Array
     signals: Array
     turns: Array
-    event_errors: Array
-    event_turns: Array
-    event_bands: Array
-    event_values: Array
     outputs: Array
     onset: float
     late: float
@@ -99,14 +90,6 @@ class Accumulated:
         state_rate: z'Qz at this instant.
         continuous_rate: (K z)'R(K z) at this instant.
         input_rate: v'Rv from this instant on.
-        reached: Instant at which each event has come [s], infinite if it has not, (e,).
-        direction: Sign of the motion of each event's signal, 0 until it leaves its start, (e,).
-        extreme: Its value furthest in that direction since it reversed, (e,).
-        extreme_time: Instant of that value [s], (e,).
-        reversals: Number of its reversals so far, (e,).
-        peak: Its magnitude at the last of them, (e,).
-        swings: Number of its reversals before the event, (e,).
-        last_peak: Its magnitude at the last of them, (e,).
         first_z: Error state at t = 0, (n,).
         optimal: Optimal error state at this instant, (n,).
         last_u: Input from this instant on, (m,).
@@ -121,14 +104,6 @@ class Accumulated:
     count: Array
     band: Array
     last_outside: Array
-    reached: Array
-    direction: Array
-    extreme: Array
-    extreme_time: Array
-    reversals: Array
-    peak: Array
-    swings: Array
-    last_peak: Array
     first_z: Array
     optimal: Array
     z: Array
@@ -160,7 +135,6 @@ class Accumulated:
         windows = len(constants.after)
         signals = len(constants.signals)
         bands = len(constants.widths)
-        events = len(constants.event_bands)
         inputs, size = constants.K.shape
         return cls(
             largest=np.zeros((windows, signals)),
@@ -168,14 +142,6 @@ class Accumulated:
             count=np.zeros(windows),
             band=np.zeros(bands),
             last_outside=-np.ones(bands),
-            reached=np.full(events, np.inf),
-            direction=np.zeros(events),
-            extreme=np.zeros(events),
-            extreme_time=np.zeros(events),
-            reversals=np.zeros(events),
-            peak=np.zeros(events),
-            swings=np.zeros(events),
-            last_peak=np.zeros(events),
             first_z=np.zeros(size),
             optimal=np.zeros(size),
             z=np.zeros(size),
@@ -209,7 +175,6 @@ def note_instant(t: float, z: Any, x: Any, values: Any, constants: Any) -> None:
     error = _size(z, constants.outputs)
     _note_transient(t, error, values, constants)
     _note_windows(t, error, z, x, values, constants)
-    _note_events(t, error, z, x, values, constants)
     _note_costs(t, z, values, constants)
 
 
@@ -229,6 +194,14 @@ def _size(z: Any, outputs: Any) -> float:
         error = z[int(row)]
         total += error * error
     return math.sqrt(total)
+
+
+@jitable
+def wrapped(angle: float, turn: float) -> float:
+    """Return an angle between minus and plus half a turn, or itself if the turn is 0."""
+    if turn == 0.0:
+        return angle
+    return angle - turn * math.floor(angle / turn + 0.5)
 
 
 @jitable
@@ -279,16 +252,6 @@ def _note_windows(t: float, error: float, z: Any, x: Any, values: Any, constants
     for i in range(len(constants.after)):
         if t >= constants.after[i] * _EARLIER:
             values.count[i] += 1.0
-
-
-@jitable
-def _note_events(t: float, error: float, z: Any, x: Any, values: Any, constants: Any) -> None:
-    """Accumulate each event."""
-    for i in range(len(constants.event_bands)):
-        away = _signal_value(int(constants.event_errors[i]), error, z, x)
-        away = wrapped(away, constants.event_turns[i])
-        value = _signal_value(int(constants.event_values[i]), error, z, x)
-        note_event(i, t, away, value, constants.event_bands[i], values)
 
 
 @jitable
@@ -387,7 +350,7 @@ class Rows:
     Attributes:
         time: Instants from 0 on [s], (N + 1,).
         z: Error states, (N + 1, n).
-        x: States of the plant, (N + 1, states); none by default.
+        x: States of the plant, (N + 1, states).
         u: Inputs that are held from each instant but the last on, (N, m); none by default.
         v: Inputs that the index weighs, likewise.
         s: Sliding variable, likewise; (N, 0) of a law without one.
@@ -395,7 +358,7 @@ class Rows:
 
     time: Array
     z: Array
-    x: Array | None = None
+    x: Array
     u: Array = field(default_factory=lambda: np.zeros((0, 1)))
     v: Array = field(default_factory=lambda: np.zeros((0, 1)))
     s: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -411,13 +374,9 @@ def replay(rows: Rows, constants: Constants, values: Any = None) -> Any:
     """
     if values is None:
         values = _structure(Accumulated.nothing(constants))
-    x = rows.x
-    if x is None:
-        x = np.zeros((len(rows.time), 0))
-
+    columns = (rows.z, rows.x, rows.u, rows.v, rows.s)
     note_rows = _noting_rows()
-    columns = [np.ascontiguousarray(column) for column in (rows.z, x, rows.u, rows.v, rows.s)]
-    note_rows(rows.time, *columns, values, _structure(constants))
+    note_rows(rows.time, *map(np.ascontiguousarray, columns), values, _structure(constants))
     return values
 
 

@@ -8,64 +8,82 @@ width of the band, and then turns back by more than that, so that noise makes no
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
-from grosmc_mj.jitable import jitable
-
-
-@jitable
-def wrapped(angle: float, turn: float) -> float:
-    """Return an angle between minus and plus half a turn, or itself if the turn is 0."""
-    if turn == 0.0:
-        return angle
-    return angle - turn * math.floor(angle / turn + 0.5)
+from grosmc_mj.arrays import Array
+from grosmc_mj.compilation import compile_python
+from grosmc_mj.requirements.accumulator import wrapped
 
 
-@jitable
-def note_event(i: int, t: float, error: float, value: float, band: float, values: Any) -> None:
-    """Accumulate an instant of an event.
+class Event(NamedTuple):
+    """An event of one run.
+
+    Attributes:
+        reached: Instant of the event [s]; infinite if it does not come.
+        swings: Number of the signal's reversals before it.
+        last_peak: Magnitude of the signal at the last of them; 0 without one.
+    """
+
+    reached: float
+    swings: float
+    last_peak: float
+
+
+def find_event(time: Array, error: Array, turn: float, signal: Array, band: float) -> Event:
+    """Return the event of a recorded run.
 
     Args:
-        i: Number of the event.
-        t: Time of the instant [s]; 0 at the first.
-        error: Error, which shall be in the band.
-        value: Signal whose reversals are counted.
+        time: Instants from 0 on [s], (N,).
+        error: Error, which shall be in the band, (N,).
+        turn: A turn of an error that counts modulo one, else 0.
+        signal: Signal whose reversals are counted, (N,).
         band: Half width of the band.
-        values: ``Accumulated`` of the run.
     """
-    outside = abs(error) > band
-    if outside:
-        values.reached[i] = math.inf
-    elif math.isinf(values.reached[i]):
-        values.reached[i] = t
-
-    _note_reversal(i, t, value, band, values)
-    if outside:
-        values.swings[i] = values.reversals[i]
-        values.last_peak[i] = values.peak[i]
+    return Event(*_compiled()(time, error, turn, signal, band))
 
 
-@jitable
-def _note_reversal(i: int, t: float, value: float, band: float, values: Any) -> None:
-    """Follow a signal to its extremes; one from which it turns back is a reversal."""
-    moved = value - values.extreme[i]
-    if t == 0.0:
-        values.extreme[i] = value
-        return
+# Compiled once for all runs.
+@cache
+def _compiled() -> Any:
+    """Return the compiled ``_follow``."""
+    return compile_python(_follow)
 
-    direction = values.direction[i]
-    turns = direction * moved < 0.0 and abs(moved) > band
-    if turns:
-        values.reversals[i] += 1.0
-        values.peak[i] = abs(values.extreme[i])
+
+def _follow(
+    time: Array, error: Array, turn: float, signal: Array, band: float
+) -> tuple[float, float, float]:
+    """Follow a signal from one extreme to the next, up to the event."""
+    reached = math.inf
+    swings = 0.0
+    last_peak = 0.0
+    # The sign of the motion is 0 until the signal leaves its start.
+    direction = 0.0
+    extreme = signal[0]
+    extreme_time = 0.0
+    reversals = 0.0
+    peak = 0.0
+    for t, e, value in zip(time, error, signal):  # noqa: B905
+        outside = abs(wrapped(e, turn)) > band
+        if outside:
+            reached = math.inf
+        elif math.isinf(reached):
+            reached = t
+
+        moved = value - extreme
+        turns = direction * moved < 0.0 and abs(moved) > band
+        if turns:
+            reversals += 1.0
+            peak = abs(extreme)
         # It is known only when the signal has turned back, which may be within the band.
-        if values.extreme_time[i] < values.reached[i]:
-            values.swings[i] = values.reversals[i]
-            values.last_peak[i] = values.peak[i]
+        if outside or (turns and extreme_time < reached):
+            swings = reversals
+            last_peak = peak
 
-    leaves_start = direction == 0.0 and abs(moved) > band
-    if turns or leaves_start:
-        values.direction[i] = math.copysign(1.0, moved)
-    if turns or leaves_start or direction * moved > 0.0:
-        values.extreme[i] = value
-        values.extreme_time[i] = t
+        leaves_start = direction == 0.0 and abs(moved) > band
+        if turns or leaves_start:
+            direction = math.copysign(1.0, moved)
+        if turns or leaves_start or direction * moved > 0.0:
+            extreme = value
+            extreme_time = t
+    return reached, swings, last_peak

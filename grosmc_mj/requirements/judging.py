@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
-from grosmc_mj.requirements.metrics import Event, MeasuredSignal
+from grosmc_mj.requirements.metrics import MeasuredSignal
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.trajectory import Status
 
@@ -154,22 +154,19 @@ def unfailing_line(requirement: Requirement, reasons: Sequence[str]) -> list[str
 
 
 def windows_of(requirements: Iterable[Requirement]) -> Windows:
-    """Return the windows, bands, signals and events that requirements need."""
+    """Return the windows, bands and signals that requirements need."""
     after: set[float] = set()
     bands: set[float] = set()
     signals: set[MeasuredSignal] = set()
-    events: set[Event] = set()
     for requirement in requirements:
         windows = requirement.windows
         after.update(windows.after)
         bands.update(windows.bands)
         signals.update(windows.signals)
-        events.update(windows.events)
     return Windows(
         after=tuple(sorted(after)),
         bands=tuple(sorted(bands)),
         signals=tuple(sorted(signals)),
-        events=tuple(sorted(events)),
     )
 
 

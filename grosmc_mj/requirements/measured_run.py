@@ -3,64 +3,95 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison
+from grosmc_mj.requirements.run_metrics import cost_shares
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 
-class MeasuredRun(Protocol):
-    """A run that can be judged."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeasuredRun:
+    """A run on one plant under one controller, and its metrics.
+
+    Attributes:
+        case: The experiment that was run, see ``experiments``.
+        plant: ``printed``, ``corrected`` or ``physics``.
+        controller: Controller with the numbers of its design.
+        trajectory: Trajectory up to the end or to the last valid instant.
+        comparison: The run beside the optimum that its law was designed for.
+        metrics: Metrics by name.
+        true: The plant itself.
+        ended: Reason why the run ended early; empty otherwise.
+    """
+
+    case: Any
+    plant: str
+    controller: Controller
+    trajectory: Trajectory
+    comparison: Comparison
+    metrics: Mapping[str, Metric]
+    true: Plant
+    ended: str = ""
+
+    @property
+    def onset(self) -> float:
+        """Onset of the first disturbance of the case [s]; infinite without any."""
+        return self.case.onset
+
+    @property
+    def input_limits(self) -> Array:
+        """Least and largest of each input that the actuators give, (2, m); infinite for none."""
+        return self.case.input_limits(self.true)
 
     @property
     def simulated(self) -> bool:
         """Whether it is a simulation, not a log of the machine."""
-        ...
+        return True
 
     @property
-    def plant(self) -> str:
-        """Name of the plant."""
-        ...
+    def switched(self) -> bool:
+        """Whether a switching law made it, whose chatter amplifies rounding."""
+        return self.controller.design is not None and bool(self.controller.design.switching)
 
     @property
-    def controller(self) -> Controller:
-        """The law."""
-        ...
+    def commands(self) -> Array:
+        """Inputs that the law asked for, (N, m); a trajectory of one input has no axis for it."""
+        return self.trajectory.command.reshape(len(self.trajectory.command), -1)
 
     @property
-    def trajectory(self) -> Trajectory:
-        """The recorded run."""
-        ...
+    def cut(self) -> Array:
+        """Whether a sample's command of an input is beyond what its actuator gives, (N, m).
 
-    @property
-    def comparison(self) -> Comparison:
-        """The run beside its optimum."""
-        ...
-
-    @property
-    def metrics(self) -> Mapping[str, Metric]:
-        """The usual metrics."""
-        ...
-
-    @property
-    def onset(self) -> float:
-        """Onset of the first disturbance [s]."""
-        ...
-
-    @property
-    def status(self) -> Status:
-        """Status at the end of the run."""
-        ...
-
-    @property
-    def input_limits(self) -> Array:
-        """Least and largest of each input, (2, m); infinite for none."""
-        ...
+        Late, smoothed or rounded is not cut: the command is compared with the limits.
+        """
+        low, high = self.input_limits
+        return (self.commands < low) | (self.commands > high)
 
     @property
     def saturated(self) -> float:
         """Share of the time in which the law asks an actuator for its limit or more."""
-        ...
+        low, high = self.input_limits
+        at_limit = (self.commands <= low) | (self.commands >= high)
+        return float(at_limit.any(axis=1).mean())
+
+    @property
+    def cost_shares(self) -> tuple[Metric, Metric]:
+        """J(u_c)/J* and J(u_d)/J* a second, see ``run_metrics.cost_shares``."""
+        return cost_shares(self.metrics, float(self.trajectory.time[-1]))
+
+    @property
+    def status(self) -> Status:
+        """Status at the end of the run."""
+        return self.trajectory.status  # pyright: ignore[reportReturnType]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the trajectory as ``.parquet`` or ``.csv``; see ``Trajectory.save``."""
+        unit = self.controller.design.sliding_unit if self.controller.design else ""
+        return self.trajectory.save(path, sliding_unit=unit)

@@ -15,9 +15,8 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.accumulator import ERROR, Accumulated, Constants, noting_timesteps
-from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Event, MeasuredSignal
+from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, MeasuredSignal
 from grosmc_mj.simulation.accumulator import Accumulator
-from grosmc_mj.simulation.trajectory import Trajectory
 
 
 class Windows(NamedTuple):
@@ -27,13 +26,11 @@ class Windows(NamedTuple):
         after: Instants from which on the largest and the RMS value of each signal are measured [s].
         bands: Widths of further bands to settle in, in the unit of the output.
         signals: States and outputs, of which each is measured by itself.
-        events: Events that are measured.
     """
 
     after: tuple[float, ...] = ()
     bands: tuple[float, ...] = ()
     signals: tuple[MeasuredSignal, ...] = ()
-    events: tuple[Event, ...] = ()
 
 
 NO_WINDOWS = Windows()
@@ -62,17 +59,6 @@ class Measurement:
     windows: Windows = NO_WINDOWS
     input_limits: Array | None = None
 
-    @classmethod
-    def of_record(
-        cls,
-        run: Trajectory,
-        controller: Controller,
-        onset: float = math.inf,
-        windows: Windows = NO_WINDOWS,
-    ) -> Measurement:
-        """Measurement of a recorded run, whose input is limited already."""
-        return cls(controller, float(run.time[1]), float(run.time[-1]), onset, windows)
-
     @property
     def transient(self) -> float:
         """Length of the transient [s]."""
@@ -92,14 +78,6 @@ class Measurement:
         internal = [MeasuredSignal(position.name) for position in system.internal_positions]
         return tuple(dict.fromkeys((MeasuredSignal(), *internal, *self.windows.signals)))
 
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """The measured events, filled up with one that changes nothing, see ``_filled_up``."""
-        events = list(self.windows.events)
-        while not events or len(events) % 2:
-            events.append(Event())
-        return tuple(events)
-
     # The engines tell runs that share an accumulator by its identity.
     @cached_property
     def accumulator(self) -> Accumulator:
@@ -118,7 +96,6 @@ class Measurement:
         """Constants of the accumulation; raises as ``accumulator`` does."""
         design = self.controller.designed
         error = design.error
-        events = self.events
         optimum = design.lqr
         limits = self.input_limits
         if limits is None:
@@ -128,10 +105,6 @@ class Measurement:
             after=_filled_up(self.after, 4),
             signals=np.array([_number_of(signal.name, error) for signal in self.signals]),
             turns=_turns(self.signals),
-            event_errors=np.array([_number_of(event.signal, error) for event in events]),
-            event_turns=_turns(events),
-            event_bands=np.array([event.band for event in events]),
-            event_values=np.array([_number_of_motion(event.signal, error) for event in events]),
             outputs=np.array(error.output_rows, float),
             onset=onset,
             late=(1 - DWELL) * self.transient,
@@ -168,20 +141,7 @@ def _number_of(name: str, error: Any) -> float:
     return float(states.index(name))
 
 
-def _number_of_motion(name: str, error: Any) -> float:
-    """Return the number of the signal that moves where an error is reached.
-
-    It is the state itself where an output is one, also where there is one output and no name.
-    """
-    if not name and len(error.output_rows) == 1:
-        name = error.names[error.output_rows[0]]
-    states = [state.name for state in error.system.states]
-    if name in states:
-        return float(states.index(name))
-    return _number_of(name, error)
-
-
-def _turns(signals: Sequence[MeasuredSignal | Event]) -> Array:
+def _turns(signals: Sequence[MeasuredSignal]) -> Array:
     """Return a turn of each signal that counts modulo one, else 0, (c,)."""
     return np.array([2 * math.pi if signal.periodic else 0.0 for signal in signals])
 

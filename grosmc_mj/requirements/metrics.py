@@ -35,26 +35,6 @@ class Metric(NamedTuple):
     note: str = ""
 
 
-class Event(NamedTuple):
-    """The error of a signal is in a band for good, see ``events``.
-
-    Attributes:
-        signal: Name of a state or an output; empty for the error of all outputs.
-        band: Half width of the band, in the signal's unit.
-        periodic: Whether the error of an angle counts modulo a turn.
-    """
-
-    signal: str = ""
-    band: float = math.inf
-    periodic: bool = False
-
-    @property
-    def words(self) -> str:
-        """The event in the names of metrics."""
-        turn = " modulo a turn" if self.periodic else ""
-        return f"{self.signal or 'error'} in {self.band!r}{turn}"
-
-
 class MeasuredSignal(NamedTuple):
     """A signal of a run that is measured by itself.
 
@@ -173,21 +153,6 @@ def rms_of(signal: str, after: float = 0.0, *, periodic: bool = False) -> str:
     """Return the name of the RMS of a signal from an instant on, see ``largest_of``."""
     turn = " modulo a turn" if periodic else ""
     return f"rms {signal or 'error'}{turn} after {after!r} s"
-
-
-def reached_of(event: Event) -> str:
-    """Return the name of the instant of an event [s]."""
-    return f"reached {event.words}"
-
-
-def swings_of(event: Event) -> str:
-    """Return the name of the number of reversals before an event."""
-    return f"swings before {event.words}"
-
-
-def last_peak_of(event: Event) -> str:
-    """Return the name of the magnitude of a signal at its last reversal before an event."""
-    return f"last peak before {event.words}"
 
 
 def settling(settled: float) -> Metric:

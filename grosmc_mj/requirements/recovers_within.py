@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,8 +33,8 @@ class RecoversWithin(Requirement):
     quantity = "s"
     options = ("state", "band")
     needs_band = True
-    is_level = False
     recorded = True
+    not_in_logs = "a log does not have the onsets of disturbances"
 
     band: float
     band_written: str = ""
@@ -49,10 +48,6 @@ class RecoversWithin(Requirement):
     def words(self) -> str:
         """The requirement in words."""
         return f"{super().words} of each disturbance to {self.band_written}"
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Say that a log does not tell when it was disturbed."""
-        return "a log does not have the onsets of disturbances"
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the longest recovery, and say if there was none to make."""

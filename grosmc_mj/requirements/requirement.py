@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, name_list
@@ -34,7 +32,8 @@ class Requirement:
         options: Further keys of a file that the kind reads, such as ``state`` and ``after``.
         needs_band: Whether it has no default for ``band``.
         figure: The quantity in whose figure it is shown; empty for none.
-        is_level: Whether it is a line in that figure.
+        usual_metric: Name of the limited metric, if it is one of every run.
+        not_in_logs: Reason why no log of the machine decides it; empty if one may.
         of_actuators: Whether it is about the range of the actuators, not about the task.
         recorded: Whether it is measured on a recorded run, not accumulated during the run.
         number: The largest value allowed.
@@ -52,7 +51,8 @@ class Requirement:
     quantity: ClassVar[str] = ""
     options: ClassVar[tuple[str, ...]] = ()
     figure: ClassVar[str] = ""
-    is_level: ClassVar[bool] = True
+    usual_metric: ClassVar[str] = ""
+    not_in_logs: ClassVar[str] = ""
     of_actuators: ClassVar[bool] = False
     recorded: ClassVar[bool] = False
     needs_band: ClassVar[bool] = False
@@ -146,8 +146,8 @@ class Requirement:
             law: The controller under which the log was made.
             known: Names of the signals that the log has, see ``signals``.
         """
-        if self.quantity == "input":
-            return ""
+        if self.not_in_logs or self.of_actuators:
+            return self.not_in_logs
         error = law.designed.error
         needed = [error.names[row] for row in error.output_rows]
         if self.signal:
@@ -159,7 +159,7 @@ class Requirement:
     @property
     def metric(self) -> str:
         """Name of the limited metric."""
-        raise NotImplementedError
+        return self.usual_metric
 
     @property
     def tolerated_as(self) -> str:
@@ -169,6 +169,8 @@ class Requirement:
     @property
     def windows(self) -> Windows:
         """Windows, bands and signals that the metric needs."""
+        if self.recorded:
+            return Windows()
         signal = MeasuredSignal(self.signal, self.periodic)
         signals = (signal,) if signal != MeasuredSignal() else ()
         after = (self.after,) if self.after else ()
@@ -180,6 +182,8 @@ class Requirement:
         Args:
             error: Error coordinates of the law.
         """
+        if self.of_actuators:
+            return [signal.name for signal in error.system.inputs]
         if not self.signal:
             return [f"{error.names[row]} error" for row in error.output_rows]
         return [f"{self.signal} error" if self.signal in error.names else self.signal]
@@ -205,6 +209,11 @@ class Requirement:
         if self.figure and self.signal:
             return self.signal
         return self.figure
+
+    @property
+    def is_level(self) -> bool:
+        """Whether it is a line in its figure."""
+        return bool(self.figure) and self.quantity in ("output", "input", "sliding")
 
     def applies_to(self, run: MeasuredRun) -> bool:
         """Whether it is about a run."""
@@ -266,51 +275,3 @@ def missing_signals(needed: Iterable[str], known: Set[str]) -> str:
     if not missing:
         return ""
     return f"the log does not have {name_list(missing)}"
-
-
-class SurfaceRequirement(Requirement):
-    """A requirement on the sliding variable, which is asked of laws with a surface only."""
-
-    @classmethod
-    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
-        """Whether a law has a surface."""
-        return bool(law.designed.sliding_unit)
-
-    @classmethod
-    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
-        """Refuse laws without a surface."""
-        if not laws:
-            raise ArgumentError("no law that it is asked of has a surface")
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Say that s is a number of the law."""
-        return "a log does not have the sliding variable"
-
-
-# -- the error at the start ------------------------------------------------------------------------
-
-
-def initial_error(law: Controller, x0: Sequence[float]) -> float:
-    """Return the size of the outputs' error at a start (n,), in their unit."""
-    error = law.designed.error
-    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
-    return float(np.linalg.norm(z[list(error.output_rows)]))
-
-
-def require_initial_error(law: Controller, x0: Sequence[float], reason: str) -> None:
-    """Refuse a start without error.
-
-    Args:
-        law: One of the laws.
-        x0: Start, (n,).
-        reason: What is a share of the error at the start.
-
-    Raises:
-        ArgumentError: If the error is zero to rounding.
-    """
-    if initial_error(law, x0) > ROUNDING:
-        return
-    raise ArgumentError(
-        f"{reason} of the error at the start, and runs start without error: ask for "
-        "stays_within with after instead, or start elsewhere"
-    )

@@ -16,14 +16,12 @@ from grosmc_mj.requirements.measurement import NO_WINDOWS, Measurement, Windows
 from grosmc_mj.requirements.metrics import (
     DEFINITIONS,
     DWELL,
+    SETTLING_BAND,
     Metric,
     largest_of,
-    last_peak_of,
-    reached_of,
     rms_of,
     settled_in,
     settling,
-    swings_of,
 )
 from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -49,7 +47,6 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     }
     metrics |= _transient_metrics(measurements, values)
     metrics |= _costs(first.controller, values)
-    metrics |= _event_metrics(measurements, values)
     return metrics | _signal_metrics(first, values)
 
 
@@ -111,23 +108,6 @@ def _costs(controller: Controller, values: Any) -> dict[str, Array]:
         "cost_optimal": optimal,
         "cost_ratio": _ratio(whole, optimal),
     }
-
-
-def _event_metrics(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
-    """Return instant, swings and last peak of each event; infinite where it does not come.
-
-    It has come if the error stays in the band for the last tenth of the run at least: one that
-    swings through it is always inside for a moment before some end.
-    """
-    latest = (1 - DWELL) * np.array([item.duration for item in measurements])
-    metrics = {}
-    for i, event in enumerate(measurements[0].windows.events):
-        reached = values["reached"][:, i]
-        never = reached > latest
-        metrics[reached_of(event)] = np.where(never, np.inf, reached)
-        metrics[swings_of(event)] = np.where(never, np.inf, values["swings"][:, i])
-        metrics[last_peak_of(event)] = np.where(never, np.inf, values["last_peak"][:, i])
-    return metrics
 
 
 def _signal_metrics(measurement: Measurement, values: Any) -> dict[str, Array]:
@@ -201,7 +181,10 @@ def metrics_of_record(
         v=run.weighed.reshape(intervals, -1),
         s=s,
     )
-    measurement = Measurement.of_record(run, controller, onset, windows)
+    # The input of a record is limited already.
+    timestep = float(run.time[1])
+    duration = float(run.time[-1])
+    measurement = Measurement(controller, timestep, duration, onset, windows)
     columns = metrics_of([measurement], replay(rows, measurement.constants))
     return {name: float(column[0]) for name, column in columns.items()}
 
@@ -286,3 +269,36 @@ def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric,
         return Metric(None, "1", "no J*"), Metric(None, "1/s", "no J*")
     rate = (whole - continuous) / (optimal * duration)
     return Metric(continuous / optimal, "1"), Metric(rate, "1/s")
+
+
+# -- of an error alone, such as that of an optimum -------------------------------------------------
+
+
+def settling_time(time: Array, error: Array, width: float | None = None) -> Metric:
+    """Return when |error| enters a band for good; ``not reached`` if never.
+
+    Args:
+        time: Equally spaced instants from 0 on [s], (N,).
+        error: Error at the instants, (N,).
+        width: Half width of the band; 2 % of |error(0)| by default.
+    """
+    if width is None:
+        width = SETTLING_BAND * abs(error[0])
+    outside = time[np.abs(error) > width]
+    last_outside = np.max(outside, initial=-1.0).reshape(1, 1)
+
+    duration = float(time[-1])
+    step = float(time[1]) if len(time) > 1 else 1.0
+    settled = float(settled_from(last_outside, step, np.array([duration]))[0, 0])
+    if settled > (1 - DWELL) * duration:
+        settled = math.inf
+    return settling(settled)
+
+
+def overshoot(error: Array) -> Metric:
+    """Return the largest error beyond zero, in percent of the initial error."""
+    start = float(error[0])
+    if start == 0:
+        return Metric(None, "%", "no initial error")
+    beyond = float(np.max(-error * math.copysign(1.0, start), initial=0.0))
+    return Metric(100 * (beyond / abs(start)), "%")

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
@@ -19,41 +20,13 @@ from grosmc_mj.requirements.expressions import Expression
 
 
 @dataclass(frozen=True)
-class Formula:
-    """A formula."""
-
-    @property
-    def parts(self) -> tuple[Formula, ...]:
-        """Formulas in it."""
-        return ()
-
-    @property
-    def horizon(self) -> float:
-        """Time after an instant that its margin there needs [s]."""
-        return max((part.horizon for part in self.parts), default=0.0)
-
-    def comparisons(self) -> Iterator[Comparison]:
-        """Yield all comparisons in it."""
-        for part in self.parts:
-            yield from part.comparisons()
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the margin at each instant, (N,).
-
-        Args:
-            signals: Signals by name, (N,) each; ``t`` is among them.
-            period: Time between two instants [s].
-        """
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class Comparison(Formula):
+class Comparison:
     """``less`` is below ``more``; the margin is in parts of ``scale``."""
 
     less: Expression
     more: Expression
     scale: float = 1.0
+    horizon: ClassVar[float] = 0.0
 
     @property
     def limit(self) -> float | None:
@@ -67,131 +40,91 @@ class Comparison(Formula):
         """Yield itself."""
         yield self
 
+    def scaled(self) -> Comparison:
+        """Return the comparison with a margin in parts of its constant."""
+        assert self.limit is not None
+        return replace(self, scale=self.limit)
+
     def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return ``more - less``."""
+        """Return ``more - less``, see ``Operation.margins``."""
         margin = (self.more.values(signals) - self.less.values(signals)) / self.scale
         return np.broadcast_to(margin, signals["t"].shape)
 
 
 @dataclass(frozen=True)
-class Not(Formula):
-    """The inner formula does not hold."""
+class Operation:
+    """An operator and the formulas that it is applied to.
 
-    inner: Formula
+    Attributes:
+        operator: ``not``, ``and``, ``or``, ``always``, ``eventually`` or ``until``.
+        parts: One formula, or two of ``and``, ``or`` and ``until``.
+        begin: Time after an instant at which the interval of a temporal operator begins [s].
+        end: Time at which it ends [s].
+    """
 
-    @property
-    def parts(self) -> tuple[Formula, ...]:
-        """The inner formula."""
-        return (self.inner,)
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the negative margin."""
-        return -self.inner.margins(signals, period)
-
-
-@dataclass(frozen=True)
-class And(Formula):
-    """Both formulas hold."""
-
-    first: Formula
-    second: Formula
-
-    @property
-    def parts(self) -> tuple[Formula, ...]:
-        """Both."""
-        return self.first, self.second
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the smaller margin."""
-        first = self.first.margins(signals, period)
-        return np.minimum(first, self.second.margins(signals, period))
-
-
-@dataclass(frozen=True)
-class Or(And):
-    """One of the formulas holds."""
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the larger margin."""
-        first = self.first.margins(signals, period)
-        return np.maximum(first, self.second.margins(signals, period))
-
-
-@dataclass(frozen=True)
-class Always(Formula):
-    """The inner formula holds from ``begin`` to ``end`` after the instant [s]."""
-
-    inner: Formula
+    operator: str
+    parts: tuple[Formula, ...]
     begin: float = 0.0
     end: float = math.inf
 
     @property
-    def parts(self) -> tuple[Formula, ...]:
-        """The inner formula."""
-        return (self.inner,)
-
-    @property
     def horizon(self) -> float:
-        """Time up to the end, or to the begin if there is no end, and what follows."""
+        """Time after an instant that its margin there needs [s]; of no end it needs the begin."""
         last = self.end if math.isfinite(self.end) else self.begin
-        return last + super().horizon
+        return last + max(part.horizon for part in self.parts)
 
-    def samples(self, period: float, count: int) -> tuple[int, int]:
-        """Return the first and last sample of the interval after an instant.
+    def comparisons(self) -> Iterator[Comparison]:
+        """Yield all comparisons in it."""
+        for part in self.parts:
+            yield from part.comparisons()
+
+    def scaled(self) -> Operation:
+        """Return the formula whose margins are in parts of the constants compared with."""
+        return replace(self, parts=tuple(part.scaled() for part in self.parts))
+
+    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
+        """Return the margin at each instant, (N,).
 
         Args:
-            period: Time between two samples [s].
-            count: Number of samples of the run.
+            signals: Signals by name, (N,) each; ``t`` is among them.
+            period: Time between two instants [s].
         """
+        inner, *others = [part.margins(signals, period) for part in self.parts]
+        count = len(inner)
         first = min(round(self.begin / period), count)
         last = count if math.isinf(self.end) else min(round(self.end / period), count)
-        return first, last
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the least margin in the interval."""
-        inner = self.inner.margins(signals, period)
-        return _least(inner, *self.samples(period, len(inner)))
-
-
-@dataclass(frozen=True)
-class Eventually(Always):
-    """The inner formula holds at an instant from ``begin`` to ``end`` later [s]."""
-
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the largest margin in the interval."""
-        inner = self.inner.margins(signals, period)
-        return -_least(-inner, *self.samples(period, len(inner)))
+        match self.operator:
+            case "not":
+                return -inner
+            case "and":
+                return np.minimum(inner, *others)
+            case "or":
+                return np.maximum(inner, *others)
+            case "always":
+                return _least(inner, first, last)
+            case "eventually":
+                return -_least(-inner, first, last)
+        return _until(inner, others[0], first, last)
 
 
-@dataclass(frozen=True)
-class Until(Eventually):
-    """The inner formula holds in the interval, and ``before`` at all instants before that."""
+Formula = Comparison | Operation
 
-    before: Formula | None = None
 
-    @property
-    def parts(self) -> tuple[Formula, ...]:
-        """Both formulas."""
-        assert self.before is not None
-        return self.inner, self.before
+def _until(before: Array, after: Array, first: int, last: int) -> Array:
+    """Return margins for the best sample in the interval at which ``after`` holds, (N,).
 
-    def margins(self, signals: Mapping[str, Array], period: float) -> Array:
-        """Return the best choice of the instant at which the inner formula holds."""
-        assert self.before is not None
-        inner = self.inner.margins(signals, period)
-        before = self.before.margins(signals, period)
-        count = len(inner)
-        first, last = self.samples(period, count)
-
-        best = np.full(count, -np.inf)
-        held = np.full(count, np.inf)
-        for later in range(min(last, count - 1) + 1):
-            start = slice(count - later)
-            if later >= first:
-                chosen = np.minimum(held[start], inner[later:])
-                best[start] = np.maximum(best[start], chosen)
-            held[start] = np.minimum(held[start], before[later:])
-        return best
+    ``before`` must hold at all samples before that.
+    """
+    count = len(after)
+    best = np.full(count, -np.inf)
+    held = np.full(count, np.inf)
+    for later in range(min(last, count - 1) + 1):
+        start = slice(count - later)
+        if later >= first:
+            chosen = np.minimum(held[start], after[later:])
+            best[start] = np.maximum(best[start], chosen)
+        held[start] = np.minimum(held[start], before[later:])
+    return best
 
 
 def _least(values: Array, first: int, last: int) -> Array:

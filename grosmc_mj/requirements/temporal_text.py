@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +19,7 @@ from grosmc_mj.requirements.expressions import (
     combined,
     common_unit,
 )
-from grosmc_mj.requirements.temporal import (
-    Always,
-    And,
-    Comparison,
-    Eventually,
-    Formula,
-    Not,
-    Or,
-    Until,
-)
+from grosmc_mj.requirements.temporal import Comparison, Formula, Operation
 from grosmc_mj.units import Unit, unit_pattern
 
 _LONGEST = 1000
@@ -202,13 +192,10 @@ class _Reader:
             quantity = _quantity(self.part(_OF_SIGN))
             return Applied(quantity.unit, np.negative, (quantity,))
         if token.text == "not":
-            return Not(_formula(self.part(_OF_WORD)))
-        if token.text == "always":
+            return Operation("not", (_formula(self.part(_OF_WORD)),))
+        if token.text in ("always", "eventually"):
             interval = self._interval()
-            return Always(_formula(self.part(_OF_WORD)), *interval)
-        if token.text == "eventually":
-            interval = self._interval()
-            return Eventually(_formula(self.part(_OF_WORD)), *interval)
+            return Operation(token.text, (_formula(self.part(_OF_WORD)),), *interval)
         if token.text in FUNCTIONS:
             return applied(token.text, self._arguments())
         found = repr(token.text) if token.text else "nothing"
@@ -228,17 +215,14 @@ class _Reader:
         strength = _STRENGTHS[operator]
         if operator in _COMPARED:
             return self._comparisons(_quantity(left), operator)
-        if operator == "until":
-            interval = self._interval()
-            return Until(_formula(self.part(strength)), *interval, before=_formula(left))
         if operator == "implies":
             # It is read from the right: p implies (q implies r).
-            return Or(Not(_formula(left)), _formula(self.part(strength - 1)))
+            fails = Operation("not", (_formula(left),))
+            return Operation("or", (fails, _formula(self.part(strength - 1))))
+        interval = self._interval() if operator == "until" else ()
         right = self.part(strength)
-        if operator == "or":
-            return Or(_formula(left), _formula(right))
-        if operator == "and":
-            return And(_formula(left), _formula(right))
+        if operator in _WORDS:
+            return Operation(operator, (_formula(left), _formula(right)), *interval)
         return combined(operator, _quantity(left), _quantity(right))
 
     def _comparisons(self, left: Expression, sign: str) -> Formula:
@@ -250,7 +234,7 @@ class _Reader:
             formula = Comparison(right, left)
         if self._next not in _COMPARED:
             return formula
-        return And(formula, self._comparisons(right, self._take().text))
+        return Operation("and", (formula, self._comparisons(right, self._take().text)))
 
     def _interval(self) -> tuple[float, ...]:
         """Read ``[0 s, 5 s]``; nothing without one."""
@@ -305,7 +289,7 @@ def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
                     "compares quantities of different units: then each must be compared with a "
                     "number other than 0, of which its margin is a part"
                 )
-        return Specification(_scaled(formula), "1", 1.0, signals)
+        return Specification(formula.scaled(), "1", 1.0, signals)
 
     (unit,) = base_units
     written = str(unit)
@@ -315,15 +299,3 @@ def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
             break
     limits = [item.limit for item in comparisons if item.limit is not None]
     return Specification(formula, written, min(limits, default=1.0), signals)
-
-
-def _scaled(formula: Formula) -> Formula:
-    """Return a formula whose margins are parts of the constants that are compared with."""
-    if isinstance(formula, Comparison):
-        assert formula.limit is not None
-        return replace(formula, scale=formula.limit)
-    changed = {}
-    for name, part in vars(formula).items():
-        if isinstance(part, Formula):
-            changed[name] = _scaled(part)
-    return replace(formula, **changed)

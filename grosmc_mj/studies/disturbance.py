@@ -14,7 +14,6 @@ from pydantic import BaseModel, ConfigDict
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.requirements import KINDS
@@ -178,7 +177,9 @@ class DisturbanceStudy:
 
     # -- runs --------------------------------------------------------------------------------------
 
-    def shares(self, law: str, cases: Sequence[Case], plant: PlantName | None = None) -> Array:
+    def shares(
+        self, law: str, cases: Sequence[Experiment], plant: PlantName | None = None
+    ) -> Array:
         """Return the largest measured over allowed value of runs of cases, (n,)."""
         rows = [Row(law, case=case) for case in cases]
         outcomes = run_rows(

@@ -150,7 +150,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
 
     seconds = "time [s]"
     place = f"{disturbance.place} [{disturbance.unit}]"
-    level = limit.number if limit.figure and limit.is_level else None
+    level = limit.number if limit.is_level else None
     return [
         LineChart(name=f"{worst.law}: disturbance", titles=(seconds, place), lines=signals),
         LineChart(

@@ -14,7 +14,6 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.user_code import is_named, sources
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.margins.sensitivity import REALIZATIONS, Place, RunningLoop
@@ -151,7 +150,7 @@ class MarginStudy:
         plant = case.plant(setup.plant_name)
         allowed = [limit.number for limit in case.limits if limit.of_actuators]
         largest: dict[Place, float] = {}
-        for signal, limit in zip(plant.system.inputs, input_limits(plant, case)[1], strict=True):
+        for signal, limit in zip(plant.system.inputs, case.input_limits(plant)[1], strict=True):
             bound = float(min([limit, *allowed]))
             if self.injection > bound:
                 raise ArgumentError(

@@ -21,7 +21,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.law import Law, wrapped
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
@@ -463,7 +462,7 @@ class RegionMap:
         confirmation: Which of them MuJoCo confirmed; None if it judged all.
     """
 
-    case: Case
+    case: Experiment
     controller: str
     grid: Letters
     confirmation: Confirmation | None = None

@@ -16,14 +16,13 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.notes import notes_on_plant
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes, unknown_name
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.file.reading import case_file_of, parse_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
@@ -222,7 +221,7 @@ class Campaign:
             ArgumentError: If the file or the specification is wrong, in one line.
         """
         try:
-            experiment = experiment_without_designs(specification.file, specification.path)
+            experiment = Experiment.of_file(specification.file, specification.path)
             campaign = cls._designed(specification, experiment)
             campaign._refuse_impossible()
         except GrosmcError as error:
@@ -395,7 +394,7 @@ class Campaign:
     @property
     def _input_limits(self) -> Array:
         """Least and largest of each input, (2, m); infinite where a limit is uncertain."""
-        limits = input_limits(self.plant, self.experiment)
+        limits = self.experiment.input_limits(self.plant)
         if any(number.owner in ("actuator", "motor") for number in self.family.quantities):
             limits[:] = [[-np.inf], [np.inf]]
         return limits

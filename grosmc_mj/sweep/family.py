@@ -15,7 +15,7 @@ from scipy import stats
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, in_model
 from grosmc_mj.experiments.file.schema import (
     CaseFile,
@@ -342,7 +342,7 @@ class Family:
         return self.nominal + scale * (values - self.nominal)
 
 
-def family_of(file: CaseFile, case: Case, plant: Plant) -> Family:
+def family_of(file: CaseFile, case: Experiment, plant: Plant) -> Family:
     """Read the uncertainty that a case file declares.
 
     Args:
@@ -388,7 +388,7 @@ def _refuse_twice(how: str, texts: Sequence[str]) -> None:
             raise ArgumentError(f"uncertain: two are {how} {text!r}")
 
 
-def _quantity(table: UncertainTable, case: Case, plant: Plant) -> Quantity:
+def _quantity(table: UncertainTable, case: Experiment, plant: Plant) -> Quantity:
     """Read one uncertain number, with its unit and its nominal value."""
     owner = table.owner
     of = table.of

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.file.paths import Place, edited_by, place_of, set_in_tables
@@ -24,8 +24,6 @@ from grosmc_mj.physics.files import body_names, joint_names
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.simulation.disturbances import AnyDisturbance, Pulse
-
-AnyCase = TypeVar("AnyCase", bound=Case)
 
 # The edits that have the numbers of each owner.
 _EDITS: Mapping[str, Any] = {"body": BodyEdit, "joint": JointEdit, **MACHINE_PARTS}
@@ -151,7 +149,7 @@ class Parameter:
             return time_as_run(self.quantity, value, timestep, control_period)
         return value
 
-    def value(self, case: Case, plant: Any) -> float:
+    def value(self, case: Experiment, plant: Any) -> float:
         """Return the number that a case and its plant have, infinite for no limit.
 
         A disturbance's amplitude is zero: without uncertainty there is none.
@@ -174,7 +172,7 @@ class Parameter:
             return math.inf
         return float(value)
 
-    def _of_loop(self, case: Case) -> float | None:
+    def _of_loop(self, case: Experiment) -> float | None:
         """The number of a sensor, an estimator, an actuator or the computer; None for no limit."""
         if case.loop is None:
             raise ArgumentError(
@@ -182,7 +180,7 @@ class Parameter:
             )
         return getattr(case.loop.part(self.owner, self.of), self.quantity)
 
-    def _of_model(self, case: Case, plant: Any) -> float | None:
+    def _of_model(self, case: Experiment, plant: Any) -> float | None:
         """The number of a body, a joint or a part of the machine; None for no limit."""
         if plant.kind != "physics":
             raise ArgumentError(
@@ -209,7 +207,7 @@ class Parameter:
         joint = plant.model.joint(self.of)
         return getattr(plant.model, _JOINT_FIELDS[self.quantity])[joint.dofadr[0]]
 
-    def _of_disturbance(self, case: Case) -> float:
+    def _of_disturbance(self, case: Experiment) -> float:
         """The number of a disturbance."""
         labels = [disturbance.label for disturbance in case.disturbances]
         require_known("disturbance", self.of, [label for label in labels if label])
@@ -268,7 +266,7 @@ class Parameter:
         of_disturbance: Any = disturbance
         return replace(of_disturbance, profile=changed)
 
-    def changed_case(self, case: AnyCase, value: float) -> AnyCase:
+    def changed_case(self, case: Experiment, value: float) -> Experiment:
         """Return a case with this value in its plant, start, disturbances, edits or loop.
 
         Raises:
@@ -293,7 +291,7 @@ class Parameter:
         return case.varied(loop=loop)
 
 
-def with_values(case: AnyCase, values: Iterable[tuple[Parameter, float]]) -> AnyCase:
+def with_values(case: Experiment, values: Iterable[tuple[Parameter, float]]) -> Experiment:
     """Return a case with other values of some parameters; times become whole timesteps.
 
     Args:
@@ -314,7 +312,7 @@ def with_values(case: AnyCase, values: Iterable[tuple[Parameter, float]]) -> Any
     return changed
 
 
-def plant_of(case: Case, like: Plant) -> Plant:
+def plant_of(case: Experiment, like: Plant) -> Plant:
     """Return the plant of a case whose parameters have other values.
 
     Args:

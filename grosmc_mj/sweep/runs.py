@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.runs import input_limits
 from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
 from grosmc_mj.requirements.measurement import Measurement
-from grosmc_mj.requirements.requirement import Requirement, initial_error
+from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import metrics_of_simulations
+from grosmc_mj.requirements.transient import initial_error
 from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -54,7 +53,7 @@ class Row:
 
     law: str | Controller
     values: Mapping[str | Parameter, float] = field(default_factory=dict)
-    case: Case | None = None
+    case: Experiment | None = None
     number: int | None = None
     plant: Plant | None = None
     predict: bool | None = None
@@ -124,7 +123,7 @@ class Run(NamedTuple):
     plant: Plant
     law: Controller
     loop: AppliedLoop | None
-    case: Case
+    case: Experiment
 
 
 def run_rows(
@@ -256,7 +255,7 @@ def prepare_run(
 
 
 def _plant_of(
-    experiment: Experiment, case: Case, name: PlantName, plants: dict[Any, Plant]
+    experiment: Experiment, case: Experiment, name: PlantName, plants: dict[Any, Plant]
 ) -> Plant:
     """The plant with the numbers of a case; plants with equal numbers are one."""
     key = case.edits, case.nominal.scales
@@ -270,7 +269,7 @@ def _plant_of(
 
 
 def _loop_around(
-    law: Controller, experiment: Experiment, row: Row, case: Case
+    law: Controller, experiment: Experiment, row: Row, case: Experiment
 ) -> AppliedLoop | None:
     """The loop of a row's case around its law; None without a loop."""
     if case.loop is None:
@@ -424,7 +423,7 @@ def _recorded_metrics(
         values = np.full(len(runs), np.inf)
         for i, run in enumerate(runs):
             if batch.status[i] is Status.COMPLETED:
-                limits_of_inputs = input_limits(run.plant, run.case)
+                limits_of_inputs = run.case.input_limits(run.plant)
                 values[i] = limit.of_record(batch[i], run.law, limits_of_inputs)
         metrics[limit.metric] = values
     return metrics

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ModelError
-from grosmc_mj.experiments.case import Case
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.agreement import FACTOR, model_mismatch
@@ -64,7 +64,7 @@ class Batch:
 
     # All controllers meet the same samples and plants, and a plant compiles its model.
     @cached_property
-    def samples(self) -> list[Case]:
+    def samples(self) -> list[Experiment]:
         """The case with each of the values, n of them."""
         return [self.campaign.plant_sample(values) for values in self.values]
 

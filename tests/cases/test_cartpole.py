@@ -12,7 +12,7 @@ import pytest
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.physics.linearization import linearize
 from grosmc_mj.simulation.simulate import simulate
@@ -35,7 +35,7 @@ def law(name: str, **numbers: float) -> Controller:
     declared = table.model_dump(exclude_unset=True)
     changed = ControllerTable.model_validate({**declared, **numbers})
     file = EXPERIMENT.file.model_copy(update={"controller": [changed]})
-    return experiment_without_designs(file, EXPERIMENT.path).law("physics", changed.called)
+    return Experiment.of_file(file, EXPERIMENT.path).law("physics", changed.called)
 
 
 @cache

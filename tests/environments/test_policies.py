@@ -78,7 +78,7 @@ def test_a_law_as_a_policy_as_a_controller_is_the_law_itself(
     system: str, name: str, plant: str
 ) -> None:
     case = find_case(system, name)
-    controller = law(system, design=case.design or case.system)
+    controller = law(system, design=case.file.task.name or case.system)
     policy = as_policy(controller)
     direct = run(case, controller, plant)
     by_policy = run(case, policy, plant)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, load, written
 
-from grosmc_mj.experiments.experiment import Experiment, experiment_without_designs
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.machine import DriveFriction, LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
 from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
@@ -220,7 +220,7 @@ READ = [
 @pytest.mark.parametrize(("system", "text", "part"), READ)
 def test_a_part_is_read_with_its_units(system, text, part, tmp_path) -> None:
     path = written(tmp_path, PARTS_OF.format(system) + text)
-    (edit,) = experiment_without_designs(read_case_file(path), path).edits
+    (edit,) = Experiment.of_file(read_case_file(path), path).edits
     assert type(edit) is type(part)
     for item in fields(part):
         expected = getattr(part, item.name)

@@ -19,12 +19,11 @@ from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
 from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.error_metrics import overshoot, settling_time
 from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.run_metrics import cost_shares, measure
+from grosmc_mj.requirements.run_metrics import cost_shares, measure, overshoot, settling_time
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -78,6 +77,7 @@ def result_of(run: Trajectory, **metrics: Metric) -> RunResult:
         trajectory=run,
         comparison=comparison,
         metrics={**measured(run), **metrics},
+        true=nominal.plant("physics"),
     )
 
 

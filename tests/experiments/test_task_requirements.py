@@ -14,7 +14,7 @@ from grosmc_mj.experiments.document import experiment_result
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.requirements.judging import Judgement, judge_run, judge_runs
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.settles_within import SettlesWithin
+from grosmc_mj.requirements.transient import SettlesWithin
 from grosmc_mj.results.document import json_text
 from grosmc_mj.results.result import Result, Value
 

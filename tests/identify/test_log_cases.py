@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import Screen, run
+from event_metrics import event_metrics
 from real_logs import DATA, MISSING
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.measured import MeasuredResult, results_of_logs
-from grosmc_mj.requirements.event_metrics import event_metrics
-from grosmc_mj.requirements.metrics import Event
 from grosmc_mj.requirements.optimum import compare_with_optimum
 
 CASES = DATA / "log_cases"
@@ -119,8 +118,8 @@ def swing_up() -> MeasuredResult:
 def test_the_swing_up_of_the_pendulum_has_its_measured_events(swing_up: MeasuredResult) -> None:
     """Upright after 4.44 s within 0.2 rad, by 4 swings, the last one to 1.95 rad."""
     run = swing_up.trajectory
-    event = Event("pivot", 0.2, periodic=True)
-    events = event_metrics(run, swing_up.controller, swing_up.comparison, event)
+    law = swing_up.controller
+    events = event_metrics(run, law, swing_up.comparison, "pivot", 0.2, periodic=True)
     assert events["reached"].value == pytest.approx(4.44, abs=0.005)
     assert events["swings"].value == 4
     assert events["last_peak"].value == pytest.approx(1.95, abs=0.005)
@@ -130,8 +129,8 @@ def test_the_final_error_of_the_pendulum_is_its_largest_one_in_the_last_tenth(
     swing_up: MeasuredResult,
 ) -> None:
     run = swing_up.trajectory
-    event = Event("pivot", 0.2, periodic=True)
-    events = event_metrics(run, swing_up.controller, swing_up.comparison, event)
+    law = swing_up.controller
+    events = event_metrics(run, law, swing_up.comparison, "pivot", 0.2, periodic=True)
     late = np.abs(run.state[run.time >= 6.3, 0] + np.pi)
     assert events["final_error"].value == pytest.approx(late.max(), abs=1e-4)
 
@@ -143,6 +142,6 @@ def test_minus_pi_is_pi_only_for_a_periodic_angle(
     run = swing_up.trajectory
     other_turn = replace(run, state=run.state + np.array([2 * np.pi, 0.0]))
     comparison = compare_with_optimum(other_turn, swing_up.controller)
-    event = Event("pivot", 0.2, periodic)
-    events = event_metrics(other_turn, swing_up.controller, comparison, event)
+    law = swing_up.controller
+    events = event_metrics(other_turn, law, comparison, "pivot", 0.2, periodic=periodic)
     assert events["reached"].note == note

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from case_texts import STEP, load
+from event_metrics import event_metrics
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import SERVO
-from grosmc_mj.requirements.event_metrics import event_metrics
 from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.requirements.metrics import Event, Metric
+from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.sweep.runs import Row, run_rows
@@ -52,8 +52,8 @@ def of_error(error: np.ndarray) -> Trajectory:
 
 
 def measured(run: Trajectory, band: float, **options: Any) -> dict[str, Metric]:
-    event = Event("rotor angle", band, **options)
-    return event_metrics(run, LQR, compare_with_optimum(run, LQR), event)
+    comparison = compare_with_optimum(run, LQR)
+    return event_metrics(run, LQR, comparison, "rotor angle", band, **options)
 
 
 @pytest.mark.parametrize("band", [0.15, 0.2, 0.5])

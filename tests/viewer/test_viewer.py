@@ -49,7 +49,7 @@ def disturbed(**changes: Any) -> Run:
     """The pendulum of case 1 under its disturbance, or with other arguments."""
     case = find_case("cart_pendulum", "case1")
     law = nominal_controller(
-        "cart_pendulum", "grosmc", "corrected", design=case.design or case.system
+        "cart_pendulum", "grosmc", "corrected", design=case.file.task.name or case.system
     )
     plant = MujocoPlant.load("cart_pendulum", edits=case.edits)
     run = {

@@ -32,13 +32,7 @@ def read_content(path: Path) -> Content:
         ArgumentError: If one of the files cannot be read, is no TOML, lies elsewhere, or extends
             itself.
     """
-    chain = files_of(path)
-    content: Content = {}
-    for own in reversed(chain.values()):
-        # A name is never taken over: results are kept under it.
-        inherited = {key: value for key, value in content.items() if key != "name"}
-        content = merged(inherited, own)
-    return _with_system_base(content, read=chain)
+    return _merged_layers(layers_of(path))
 
 
 def content_of_text(text: str, path: Path) -> Content:
@@ -51,11 +45,11 @@ def content_of_text(text: str, path: Path) -> Content:
     Raises:
         ArgumentError: If it is no TOML.
     """
-    return _with_system_base(_values(text, path), read={})
+    return _merged_layers(_with_system_base({path: _values(text, path)}))
 
 
-def files_of(path: Path) -> dict[Path, Content]:
-    """Return the values of a case file and of each file that it extends, in this order.
+def layers_of(path: Path) -> dict[Path, Content]:
+    """Return the values of a case file, of each file that it extends, and of its system's base.
 
     Raises:
         ArgumentError: As for ``read_content``.
@@ -74,7 +68,7 @@ def files_of(path: Path) -> dict[Path, Content]:
         if EXTENDS in content:
             next_path = _extended_file(content.pop(EXTENDS), file, [*files, file])
         files[file] = content
-    return files
+    return _with_system_base(files)
 
 
 def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
@@ -118,23 +112,24 @@ def merged(base: Content, content: Content) -> Content:
     return result
 
 
-def _with_system_base(content: Content, read: dict[Path, Content]) -> Content:
-    """Return the content merged into the base file of its system.
+def _with_system_base(files: dict[Path, Content]) -> dict[Path, Content]:
+    """Return files, of which each extends the next, with the base file of their system."""
+    plant = _merged_layers(files).get("plant")
+    system = plant.get("system") if isinstance(plant, dict) else None
+    base = base_file(system) if isinstance(system, str) else None
+    if base is None or base in files:
+        return files
+    return {**files, base: _values(read_text(base), base)}
 
-    Args:
-        content: Values of a case file.
-        read: Files that it has been merged from already.
-    """
-    plant = content.get("plant")
-    if not isinstance(plant, dict) or not isinstance(plant.get("system"), str):
-        return content
-    base = base_file(plant["system"])
-    if base is None or base in read:
-        return content
 
-    base_content = _values(read_text(base), base)
-    base_content.pop("name", None)
-    return merged(base_content, content)
+def _merged_layers(layers: dict[Path, Content]) -> Content:
+    """Return the values of files, of which the first counts the most."""
+    content: Content = {}
+    for own in reversed(layers.values()):
+        # A name is never taken over: results are kept under it.
+        content.pop("name", None)
+        content = merged(content, own)
+    return content
 
 
 def _values(text: str, path: Path) -> Content:

@@ -14,7 +14,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.rivals.pid_tuning import Tuning
 from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.control.uncertainty.states import StateUncertainty
-from grosmc_mj.errors import ArgumentError, GrosmcError, name_list, value_text
+from grosmc_mj.errors import ArgumentError, name_list, placed, value_text
 from grosmc_mj.units import is_number, number_in
 
 # Numbers of laws that may be written as a text with a unit.
@@ -74,10 +74,8 @@ def law_number(
 
 def _with_unit(name: str, value: Any, unit: str) -> float:
     """Return a number of a text with a unit, such as "2 s"."""
-    try:
+    with placed(f"{name}: "):
         return number_in(value, unit)
-    except ValueError as error:
-        raise ArgumentError(f"{name}: {error}") from None
 
 
 def _tuning(value: Any) -> Tuning:
@@ -88,10 +86,8 @@ def _tuning(value: Any) -> Tuning:
         )
     for key in value:
         require_known("key", key, ["settles_within"], where="tune: ")
-    try:
+    with placed("tune: "):
         return Tuning(_with_unit("settles_within", value["settles_within"], "s"))
-    except GrosmcError as error:
-        raise ArgumentError(f"tune: {error}") from None
 
 
 def uncertainty(
@@ -118,10 +114,8 @@ def uncertainty(
         require_known("key", key, keys, where="uncertainty: ")
     if isinstance(value.get("region"), dict):
         value = {**value, "region": in_order("uncertainty: region", value["region"], names)}
-    try:
+    with placed("uncertainty: "):
         return kind(**value)
-    except GrosmcError as error:
-        raise ArgumentError(f"uncertainty: {error}") from None
 
 
 def in_order(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, fields
+from functools import partial
 from typing import Annotated, Any, Literal, get_type_hints
 
 import pydantic
@@ -160,43 +161,20 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
     if not any(getattr(file, kind) for kind in LOOP_PARTS):
         return None
     mistakes = Mistakes()
-
     computer = Computing()
     seed = 0
-    with mistakes.gathered("computing: "):
-        if file.computing is not None:
-            seed = file.computing.seed
-            computer = Computing(**_numbers("computing", "", file.computing, system))
+    if file.computing is not None:
+        seed = file.computing.seed
+        with mistakes.gathered("computing: "):
+            computer = _part("computing", file.computing, system)
 
-    parts: dict[str, list[Any]] = {"sensor": [], "estimator": [], "actuator": []}
-    for kind, members in parts.items():
-        for index, table in enumerate(getattr(file, kind)):
-            with mistakes.gathered(f"{kind} {index + 1}: "):
-                members.append(_loop_part(kind, table, system))
-
-    loop = None
-    with mistakes.gathered("computing: "):
-        loop = Loop(
-            computer,
-            tuple(parts["sensor"]),
-            tuple(parts["estimator"]),
-            tuple(parts["actuator"]),
-            seed=seed,
-        )
+    members = []
+    for kind in ("sensor", "estimator", "actuator"):
+        make = partial(_part, kind, system=system)
+        members.append(tuple(mistakes.each(kind, getattr(file, kind), make)))
+    loop = mistakes.attempt(partial(Loop, seed=seed), computer, *members, where="computing: ")
     mistakes.refuse()
-    return loop and loop.completed(system)
-
-
-def _loop_part(kind: str, table: Any, system: System) -> Any:
-    """Return the sensor, estimator or actuator of a table."""
-    signal = table.of
-    if not isinstance(signal, str):
-        # An estimator of several states has the units of the first.
-        signal = signal[0] if signal else ""
-    numbers = _numbers(kind, signal, table, system)
-    if getattr(table, "counts", None) is not None:
-        numbers["resolution"] = _step(table, system)
-    return LOOP_PARTS[kind](**_written(kind, table), **numbers)
+    return loop.completed(system)
 
 
 def known_loop_of_file(file: Any, system: System) -> Loop | None:
@@ -216,9 +194,9 @@ def known_loop_of_file(file: Any, system: System) -> Loop | None:
 
 def run_of_file(file: Any) -> int:
     """Return the number of the run that the loop of a case file draws for; 0 if it names none."""
-    if file.computing is None or file.computing.run is None:
+    if file.computing is None:
         return 0
-    return file.computing.run
+    return file.computing.run or 0
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
@@ -233,14 +211,8 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     """
     parts: list[MachinePart] = []
     mistakes = Mistakes()
-    for kind, part in MACHINE_PARTS.items():
-        for index, table in enumerate(getattr(file, kind)):
-            with mistakes.gathered(f"{kind} {index + 1}: "):
-                owner = in_model(getattr(table, part.owner), part.owner, system)
-                keywords = _written(kind, table)
-                keywords[part.owner] = owner
-                keywords.update(_numbers(kind, owner, table, system))
-                parts.append(part(**keywords))
+    for kind in MACHINE_PARTS:
+        parts += mistakes.each(kind, getattr(file, kind), partial(_part, kind, system=system))
     mistakes.refuse()
     return tuple(parts)
 
@@ -263,17 +235,28 @@ def in_model(name: str, owner: str, system: System) -> str:
     return system.actuators[inputs.index(name)]
 
 
-def _numbers(
-    kind: str,
-    of: str,
-    table: Table,
-    system: System,
-) -> dict[str, float]:
-    """Return the numbers that a table gives, in the units of the system."""
-    for name in table.assumed:  # pyright: ignore[reportAttributeAccessIssue]
+def _part(kind: str, table: Any, system: System) -> Any:
+    """Return the part of a table, its numbers in the units of the system."""
+    part = _PARTS[kind]
+    keywords = {}
+    for name in table.model_fields_set & {item.name for item in fields(part)}:
+        value = getattr(table, name)
+        keywords[name] = tuple(value) if isinstance(value, list) else value
+
+    of = getattr(table, "of", "")
+    if kind in MACHINE_PARTS:
+        of = keywords[part.owner] = in_model(keywords[part.owner], part.owner, system)
+    elif not isinstance(of, str):
+        # An estimator of several states has the units of the first.
+        of = next(iter(of), "")
+
+    for name in table.assumed:
         if name not in table.model_fields_set:
             raise ArgumentError(f"assumed: the table gives no {name}")
-    return numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system))
+    keywords.update(numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system)))
+    if getattr(table, "counts", None) is not None:
+        keywords["resolution"] = _step(table, system)
+    return part(**keywords)
 
 
 def _step(table: Any, system: System) -> float:
@@ -284,14 +267,3 @@ def _step(table: Any, system: System) -> float:
     if unit != "rad":
         raise ArgumentError(f"counts: {table.of} is no angle: give its resolution in {unit}")
     return 2 * math.pi / table.counts
-
-
-def _written(kind: str, table: Table) -> dict[str, Any]:
-    """Return the values of a table that are no numbers with units, lists as tuples."""
-    values = {}
-    for name in table.model_fields_set - _UNITS[kind].keys() - {"assumed", "counts"}:
-        value = getattr(table, name)
-        if isinstance(value, list):
-            value = tuple(value)
-        values[name] = value
-    return values

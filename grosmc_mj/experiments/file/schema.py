@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -391,14 +391,15 @@ def _weight(value: Any) -> Any:
     return value
 
 
+def _all_fit(value: Any, fits: Callable[[Any], bool]) -> bool:
+    """Whether all members of a list, or all values of a table by name, fit."""
+    members = list(value.values()) if isinstance(value, dict) else value
+    return isinstance(members, list) and all(map(fits, members))
+
+
 def _bounds(value: Any) -> Any:
     """Refuse anything but positive numbers, in a list or by name."""
-    numbers = value
-    if isinstance(value, dict):
-        numbers = list(value.values())
-    if isinstance(numbers, list) and all(
-        is_number(number) and 0 < number < math.inf for number in numbers
-    ):
+    if _all_fit(value, lambda number: is_number(number) and 0 < number < math.inf):
         return value
     raise ValueError(
         f"{value_text(value)} must be positive bounds, in a list or by name such as {{ angle = 1 }}"
@@ -407,8 +408,7 @@ def _bounds(value: Any) -> Any:
 
 def _formulas(value: Any) -> Any:
     """Refuse anything but texts, in a list or by name."""
-    texts = list(value.values()) if isinstance(value, dict) else value
-    if isinstance(texts, list) and all(isinstance(text, str) for text in texts):
+    if _all_fit(value, lambda text: isinstance(text, str)):
         return value
     raise ValueError(
         f'{value_text(value)} must be formulas, in a list or by name such as {{ angle = "sin(t)" }}'

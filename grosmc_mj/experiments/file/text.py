@@ -7,8 +7,7 @@ from pathlib import Path
 
 import tomli_w
 
-from grosmc_mj.experiments.file.content import EXTENDS, files_of, read_content, read_text
-from grosmc_mj.experiments.file.shipped import base_file
+from grosmc_mj.experiments.file.content import EXTENDS, layers_of, read_content, read_text
 
 
 def complete_text(path: Path) -> str:
@@ -21,13 +20,8 @@ def complete_text(path: Path) -> str:
             itself.
     """
     content = read_content(path)
-    files = list(files_of(path))
-    base = base_file(content.get("plant", {}).get("system", ""))
-    if base is not None and base not in files:
-        files.append(base)
-
     text = ""
-    for file in reversed(files):
+    for file in reversed(layers_of(path)):
         text = _joined(read_text(file), text)
     try:
         if tomllib.loads(text) == content:

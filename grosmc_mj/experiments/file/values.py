@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, Mistakes
+from grosmc_mj.errors import ArgumentError, Mistakes, placed
 from grosmc_mj.experiments.file.parts import (
     in_model,
 )
@@ -126,18 +127,16 @@ def _gear(table: EditTable, name: str, system: System) -> float:
         unit = "1"
     elif " " in input_unit or "/" in input_unit:
         unit = f"{force}/({input_unit})"
-    try:
+    with placed(f"edit of {name!r}: gear: "):
         return si_number(table.gear, unit)
-    except ArgumentError as error:
-        raise ArgumentError(f"edit of {name!r}: gear: {error}") from None
 
 
-# Keys of the shipped profiles.
-_PROFILE_KEYS: Mapping[str, tuple[str, ...]] = {
-    "constant": (),
-    "pulse": ("start", "stop"),
-    "sine": ("frequency", "onset", "phase"),
-    "table": ("values", "hold", "periodic"),
+# Shipped profiles, whose fields are keys of the table.
+_PROFILES: Mapping[str, Any] = {
+    "constant": Constant,
+    "pulse": Pulse,
+    "sine": SineFrom,
+    "table": Table,
 }
 
 
@@ -152,11 +151,12 @@ def disturbances_of(file: CaseFile, system: System, folder: Path) -> tuple[AnyDi
     Raises:
         ArgumentError: For all that do not fit.
     """
-    disturbances = []
     mistakes = Mistakes()
-    for i, table in enumerate(file.disturbance):
-        with mistakes.gathered(f"disturbance {i + 1}: "):
-            disturbances.append(_disturbance(table, system, folder))
+    disturbances = mistakes.each(
+        "disturbance",
+        file.disturbance,
+        lambda table: _disturbance(table, system, folder),
+    )
     mistakes.refuse()
     return tuple(disturbances)
 
@@ -166,27 +166,23 @@ def _disturbance(table: DisturbanceTable, system: System, folder: Path) -> AnyDi
     if table.body is not None:
         return _on_body(table, system, folder)
 
-    states = [state.name for state in system.states]
-    if table.input is not None:
-        inputs = [signal.name for signal in system.inputs]
-        require_known("input", table.input, inputs)
-        unit = system.inputs[inputs.index(table.input)].unit
-        amplitude = _amplitude(table, unit)
-        return InputDisturbance(table.input, amplitude, _profile(table, folder), table.label)
-
-    if table.measured is not None:
-        require_known("state", table.measured, states)
-        unit = system.states[states.index(table.measured)].unit
-        amplitude = _amplitude(table, unit)
-        return OutputDisturbance(table.measured, amplitude, _profile(table, folder), table.label)
-
-    if system.joints:
+    # Of each kind: the signals that it may act on, with the unit of its amplitude.
+    kinds: dict[str, tuple[Any, dict[str, str]]] = {
+        "input": (InputDisturbance, {signal.name: signal.unit for signal in system.inputs}),
+        "measured": (OutputDisturbance, {state.name: state.unit for state in system.states}),
+        "state": (RateDisturbance, {state.name: state.rate_unit for state in system.states}),
+    }
+    key = next(key for key in kinds if getattr(table, key) is not None)
+    kind, units = kinds[key]
+    if key == "state" and system.joints:
         raise ArgumentError(f"{system.name} has a model in MuJoCo: name a body or an input")
-    assert table.state is not None
-    require_known("state", table.state, states)
-    unit = system.states[states.index(table.state)].rate_unit
-    amplitude = _amplitude(table, unit)
-    return RateDisturbance(table.state, amplitude, _profile(table, folder), table.label)
+    name = getattr(table, key)
+    require_known("input" if key == "input" else "state", name, units)
+
+    if table.amplitude is None:
+        raise ArgumentError("it has no amplitude")
+    numbers = numbers_of(table, ["amplitude"], lambda _: units[name])
+    return kind(name, **numbers, profile=_profile(table, folder), label=table.label)
 
 
 def _on_body(table: DisturbanceTable, system: System, folder: Path) -> Disturbance:
@@ -201,34 +197,22 @@ def _on_body(table: DisturbanceTable, system: System, folder: Path) -> Disturban
     return Disturbance(table.body, wrench, _profile(table, folder), table.label)
 
 
-def _amplitude(table: DisturbanceTable, unit: str) -> float:
-    """Return the amplitude of a disturbance of a signal in this unit."""
-    if table.amplitude is None:
-        raise ArgumentError("it has no amplitude")
-    return numbers_of(table, ["amplitude"], lambda _name: unit)["amplitude"]
-
-
 def _profile(table: DisturbanceTable, folder: Path) -> Any:
     """Return the profile of a disturbance over time."""
     if is_named(table.profile):
         return load_named(table.profile, folder)
 
-    require_known("profile", table.profile, (*_PROFILE_KEYS, "module:name"))
-    keys_of_others = set[str]().union(*_PROFILE_KEYS.values()) - set(_PROFILE_KEYS[table.profile])
-    misplaced = sorted(table.model_fields_set & keys_of_others)
+    require_known("profile", table.profile, (*_PROFILES, "module:name"))
+    keys = {name: [item.name for item in fields(kind)] for name, kind in _PROFILES.items()}
+    valid = keys[table.profile]
+    foreign = set[str]().union(*keys.values()).difference(valid)
+    misplaced = sorted(table.model_fields_set & foreign)
     if misplaced:
         raise ArgumentError(f"a {table.profile} has no {', '.join(misplaced)}")
 
-    if table.profile == "constant":
-        return Constant()
-    if table.profile == "pulse":
-        if table.stop is None:
-            raise ArgumentError("a pulse needs stop")
-        return Pulse(table.start, table.stop)
-    if table.profile == "table":
-        if not table.values or table.hold is None:
-            raise ArgumentError("a table needs values and hold")
-        return Table(tuple(table.values), table.hold, table.periodic)
-    if table.frequency is None:
-        raise ArgumentError("a sine needs frequency")
-    return SineFrom(table.frequency, table.onset, table.phase)
+    nothing = (None, [])
+    needed = [key for key in valid if DisturbanceTable.model_fields[key].default in nothing]
+    numbers = {key: getattr(table, key) for key in valid}
+    if any(numbers[key] in nothing for key in needed):
+        raise ArgumentError(f"a {table.profile} needs {' and '.join(needed)}")
+    return _PROFILES[table.profile](**numbers)

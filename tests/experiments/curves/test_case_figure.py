@@ -23,7 +23,7 @@ from grosmc_mj.experiments.curves import (
     write_curves,
 )
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.requirements.stays_within import StaysWithin
+from grosmc_mj.requirements.magnitudes import StaysWithin
 from grosmc_mj.results.envelope import envelope
 from grosmc_mj.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status

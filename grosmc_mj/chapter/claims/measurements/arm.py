@@ -24,7 +24,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.error_metrics import settling_time
+from grosmc_mj.requirements.run_metrics import settling_time
 
 _SYSTEM = "arm"
 # The chapter prints no variation: half to twice the payload, on 0.8 to 1.25 times the link.

@@ -19,7 +19,7 @@ from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.requirements.error_metrics import settling_time
+from grosmc_mj.requirements.run_metrics import settling_time
 
 _SYSTEM = "cart_pendulum"
 # Angles at the start that are tried [deg].

@@ -20,7 +20,7 @@ from grosmc_mj.control.lqr import lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.requirements.error_metrics import overshoot
+from grosmc_mj.requirements.run_metrics import overshoot
 
 _SYSTEM = "servo"
 _MEASURES = ("damping ratio", "phase margin", "slowest pole", "delay margin")

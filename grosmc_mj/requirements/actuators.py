@@ -1,47 +1,64 @@
-"""Time at the limit of an actuator."""
+"""Largest input, and time at the limit of an actuator."""
 
 from __future__ import annotations
 
-from collections.abc import Set
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
-@dataclass(frozen=True, kw_only=True)
+class InputBelow(Requirement):
+    """Largest input."""
+
+    key = "input_below"
+    quantity = "input"
+    figure = "input"
+    usual_metric = "max_input"
+    of_actuators = True
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse inputs of different units."""
+        units = {item.unit for item in error.system.inputs}
+        if len(units) > 1:
+            raise ArgumentError("the inputs have different units")
+
+    def why_unfailing(self, law: Controller, input_limits: Array) -> str:
+        """Say that the actuators give no more than is allowed."""
+        largest = float(np.abs(input_limits).max())
+        if self.number < largest:
+            return ""
+        return f"the actuator gives {largest:g} {self.unit} at most"
+
+    def note(self, run: MeasuredRun, *, kept: bool) -> str:
+        """Say for how long the law asks for all that the actuators give."""
+        if not np.any(np.isfinite(run.input_limits)):
+            return ""
+        return f"at the actuator's limit {100 * run.saturated:.2g} % of the time"
+
+
 class SaturatedForLessThan(Requirement):
     """Longest time in which the law asks an actuator for its limit or more without a break [s]."""
 
     key = "saturated_for_less_than"
     quantity = "s"
-    is_level = False
+    usual_metric = "longest_saturation"
     of_actuators = True
     recorded = True
-
-    @property
-    def metric(self) -> str:
-        """Name of the longest time."""
-        return "longest_saturation"
-
-    def watched(self, error: Any) -> list[str]:
-        """Return the names of the inputs."""
-        return [signal.name for signal in error.system.inputs]
 
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that the inputs have no limit."""
         if np.any(np.isfinite(input_limits)):
             return ""
         return "no input has a limit"
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Return nothing: a log has the inputs."""
-        return ""
 
     def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
         """Return the longest time over all inputs."""

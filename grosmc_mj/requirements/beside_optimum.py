@@ -1,16 +1,21 @@
-"""Cost of a run over the least one."""
+"""Distance from the nominal optimum, and cost of a run over the least one."""
 
 from __future__ import annotations
 
-from collections.abc import Set
-from dataclasses import dataclass
-
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement
 
 
-@dataclass(frozen=True, kw_only=True)
+class DeviationBelow(Requirement):
+    """Largest distance from the law's own nominal optimum."""
+
+    key = "deviation_below"
+    quantity = "output"
+    figure = "deviation"
+    usual_metric = "deviation"
+    not_in_logs = "a log is not compared with the nominal optimum"
+
+
 class CostRatioBelow(Requirement):
     """J with the whole input over J*.
 
@@ -20,15 +25,8 @@ class CostRatioBelow(Requirement):
 
     key = "cost_ratio_below"
     quantity = "1"
-
-    def why_not_measured(self, law: Controller, known: Set[str]) -> str:
-        """Say that the index weighs an input of the law."""
-        return "a log does not have the input that the index weighs"
-
-    @property
-    def metric(self) -> str:
-        """Name of J over J*."""
-        return "cost_ratio"
+    usual_metric = "cost_ratio"
+    not_in_logs = "a log does not have the input that the index weighs"
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the ratio, or that J* is zero."""

@@ -1,20 +1,22 @@
-"""Settling time."""
+"""Settling time and overshoot."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.requirements.error_metrics import settling_time
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import DWELL, SETTLING_BAND, Metric, settled_in
-from grosmc_mj.requirements.requirement import Requirement, require_initial_error
+from grosmc_mj.requirements.requirement import ROUNDING, Requirement
+from grosmc_mj.requirements.run_metrics import settling_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +33,6 @@ class SettlesWithin(Requirement):
     quantity = "s"
     options = ("band",)
     figure = "output"
-    is_level = False
 
     band: float | None = None
     band_written: str = ""
@@ -123,3 +124,57 @@ def _has_nominal_error(law: Controller) -> bool:
     Laws with an integrator of their own and a user's laws are only compared with an optimum.
     """
     return law.designed.follows_optimum or hasattr(law.parameters, "K")
+
+
+class OvershootBelow(Requirement):
+    """Largest error beyond zero, in the transient, as a share of the error at the start."""
+
+    key = "overshoot_below"
+    quantity = "1"
+    usual_metric = "overshoot"
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse several outputs."""
+        if len(error.output_rows) > 1:
+            raise ArgumentError("several outputs have no one overshoot")
+
+    def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
+        """Refuse a start without error."""
+        require_initial_error(law, x0, f"{self.key}: it is a share")
+
+    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
+        """Return the overshoot as a share; among the metrics of a run it is in percent."""
+        share = self.replayed(run)
+        if math.isfinite(share):
+            return share, ""
+        return None, "there is no error at the start"
+
+
+# -- the error at the start ------------------------------------------------------------------------
+
+
+def initial_error(law: Controller, x0: Sequence[float]) -> float:
+    """Return the size of the outputs' error at a start (n,), in their unit."""
+    error = law.designed.error
+    z = error.along(np.zeros(1), np.array([x0]), law.parameters)[0]
+    return float(np.linalg.norm(z[list(error.output_rows)]))
+
+
+def require_initial_error(law: Controller, x0: Sequence[float], reason: str) -> None:
+    """Refuse a start without error.
+
+    Args:
+        law: One of the laws.
+        x0: Start, (n,).
+        reason: What is a share of the error at the start.
+
+    Raises:
+        ArgumentError: If the error is zero to rounding.
+    """
+    if initial_error(law, x0) > ROUNDING:
+        return
+    raise ArgumentError(
+        f"{reason} of the error at the start, and runs start without error: ask for "
+        "stays_within with after instead, or start elsewhere"
+    )
