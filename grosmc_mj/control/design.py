@@ -246,7 +246,7 @@ def _feedback(
     )
     law = laws.optimal_feedback(task.error, linearizing=linearizing)
     m, n = optimum.K.shape
-    memory = memory_of(FeedbackMemory, v=np.zeros(m), z=np.zeros(n))
+    memory = memory_of(FeedbackMemory, m=m, n=n)
     return Controller(name, law, task.feedback(optimum.K), memory, design)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cache, partial
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
-from grosmc_mj.control.memory import Memory, memory_of
+from grosmc_mj.control.memory import Memory, memory_of, vector
 from grosmc_mj.control.rivals.pid_tuning import (
     PidGains,
     Tuning,
@@ -75,12 +75,12 @@ class PidMemory(Memory):
             outputs, (m,).
     """
 
-    z: Array = field(default_factory=partial(np.zeros, 2))
-    setpoint: Array = field(default_factory=partial(np.zeros, 1))
-    first_output: Array = field(default_factory=partial(np.zeros, 1))
-    integral: Array = field(default_factory=partial(np.zeros, 1))
-    rate: Array = field(default_factory=partial(np.zeros, 1))
-    last: Array = field(default_factory=partial(np.zeros, 1))
+    z: Array = vector("n")
+    setpoint: Array = vector("m")
+    first_output: Array = vector("m")
+    integral: Array = vector("m")
+    rate: Array = vector("m")
+    last: Array = vector("m")
 
 
 @checked_call
@@ -161,23 +161,9 @@ def pid(
         _law(error, tuple(rows)),
         like,
         numbers,
-        _memory(m, error.size),
+        memory_of(PidMemory, m=m, n=error.size),
         source="Astrom and Hagglund 2006",
         gains=_gains_to_show(gains),
-    )
-
-
-def _memory(m: int, n: int) -> Callable[[], Any]:
-    """Function that makes the memory of each run: m outputs, n entries of z."""
-    return memory_of(
-        PidMemory,
-        v=np.zeros(m),
-        z=np.zeros(n),
-        setpoint=np.zeros(m),
-        first_output=np.zeros(m),
-        integral=np.zeros(m),
-        rate=np.zeros(m),
-        last=np.zeros(m),
     )
 
 
