@@ -133,18 +133,12 @@ def _sampled(sys: Any, period: float, name: str) -> tuple[Array, Array, Array, A
             "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
 
-    A = _contiguous(system.A)
-    B = _contiguous(system.B)
-    C = _contiguous(system.C)
-    D = _contiguous(system.D)
+    A, B, C, D = (
+        np.ascontiguousarray(np.asarray(matrix, float)) for matrix in control.ssdata(system)
+    )
     if len(A) == 0:
         outputs, inputs = D.shape
         A = np.zeros((1, 1))
         B = np.zeros((1, inputs))
         C = np.zeros((outputs, 1))
     return A, B, C, D
-
-
-def _contiguous(matrix: Any) -> Array:
-    """Matrix as floats, row by row."""
-    return np.ascontiguousarray(np.asarray(matrix, float))

@@ -182,3 +182,12 @@ def dynamic_controller(
     )
     law = dynamic_feedback(task.error, linearizing=linearizing, holds=holds)
     return Controller(name, law, parameters, memory, design)
+
+
+def input_rows(task: Task, optimum: LqrDesign) -> tuple[Array, Array]:
+    """a (m, n) and E (m, m) of z_i^(r_i) = a_i z + (E v)_i, the rows of z' with the inputs.
+
+    After feedback linearization a is zero and E the identity.
+    """
+    rows = list(task.outputs.linearization.last_rows)
+    return optimum.A[rows], optimum.B[rows]

@@ -15,7 +15,7 @@ from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Design
 from grosmc_mj.control.reaching import NominalLaw, Reaching
-from grosmc_mj.control.uncertainty.gain_suprema import GainSuprema, SwitchingGains
+from grosmc_mj.control.uncertainty.gain_suprema import Member, SwitchingGains, switching_gains
 from grosmc_mj.errors import value_text
 from grosmc_mj.plants import Plant
 from grosmc_mj.refusals import refusal
@@ -56,7 +56,7 @@ class PlantFamily(ABC):
 
     @abstractmethod
     def law_at_states(self, design: Design, p: Any) -> NominalLaw:
-        """The law at the states where its reaching condition is evaluated, see ``GainSuprema``.
+        """The law at the states where its reaching condition is evaluated, see ``switching_gains``.
 
         Raises:
             GainError: If the uncertainty is not one of this design's system.
@@ -124,12 +124,11 @@ class PlantFamily(ABC):
             ModelError: If the plant has no such parameter or body.
         """
         law = self.law_at_states(design, p)
-        suprema = GainSuprema(plant.system.name, law)
-        for changes, member in self.members(plant):
-            reaching, disturbed = self.reaching(design, p, law, member)
-            suprema.add(changes, reaching, disturbed)
-
-        gains = suprema.gains(self.reaching_rate)
+        family = (
+            Member(changes, *self.reaching(design, p, law, member))
+            for changes, member in self.members(plant)
+        )
+        gains = switching_gains(plant.system.name, law, family, self.reaching_rate)
         return gains, (
             f"{self.description(plant)}; "
             f"input gain down to {gains.gain_ratio:.3g} of the nominal one"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +33,25 @@ class SwitchingGains(NamedTuple):
     gain_ratio: float
 
 
-class GainSuprema:
-    """Suprema over a family of plants, from which gains with s_i' s_i <= -rate |s_i| follow.
+class Member(NamedTuple):
+    """A plant of a family, at the N states of a law.
+
+    Attributes:
+        changes: Its difference from the nominal plant, in words.
+        reaching: Its reaching condition.
+        disturbed: |G d|, the largest change of s' by the declared disturbances, (N, m), in the
+            unit of s per second.
+    """
+
+    changes: str
+    reaching: Reaching
+    disturbed: Array
+
+
+def switching_gains(
+    system: str, law: NominalLaw, family: Iterable[Member], rate: float
+) -> SwitchingGains:
+    """Suprema over a family of plants: gains with s_i' s_i <= -rate |s_i| on each of them.
 
     The switching term meets the true input gain, not the nominal one, so the assumptions' bounds
     are met with the gain's own uncertainty counted, which breaks the circle of Assumption 4. Of
@@ -44,71 +62,57 @@ class GainSuprema:
         gamma1 = sup |push(z) - push(0)| / (r |G E| |z|),
 
     in Euclidean norms, so that they hold for a term along s/|s| as well as for one in each entry.
+
+    Args:
+        system: Name of the system.
+        law: The law at z = 0, then at one step along each axis next to it, where the mismatch
+            is linear, then anywhere else.
+        family: The plants.
+        rate: Reaching rate, in the unit of s per second.
+
+    Raises:
+        GainError: If a plant reverses or loses an input, when no gain helps.
     """
+    z = law.z[1:]
+    n = z.shape[1]
+    distance = np.linalg.norm(z, axis=-1)
+    size = np.linalg.norm(law.GE[1:], axis=(-2, -1))
 
-    def __init__(self, name: str, law: NominalLaw) -> None:
-        """Begin with no plant.
+    gain_ratio = math.inf
+    gamma0 = 0.0
+    gamma1 = 0.0
+    for member in family:
+        push = member.reaching.push
+        r = _effective_share(system, member, z)
+        gain_ratio = min(gain_ratio, float(r.min()))
 
-        Args:
-            name: Name of the system.
-            law: The law at z = 0, then at one step along each axis next to it, where the mismatch
-                is linear, then anywhere else.
-        """
-        self._name = name
-        self._z = law.z[1:]
-        sizes = np.linalg.norm(law.GE, axis=(-2, -1))
-        self._size = sizes[1:]
-        self._distance = np.linalg.norm(self._z, axis=-1)
-        self._gamma0 = 0.0
-        self._gamma1 = 0.0
-        self._gain_ratio = math.inf
-
-    def add(self, plant: str, reaching: Reaching, disturbed: Array) -> None:
-        """Include a plant of the family.
-
-        Args:
-            plant: Its name.
-            reaching: Its reaching condition at the states of the law.
-            disturbed: Largest part |G d| that disturbances add to the push there, (N, m).
-
-        Raises:
-            GainError: If the plant reverses or loses an input, when no gain helps.
-        """
-        push = reaching.push
-        r = self._effective_share(plant, reaching.R)
-        self._gain_ratio = min(self._gain_ratio, float(r.min()))
-
-        switched = r * self._size
-        largest = np.abs(push[0]) + disturbed[1:]
+        switched = r * size
+        largest = np.abs(push[0]) + member.disturbed[1:]
         constant = np.hypot.reduce(largest, axis=-1) / switched
-        self._gamma0 = max(self._gamma0, float(constant.max()))
+        gamma0 = max(gamma0, float(constant.max()))
 
-        slope = (push[1:] - push[0]) / (switched * self._distance)[:, None]
+        slope = (push[1:] - push[0]) / (switched * distance)[:, None]
         # The largest slope of a linear mismatch is the norm of its matrix.
-        n = self._z.shape[1]
         near = float(np.linalg.norm(slope[:n], 2))
         far = np.linalg.norm(slope, axis=-1)
-        self._gamma1 = max(self._gamma1, near, float(far.max()))
+        gamma1 = max(gamma1, near, float(far.max()))
 
-    def _effective_share(self, plant: str, R: Array) -> Array:
-        """r of a plant at every state but z = 0."""
-        in_each_entry = gain_margin(R)
-        along_s = gain_margin(R, together=True)
-        r = np.minimum(in_each_entry, along_s)[1:]
-        if not np.all(r > _ROUNDING):
-            comparable = np.where(np.isnan(r), -np.inf, r)
-            worst = int(np.argmin(comparable))
-            raise GainError(
-                f"{self._name}: the input gain of a declared plant, {plant}, is {r[worst]:g} of "
-                f"the nominal one at z = {self._z[worst]}; no switching gain can make up for that: "
-                "choose another G"
-            )
-        return r
+    # Rounding is no mismatch.
+    gamma0 = gamma0 if gamma0 > _ROUNDING else 0.0
+    gamma1 = gamma1 if gamma1 > _ROUNDING else 0.0
+    return SwitchingGains(rate / gain_ratio, gamma0, gamma1, gain_ratio)
 
-    def gains(self, rate: float) -> SwitchingGains:
-        """Gains with which every plant of the family keeps |s| falling at this rate."""
-        eta = rate / self._gain_ratio
-        # Rounding is no mismatch.
-        gamma0 = self._gamma0 if self._gamma0 > _ROUNDING else 0.0
-        gamma1 = self._gamma1 if self._gamma1 > _ROUNDING else 0.0
-        return SwitchingGains(eta, gamma0, gamma1, self._gain_ratio)
+
+def _effective_share(system: str, member: Member, z: Array) -> Array:
+    """r of a plant at every state z but zero."""
+    R = member.reaching.R[1:]
+    r = np.minimum(gain_margin(R), gain_margin(R, together=True))
+    if not np.all(r > _ROUNDING):
+        comparable = np.where(np.isnan(r), -np.inf, r)
+        worst = int(np.argmin(comparable))
+        raise GainError(
+            f"{system}: the input gain of a declared plant, {member.changes}, is {r[worst]:g} of "
+            f"the nominal one at z = {z[worst]}; no switching gain can make up for that: "
+            "choose another G"
+        )
+    return r
