@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.balance import Added, Balance, balances, balances_along
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case import Case
@@ -35,27 +34,21 @@ _EVERY = 5
 ROUNDING = 1e-9
 
 
-class Point(NamedTuple):
-    """Place of a value: time [s], state and value."""
-
-    t: float
-    x: tuple[float, ...]
-    value: float
-
-
 @dataclass(frozen=True)
 class Reading:
     """A premise at many points.
 
     Attributes:
-        worst: The point of the least margin.
-        margin: Positive where it holds, in the premise's unit.
+        margin: The least of all points: positive where it holds, in the premise's unit.
         violated: Part of the points, or of the time, at which it does not hold.
+        t: Time of the point with this margin [s]; NaN for a margin without a place.
+        x: State there; empty for a margin without a place.
     """
 
-    worst: Point
     margin: float
     violated: float
+    t: float = math.nan
+    x: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -339,13 +332,13 @@ def reading_of(points: Balance, margins: Array) -> Reading:
     least = float(margins.min())
     shared = np.isclose(margins, least, rtol=ROUNDING, atol=0, equal_nan=True)
     row = int(shared.argmax())
-    worst = Point(float(points.t[row]), tuple(points.x[row].tolist()), least)
-    return Reading(worst, least, float(np.mean(margins < 0)))
+    violated = float(np.mean(margins < 0))
+    return Reading(least, violated, float(points.t[row]), tuple(points.x[row].tolist()))
 
 
 def single_reading(margin: float) -> Reading:
     """A margin that has no place and no time."""
-    return Reading(Point(math.nan, (), margin), margin, float(margin < 0))
+    return Reading(margin, float(margin < 0))
 
 
 def _linear(law: Controller) -> list[Premise]:
@@ -429,34 +422,42 @@ def _sign(region: Balance, along: Balance) -> Premise:
 
 def _gain(law: Controller, region: Balance, along: Balance) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
-    unit = per_second(law.designed.sliding_unit)
+    design = law.designed
     in_region = region.required.max()
     along_run = along.required.max()
     required = max(in_region, along_run)
 
-    if "epsilon" in law.designed.gains:
-        name = "epsilon"
-        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
+    if "epsilon" in design.gains:
         remedy = (
             f"ε = {along_run:.3g} along this run, which leaves its surface, and {in_region:.3g} "
             f"over the region, instead of {law.parameters.epsilon:.3g}"
         )
     else:
-        name = "switching gain"
-        source = "Assumptions 4 and 6, eqs. (12), (37)"
         factor = max(region.times.max(), along.times.max())
         remedy = f"η, γ0 and γ1 {factor:.3g} times as large"
         if math.isinf(factor):
             remedy = f"η = {required:.3g}; there is no gain to multiply"
+    return replace(
+        switching_premise(design, along),
+        region=reading_of(region, region.margin),
+        remedy=remedy,
+        note=f"required at most {required:.3g} {per_second(design.sliding_unit)}",
+    )
+
+
+def switching_premise(design: Design, along: Balance) -> Premise:
+    """The switching gain covers what pushes s away along a run."""
+    name = "switching gain"
+    source = "Assumptions 4 and 6, eqs. (12), (37)"
+    if "epsilon" in design.gains:
+        name = "epsilon"
+        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
     return Premise(
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
-        unit,
-        region=reading_of(region, region.margin),
+        per_second(design.sliding_unit),
         along=reading_of(along, along.margin),
-        remedy=remedy,
-        note=f"required at most {required:.3g} {unit}",
     )
 
 
@@ -496,5 +497,5 @@ def _region_kept(result: RunResult) -> Premise:
         "section 3.2: X_0",
         f"the run stays in {system.region}, and the actuator gives what is asked for",
         "1",
-        along=Reading(Point(math.nan, (), margin), margin, violated),
+        along=Reading(margin, violated),
     )

@@ -222,7 +222,7 @@ def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> Non
     assert premise(audited, "input gain").holds
     # The margins are measured from 1e-9, which is what the reading calls rounding.
     assert region.margin == pytest.approx(pendulum_gain_ratio(math.pi / 6), rel=1e-8)
-    assert abs(region.worst.x[1]) == pytest.approx(math.pi / 6)
+    assert abs(region.x[1]) == pytest.approx(math.pi / 6)
     upright = pendulum_gain_ratio(0)
     assert pendulum_gain_ratio(math.pi / 18) <= along.margin + 2e-9 <= upright + 2e-9
     assert upright == pytest.approx(0.22, abs=0.005)
@@ -236,7 +236,7 @@ def test_printed_epsilon_fails_by_the_closed_form() -> None:
     assert not premise(audited, "epsilon").holds
     M = 0.1 + 0.06 * math.sin(-1.5)
     assert region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
-    assert region.worst.x[0] == pytest.approx(-1.5)
+    assert region.x[0] == pytest.approx(-1.5)
     assert 0 < along.violated < 1
 
 
@@ -445,7 +445,7 @@ def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None
     points: Any = SimpleNamespace(t=np.arange(4.0), x=np.arange(4.0)[:, None])
     least = -6.45 * (1 + 4e-16)
     reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
-    assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
+    assert (reading.t, reading.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
 
 
