@@ -22,8 +22,7 @@ from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task, state_task
-from grosmc_mj.control.uncertainty.family import PlantFamily
-from grosmc_mj.control.uncertainty.gain_suprema import SwitchingGains
+from grosmc_mj.control.uncertainty.family import PlantFamily, SwitchingGains
 from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GainError

@@ -20,8 +20,7 @@ from grosmc_mj.control.reaching import (
     nominal_law,
     sliding_dynamics,
 )
-from grosmc_mj.control.uncertainty.family import PlantFamily, Scales
-from grosmc_mj.control.uncertainty.gain_suprema import SwitchingGains
+from grosmc_mj.control.uncertainty.family import PlantFamily, Scales, SwitchingGains
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import Name, NotNegative, Positive, Range, checked
 from grosmc_mj.plants import OperatingPoint, Plant
