@@ -47,6 +47,19 @@ class Sampled:
     period: float = math.nan
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskNumbers(Sampled):
+    """Numbers of a law for a task that reads its control period.
+
+    Attributes:
+        plant: Parameters of the nominal plant.
+        reference: Parameters of the reference.
+    """
+
+    plant: Any
+    reference: Any
+
+
 @dataclass(frozen=True, eq=False)
 class Design:
     """Error coordinates and optimum that a law was designed for and its runs are judged by.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled, noting_controller
+from grosmc_mj.control.controller import Controller, TaskNumbers, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
@@ -24,20 +24,16 @@ from grosmc_mj.plants.parametrization import LinearParametrization
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AdaptiveNumbers(Sampled):
+class AdaptiveNumbers(TaskNumbers):
     """Numbers of Slotine and Li's law for m joints.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         frequency: Lambda [1/s].
         adaptation: gamma, the same for all parameters in SI units.
         damping: K_D, in the unit of the input times seconds per unit of the joint, (m, m).
         limit: Largest |u|, in the unit of the input; infinite for none.
     """
 
-    plant: Any
-    reference: Any
     frequency: float
     adaptation: float
     damping: Array

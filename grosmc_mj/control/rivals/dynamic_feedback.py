@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Design, Sampled
+from grosmc_mj.control.controller import Controller, Design, TaskNumbers
 from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import LqrDesign
@@ -45,18 +45,14 @@ class Dynamics:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DynamicParameters(Sampled):
+class DynamicParameters(TaskNumbers):
     """Numbers of a law with dynamics.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         dynamics: Matrices at the run's control period.
         limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
     """
 
-    plant: Any
-    reference: Any
     dynamics: Dynamics
     limit: float = math.inf
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled, named_gains, noting_controller
+from grosmc_mj.control.controller import Controller, TaskNumbers, named_gains, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
@@ -31,12 +31,10 @@ from grosmc_mj.jitable import jitable
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PidNumbers(Sampled):
+class PidNumbers(TaskNumbers):
     """Numbers of a PID of m outputs, each of which acts on the input of the same number.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         kp: Gain of the error, in the unit of the input per unit of the output, (m,).
         ki: Gain of its integral, in that unit per second, (m,).
         kd: Gain of its rate, in that unit times seconds, (m,).
@@ -48,8 +46,6 @@ class PidNumbers(Sampled):
         tracking_time: Time constant of the anti-windup [s]; 0 to hold the integral instead.
     """
 
-    plant: Any
-    reference: Any
     kp: Array
     ki: Array
     kd: Array

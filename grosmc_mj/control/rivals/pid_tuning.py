@@ -158,13 +158,9 @@ def pid_loop(task: Task, rows: list[int], filter_time: float) -> PidLoop:
     B = np.zeros((error.size, error.inputs))
     # The law controls y - r, which is z up to the sign of the task.
     B[last_rows] = error.sign * E
-    ends = np.cumsum(linearization.relative_degree)
-    chains = tuple(
-        slice(int(end) - degree, int(end))
-        for end, degree in zip(ends, linearization.relative_degree, strict=True)
-    )
-    if list(linearization.first_rows) != rows:
-        return PidLoop(A, B, C, filter_time, None)
+    chains = None
+    if list(linearization.first_rows) == rows:
+        chains = tuple(slice(first, last + 1) for first, last in zip(rows, last_rows, strict=True))
     return PidLoop(A, B, C, filter_time, chains)
 
 
@@ -187,19 +183,22 @@ def placed_gains(loop: PidLoop, frequency: float) -> PidGains | None:
     gains = np.zeros((3, m))
     # With the other outputs held, 1/b is the diagonal of the inertia.
     ends = [part.stop - 1 for part in loop.chains]
-    own_gain = 1 / np.diag(np.linalg.inv(loop.B[ends])) if m > 1 else None
+    of_several = 1 / np.diag(np.linalg.inv(loop.B[ends])) if m > 1 else None
     w = frequency
     for i, part in enumerate(loop.chains):
         A = loop.A[part, part]
         C = loop.C[i, part]
         B = loop.B[part, i]
+        order = len(A)
+        b = C @ B if order == 1 else C @ A @ B
+        if of_several is not None:
+            b = of_several[i]
+
         # Characteristic polynomial, highest power first.
         polynomial = np.poly(A)
-        if len(A) == 1:
-            b = own_gain[i] if own_gain is not None else C @ B
+        if order == 1:
             gains[:2, i] = (2 * w - polynomial[1]) / b, w**2 / b
             continue
-        b = own_gain[i] if own_gain is not None else C @ A @ B
         if abs(C @ B) > 1e-9 * abs(b):
             return None
         kp = (3 * w**2 - polynomial[2]) / b
