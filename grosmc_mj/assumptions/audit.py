@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import Added, Balance, balances, balances_along
+from grosmc_mj.assumptions.balance import Balance, Loads, balances, balances_along
 from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
@@ -18,8 +18,8 @@ from grosmc_mj.experiments.case import Case
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.plants import AnalyticPlant, System
-from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.trajectory import Status
 
 # Points of the grid over the operating region, for all axes together.
 _GRID = 169
@@ -149,8 +149,8 @@ def run_audit(result: RunResult) -> Audit:
     true = result.true.analytic(design_variant(result.plant))
     bound = _operating_region(result)
     phases = _PHASES.get(len(bound), _COARSE_PHASES)
-    wrench, added = _largest_loads(run)
-    region = _region_balance(law, true, bound, wrench, added, _GRID, phases)
+    loads = Loads(*map(_largest, Loads.of_run(run, slice(None))))
+    region = _region_balance(law, true, bound, loads, _GRID, phases)
     along = balances_along(law, true, run, _EVERY)
 
     premises = [
@@ -192,8 +192,7 @@ def least_margin(
     law: Controller,
     true: AnalyticPlant,
     bound: Sequence[float],
-    amplitude: Array,
-    added: Added | None = None,
+    largest: Loads,
 ) -> float:
     """Configured less required switching rate on a true plant, the least of an operating region.
 
@@ -204,15 +203,13 @@ def least_margin(
         law: A law with a switching rate.
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
-        amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
-        added: Largest magnitudes of the disturbances of inputs, (m,), and rates, (n,); none by
-            default.
+        largest: Largest magnitude of each component of the disturbances, with a first axis of
+            length 1.
     """
     grid = _GRID
     if _reference_moves(law):
         grid = _COARSE_GRID
-    added = added or _nothing_added(true.system)
-    points = _region_balance(law, true, bound, amplitude, added, grid, _COARSE_PHASES)
+    points = _region_balance(law, true, bound, largest, grid, _COARSE_PHASES)
     return float(points.margin.min())
 
 
@@ -224,9 +221,8 @@ def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
     """
-    no_wrench = np.zeros(6 * len(true.system.bodies))
-    nothing = _nothing_added(true.system)
-    points = _region_balance(law, true, bound, no_wrench, nothing, _COARSE_GRID, _COARSE_PHASES)
+    nothing = Loads.none(true.system, 1)
+    points = _region_balance(law, true, bound, nothing, _COARSE_GRID, _COARSE_PHASES)
     return float(points.configured.max())
 
 
@@ -239,8 +235,7 @@ def _region_balance(
     law: Controller,
     true: AnalyticPlant,
     bound: Sequence[float],
-    amplitude: Array,
-    added: Added,
+    largest: Loads,
     grid: int,
     phases: int,
 ) -> Balance:
@@ -256,21 +251,16 @@ def _region_balance(
         raise ArgumentError(_undefined_region(law, true, bound))
 
     # Every sign of each component that acts: two forces need not point the same way.
-    sizes = np.concatenate([amplitude, added.input, added.rate])
+    sizes = np.concatenate(largest, axis=1)[0]
     signs = [(-size, size) if size else (0.0,) for size in sizes.tolist()]
-    loads = list(itertools.product(*signs))
+    corners = list(itertools.product(*signs))
 
-    t = np.repeat([t for t, _ in states], len(loads))
-    x = np.repeat([x for _, x in states], len(loads), axis=0)
-    components = np.tile(loads, (len(states), 1))
-    ends = [len(amplitude), len(amplitude) + len(added.input)]
-    w, inputs, rates = np.split(components, ends, axis=1)
-    return balances(law, true, t.tolist(), x, w, Added(inputs, rates))
-
-
-def _nothing_added(system: System) -> Added:
-    """Disturbances of zero of inputs, (m,), and rates, (n,)."""
-    return Added(np.zeros(len(system.inputs)), np.zeros(len(system.states)))
+    t = np.repeat([t for t, _ in states], len(corners))
+    x = np.repeat([x for _, x in states], len(corners), axis=0)
+    components = np.tile(corners, (len(states), 1))
+    ends = np.cumsum([rows.shape[1] for rows in largest])
+    loads = Loads(*np.split(components, ends[:-1], axis=1))
+    return balances(law, true, t.tolist(), x, loads)
 
 
 def _region_states(
@@ -309,22 +299,9 @@ def _undefined_region(law: Controller, true: AnalyticPlant, bound: Sequence[floa
     )
 
 
-def _largest_loads(run: Trajectory) -> tuple[Array, Added]:
-    """Largest value of each component of a run's disturbances, with its sign.
-
-    Returns:
-        Wrenches, (6 * bodies,), and disturbances of inputs, (m,), and rates, (n,).
-    """
-    wrench = np.zeros(6 * len(run.system.bodies))
-    if run.wrench is not None:
-        wrench = _largest(run.wrench)
-    added = Added.of_run(run, slice(None))
-    return wrench, Added(_largest(added.input), _largest(added.rate))
-
-
 def _largest(rows: Array) -> Array:
-    """Entry of the largest magnitude of each column."""
-    return rows[np.abs(rows).argmax(axis=0), range(rows.shape[1])]
+    """Entry of the largest magnitude of each column, with its sign, in a single row."""
+    return rows[np.abs(rows).argmax(axis=0), range(rows.shape[1])][None]
 
 
 def reading_of(points: Balance, margins: Array) -> Reading:

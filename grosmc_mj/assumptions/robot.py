@@ -25,7 +25,7 @@ from grosmc_mj.assumptions.audit import (
     signals,
     switching_premise,
 )
-from grosmc_mj.assumptions.balance import Added, Balance, balance
+from grosmc_mj.assumptions.balance import Balance, Loads, balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
@@ -109,18 +109,12 @@ def _along(result: RunResult, plant: Any) -> Balance:
     """The balance along the run, by the torques that were applied."""
     run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
-    wrenches = run.wrench
-    if wrenches is None:
-        wrenches = np.zeros((len(run.input), 6 * len(run.system.bodies)))
-
     points = []
     with warnings_counted_only():
         for i in rows:
             t = float(run.time[i])
-            w = wrenches[i]
-            u = run.input[i]
-            added = Added.of_run(run, [i])
-            points.append(balance(result.controller, plant, t, run.state[i], w, u, added))
+            loads = Loads.of_run(run, [i])
+            points.append(balance(result.controller, plant, t, run.state[i], loads, run.input[i]))
     columns = map(np.array, zip(*points, strict=True))
     return Balance(*columns)
 

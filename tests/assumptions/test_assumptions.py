@@ -20,7 +20,7 @@ from shipped import find_case, nominal, robust, run_case, surface_of, task_of
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading, audit, run_audit
-from grosmc_mj.assumptions.balance import Added, Balance, balance
+from grosmc_mj.assumptions.balance import Balance, Loads, balance
 from grosmc_mj.chapter.premises import audit_document, audit_table, failures_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
@@ -70,7 +70,8 @@ def instants(system: str) -> list[OffSurface]:
         z = random.uniform(-0.4, 0.4, 2)
         w = random.uniform(-0.3, 0.3, 6 * len(plant.system.bodies))
         x = state(law, t, z)
-        rows.append(OffSurface(t, z, w, x, balance(law, plant.analytic(), t, x, w)))
+        loads = Loads.of_wrench(w, plant.system)
+        rows.append(OffSurface(t, z, w, x, balance(law, plant.analytic(), t, x, loads)))
     return rows
 
 
@@ -161,7 +162,7 @@ def test_s_falls_on_both_sides_with_the_required_rate_only(system: str, factor: 
         if law.parameters.epsilon:
             gains = {"epsilon": rate}
         sized = replace(law, parameters=replace(law.parameters, **gains))
-        configured = balance(sized, true, t, x, w).configured
+        configured = balance(sized, true, t, x, Loads.of_wrench(w, true.system)).configured
         assert configured == pytest.approx(rate, rel=1e-12)
 
         growth = []
@@ -347,11 +348,15 @@ TOGETHER[[0, 6]] = 0.2, 0.3
 APART = TOGETHER * np.repeat([1.0, -1.0], 6)
 
 
+def on_cart_and_pole(wrench: Array) -> Loads:
+    return Loads.of_wrench(wrench, nominal("cart_pendulum").system)
+
+
 def test_a_force_on_the_cart_turns_the_upright_pole_against_one_on_the_pole() -> None:
     law = robust("cart_pendulum")
     plant = nominal("cart_pendulum")
-    together = balance(law, plant, 0.0, np.zeros(4), TOGETHER)
-    apart = balance(law, plant, 0.0, np.zeros(4), APART)
+    together = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(TOGETHER))
+    apart = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(APART))
     assert apart.required > together.required
 
 
@@ -362,14 +367,14 @@ def test_a_current_pushes_as_its_torque_does() -> None:
     x = np.array([0.3, -0.2])
     d = 0.25
     torque = np.array([0, 0, 0, 0, -plant.parameters.Kt * d, 0])
-    added = Added(np.array([[d]]), np.zeros((1, 2)))
-    loaded = balance(law, plant, 0.0, x, torque)
-    disturbed = balance(law, plant, 0.0, x, np.zeros(6), added=added)
+    load = Loads.of_wrench(torque, plant.system)
+    current = Loads.none(plant.system, 1)._replace(input=np.array([[d]]))
+    loaded = balance(law, plant, 0.0, x, load)
+    disturbed = balance(law, plant, 0.0, x, current)
     assert disturbed.pushes == pytest.approx(loaded.pushes, rel=1e-12)
 
-    amplitude = Added(np.array([d]), np.zeros(2))
-    least_loaded = audits.least_margin(law, plant, (0.1, 0.1), torque)
-    least = audits.least_margin(law, plant, (0.1, 0.1), np.zeros(6), amplitude)
+    least_loaded = audits.least_margin(law, plant, (0.1, 0.1), load)
+    least = audits.least_margin(law, plant, (0.1, 0.1), current)
     assert least == pytest.approx(least_loaded, rel=1e-12)
 
 
@@ -377,12 +382,12 @@ def test_the_least_margin_is_that_of_the_worst_signs() -> None:
     """Whatever the signs of the declared forces: two need not point the same way."""
     law = robust("cart_pendulum")
     plant = nominal("cart_pendulum")
-    together = audits.least_margin(law, plant, (0.1, 0.1), TOGETHER)
-    apart = audits.least_margin(law, plant, (0.1, 0.1), APART)
+    together = audits.least_margin(law, plant, (0.1, 0.1), on_cart_and_pole(TOGETHER))
+    apart = audits.least_margin(law, plant, (0.1, 0.1), on_cart_and_pole(APART))
     assert together == pytest.approx(apart, rel=1e-12)
     # A region of next to nothing is the pole upright.
-    upright = balance(law, plant, 0.0, np.zeros(4), APART)
-    smallest = audits.least_margin(law, plant, (1e-9, 1e-9), TOGETHER)
+    upright = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(APART))
+    smallest = audits.least_margin(law, plant, (1e-9, 1e-9), on_cart_and_pole(TOGETHER))
     assert smallest == pytest.approx(upright.configured - upright.required, rel=1e-6)
 
 
@@ -495,7 +500,8 @@ def test_a_limit_of_the_nominal_input_is_one_of_the_reaching_condition() -> None
 
     cut = 0
     for t, z, w, x, _ in instants("servo"):
-        at = balance(limited, perturbed("servo").analytic(), t, x, w)
+        true = perturbed("servo").analytic()
+        at = balance(limited, true, t, x, Loads.of_wrench(w, true.system))
         nominal = float(-(p.K @ z)[0])
         cut += abs(nominal) > LIMIT
         assert at.u_c == pytest.approx(np.clip(nominal, -LIMIT, LIMIT))
