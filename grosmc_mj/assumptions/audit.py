@@ -133,8 +133,9 @@ def run_audit(result: RunResult) -> Audit:
         result: The run.
 
     Raises:
-        ArgumentError: If the law has no equations in symbols, or the true plant none at all; if
-            the run ended at its start, or the laws are defined nowhere in the operating region.
+        ArgumentError: If the law has no equations in symbols or no gain K, or the true plant no
+            equations at all; if the run ended at its start, or the laws are defined nowhere in
+            the operating region.
     """
     law = result.controller
     run = result.trajectory
@@ -144,6 +145,10 @@ def run_audit(result: RunResult) -> Audit:
         raise ArgumentError(
             f"{result.key}: premises are told of laws with outputs and equations in symbols, and "
             "of all laws of a model in MuJoCo that has none"
+        )
+    if not hasattr(law.parameters, "K"):
+        raise ArgumentError(
+            f"{result.key}: premises are told of laws v = -K z, with a switching term or without"
         )
 
     true = result.true.analytic(design_variant(result.plant))

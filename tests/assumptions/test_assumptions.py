@@ -423,6 +423,12 @@ def test_premises_of_a_run_that_ended_at_its_start_are_refused() -> None:
         run_audit(run)
 
 
+def test_premises_of_a_law_with_dynamics_of_its_own_are_refused() -> None:
+    run = find_experiment("servo", "nominal").varied(duration=0.01).run("physics", "fl-pid")
+    with pytest.raises(ArgumentError, match=r"fl-pid: premises are told of laws v = -K z"):
+        run_audit(run)
+
+
 @pytest.mark.slow
 def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
     audited = audit(FAULTS["zero switching gain"](), find_experiment("arm", "case1"))
