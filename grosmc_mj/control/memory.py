@@ -84,13 +84,17 @@ class SurfaceMemory(Memory):
 
 
 def memory_of(
-    kind: type[Memory], initial: Mapping[str, Array] | None = None, **sizes: int
+    kind: type[Memory],
+    initial: Mapping[str, Any] | None = None,
+    further: Mapping[str, Any] | None = None,
+    **sizes: int,
 ) -> Callable[[], Any]:
     """Return the function that makes the memory of each run of a law.
 
     Args:
         kind: Class of the memory.
         initial: Values with which its fields begin, if not with zeros.
+        further: Fields that a user's own law has beside them, with their initial values.
         sizes: Sizes of its arrays, see ``vector``; m at least.
     """
     values: dict[str, Any] = {"v": np.zeros(sizes["m"])}
@@ -98,24 +102,9 @@ def memory_of(
         if "size" in item.metadata:
             values[item.name] = np.zeros(sizes[item.metadata["size"]])
     values.update(initial or {})
-    return partial(_new_memory, kind, values)
+    return partial(_new_memory, kind, values, further or {})
 
 
-def _new_memory(kind: type[Memory], values: dict[str, Any]) -> Memory:
+def _new_memory(kind: type[Memory], values: Mapping[str, Any], further: Mapping[str, Any]) -> Any:
     """Memory with arrays of its own: no run may share them with another."""
-    return kind(**deepcopy(values))
-
-
-def extended_memory_of(m: int, **initial: float | Array) -> Callable[[], Any]:
-    """Return the function that makes the memory of each run of a user's own law.
-
-    Args:
-        m: Number of inputs.
-        initial: Further fields by name, with the values that they begin with.
-    """
-    return partial(_extended_memory, m, initial)
-
-
-def _extended_memory(m: int, initial: dict[str, Any]) -> Any:
-    """Memory with further fields of its own."""
-    return with_fields(Memory(v=np.zeros(m)), **deepcopy(initial))
+    return with_fields(kind(**deepcopy(values)), **deepcopy(further))
