@@ -33,8 +33,8 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Fields of a law's memory that files do not have: an address, and the time of the first sample.
-_NOT_SAVED = ("workspace", "first")
+# Field of a law's memory that files do not have: an address.
+_NOT_SAVED = "workspace"
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _DISTURBANCES = ("wrench", "input_disturbance", "output_disturbance", "rate_disturbance")
@@ -193,7 +193,7 @@ class Trajectory:
             hidden = np.stack([state.of(self.physics) for state in self.unseen], axis=1)
             signals.append(("unseen", _labels(self.unseen), hidden))
         for field in self.memory.dtype.names or ():
-            if field not in _NOT_SAVED:
+            if field != _NOT_SAVED:
                 name = f"memory {field}"
                 rows = self.memory[field]
                 signals.append((name, _numbered(name, "", rows), rows))
