@@ -224,7 +224,7 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
     frequencies = np.geomspace(0.01, 1e4, 240) / aim
 
     def misses(gains: PidGains) -> float:
-        """How far gains miss the aim: 0 if they keep it."""
+        """Distance of gains from the aim; 0 if they keep it."""
         tail = loop.tail(gains, aim)
         if not tail < 1e12:
             return 1e3
@@ -238,15 +238,15 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
         if misses(placed) == 0:
             return placed
 
-    found = _searched(loop, aim, misses)
-    if misses(found) > 0:
-        tail = loop.tail(found, tuning.settles_within)
+    best = _searched(loop, aim, misses)
+    if misses(best) > 0:
+        tail = loop.tail(best, tuning.settles_within)
         raise GainError(
             f"pid: tune found no gains with which the linearized loop settles within "
             f"{tuning.settles_within:g} s and |S| stays below {_PEAK:g}: the best leave "
             f"{min(100 * tail, 999):.3g} % of the error (2 % are settled)"
         )
-    return found
+    return best
 
 
 def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) -> PidGains:
@@ -261,7 +261,7 @@ def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) ->
         return PidGains(*(centre * np.exp(exponents.reshape(3, m))))
 
     width = math.log(_WIDTH)
-    found = scipy.optimize.differential_evolution(
+    search = scipy.optimize.differential_evolution(
         lambda exponents: misses(gains_at(exponents)),
         [(-width, width)] * centre.size,
         rng=1,
@@ -271,7 +271,7 @@ def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) ->
         init="sobol",
         callback=lambda intermediate_result: intermediate_result.fun == 0,
     )
-    return gains_at(found.x)
+    return gains_at(search.x)
 
 
 def _gains_of_chain(loop: PidLoop, frequency: float) -> Array:
