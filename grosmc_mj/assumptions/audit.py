@@ -5,21 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import Added, Balance, balances, balances_along
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.assumptions.balance import Balance, Loads, balances, balances_along
+from grosmc_mj.control.controller import Controller, Design
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.plants import AnalyticPlant, System
-from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.simulation.trajectory import Status
 
 # Points of the grid over the operating region, for all axes together.
 _GRID = 169
@@ -34,27 +33,21 @@ _EVERY = 5
 ROUNDING = 1e-9
 
 
-class Point(NamedTuple):
-    """Place of a value: time [s], state and value."""
-
-    t: float
-    x: tuple[float, ...]
-    value: float
-
-
 @dataclass(frozen=True)
 class Reading:
     """A premise at many points.
 
     Attributes:
-        worst: The point of the least margin.
-        margin: Positive where it holds, in the premise's unit.
+        margin: The least of all points: positive where it holds, in the premise's unit.
         violated: Part of the points, or of the time, at which it does not hold.
+        t: Time of the point with this margin [s]; NaN for a margin without a place.
+        x: State there; empty for a margin without a place.
     """
 
-    worst: Point
     margin: float
     violated: float
+    t: float = math.nan
+    x: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -139,8 +132,9 @@ def run_audit(result: RunResult) -> Audit:
         result: The run.
 
     Raises:
-        ArgumentError: If the law has no equations in symbols, or the true plant none at all; if
-            the run ended at its start, or the laws are defined nowhere in the operating region.
+        ArgumentError: If the law has no equations in symbols or no gain K, or the true plant no
+            equations at all; if the run ended at its start, or the laws are defined nowhere in
+            the operating region.
     """
     law = result.controller
     run = result.trajectory
@@ -151,12 +145,16 @@ def run_audit(result: RunResult) -> Audit:
             f"{result.key}: premises are told of laws with outputs and equations in symbols, and "
             "of all laws of a model in MuJoCo that has none"
         )
+    if not hasattr(law.parameters, "K"):
+        raise ArgumentError(
+            f"{result.key}: premises are told of laws v = -K z, with a switching term or without"
+        )
 
     true = result.true.analytic(design_variant(result.plant))
     bound = _operating_region(result)
     phases = _PHASES.get(len(bound), _COARSE_PHASES)
-    wrench, added = _largest_loads(run)
-    region = _region_balance(law, true, bound, wrench, added, _GRID, phases)
+    loads = Loads(*map(_largest, Loads.of_run(run, slice(None))))
+    region = _region_balance(law, true, bound, loads, _GRID, phases)
     along = balances_along(law, true, run, _EVERY)
 
     premises = [
@@ -198,8 +196,7 @@ def least_margin(
     law: Controller,
     true: AnalyticPlant,
     bound: Sequence[float],
-    amplitude: Array,
-    added: Added | None = None,
+    largest: Loads,
 ) -> float:
     """Configured less required switching rate on a true plant, the least of an operating region.
 
@@ -210,15 +207,13 @@ def least_margin(
         law: A law with a switching rate.
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
-        amplitude: Largest magnitude of each component of the wrenches, (6 * bodies,).
-        added: Largest magnitudes of the disturbances of inputs, (m,), and rates, (n,); none by
-            default.
+        largest: Largest magnitude of each component of the disturbances, with a first axis of
+            length 1.
     """
     grid = _GRID
     if _reference_moves(law):
         grid = _COARSE_GRID
-    added = added or _nothing_added(true.system)
-    points = _region_balance(law, true, bound, amplitude, added, grid, _COARSE_PHASES)
+    points = _region_balance(law, true, bound, largest, grid, _COARSE_PHASES)
     return float(points.margin.min())
 
 
@@ -230,9 +225,8 @@ def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -
         true: The plant that it meets.
         bound: Of the region, |z1|, |z2| ...
     """
-    no_wrench = np.zeros(6 * len(true.system.bodies))
-    nothing = _nothing_added(true.system)
-    points = _region_balance(law, true, bound, no_wrench, nothing, _COARSE_GRID, _COARSE_PHASES)
+    nothing = Loads.none(true.system, 1)
+    points = _region_balance(law, true, bound, nothing, _COARSE_GRID, _COARSE_PHASES)
     return float(points.configured.max())
 
 
@@ -245,8 +239,7 @@ def _region_balance(
     law: Controller,
     true: AnalyticPlant,
     bound: Sequence[float],
-    amplitude: Array,
-    added: Added,
+    largest: Loads,
     grid: int,
     phases: int,
 ) -> Balance:
@@ -262,21 +255,16 @@ def _region_balance(
         raise ArgumentError(_undefined_region(law, true, bound))
 
     # Every sign of each component that acts: two forces need not point the same way.
-    sizes = np.concatenate([amplitude, added.input, added.rate])
+    sizes = np.concatenate(largest, axis=1)[0]
     signs = [(-size, size) if size else (0.0,) for size in sizes.tolist()]
-    loads = list(itertools.product(*signs))
+    corners = list(itertools.product(*signs))
 
-    t = np.repeat([t for t, _ in states], len(loads))
-    x = np.repeat([x for _, x in states], len(loads), axis=0)
-    components = np.tile(loads, (len(states), 1))
-    ends = [len(amplitude), len(amplitude) + len(added.input)]
-    w, inputs, rates = np.split(components, ends, axis=1)
-    return balances(law, true, t.tolist(), x, w, Added(inputs, rates))
-
-
-def _nothing_added(system: System) -> Added:
-    """Disturbances of zero of inputs, (m,), and rates, (n,)."""
-    return Added(np.zeros(len(system.inputs)), np.zeros(len(system.states)))
+    t = np.repeat([t for t, _ in states], len(corners))
+    x = np.repeat([x for _, x in states], len(corners), axis=0)
+    components = np.tile(corners, (len(states), 1))
+    ends = np.cumsum([rows.shape[1] for rows in largest])
+    loads = Loads(*np.split(components, ends[:-1], axis=1))
+    return balances(law, true, t.tolist(), x, loads)
 
 
 def _region_states(
@@ -315,22 +303,9 @@ def _undefined_region(law: Controller, true: AnalyticPlant, bound: Sequence[floa
     )
 
 
-def _largest_loads(run: Trajectory) -> tuple[Array, Added]:
-    """Largest value of each component of a run's disturbances, with its sign.
-
-    Returns:
-        Wrenches, (6 * bodies,), and disturbances of inputs, (m,), and rates, (n,).
-    """
-    wrench = np.zeros(6 * len(run.system.bodies))
-    if run.wrench is not None:
-        wrench = _largest(run.wrench)
-    added = Added.of_run(run, slice(None))
-    return wrench, Added(_largest(added.input), _largest(added.rate))
-
-
 def _largest(rows: Array) -> Array:
-    """Entry of the largest magnitude of each column."""
-    return rows[np.abs(rows).argmax(axis=0), range(rows.shape[1])]
+    """Entry of the largest magnitude of each column, with its sign, in a single row."""
+    return rows[np.abs(rows).argmax(axis=0), range(rows.shape[1])][None]
 
 
 def reading_of(points: Balance, margins: Array) -> Reading:
@@ -338,13 +313,13 @@ def reading_of(points: Balance, margins: Array) -> Reading:
     least = float(margins.min())
     shared = np.isclose(margins, least, rtol=ROUNDING, atol=0, equal_nan=True)
     row = int(shared.argmax())
-    worst = Point(float(points.t[row]), tuple(points.x[row].tolist()), least)
-    return Reading(worst, least, float(np.mean(margins < 0)))
+    violated = float(np.mean(margins < 0))
+    return Reading(least, violated, float(points.t[row]), tuple(points.x[row].tolist()))
 
 
 def single_reading(margin: float) -> Reading:
     """A margin that has no place and no time."""
-    return Reading(Point(math.nan, (), margin), margin, float(margin < 0))
+    return Reading(margin, float(margin < 0))
 
 
 def _linear(law: Controller) -> list[Premise]:
@@ -428,34 +403,42 @@ def _sign(region: Balance, along: Balance) -> Premise:
 
 def _gain(law: Controller, region: Balance, along: Balance) -> Premise:
     """The switching gain covers what pushes s away, with the input gain's uncertainty counted."""
-    unit = per_second(law.designed.sliding_unit)
+    design = law.designed
     in_region = region.required.max()
     along_run = along.required.max()
     required = max(in_region, along_run)
 
-    if "epsilon" in law.designed.gains:
-        name = "epsilon"
-        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
+    if "epsilon" in design.gains:
         remedy = (
             f"ε = {along_run:.3g} along this run, which leaves its surface, and {in_region:.3g} "
             f"over the region, instead of {law.parameters.epsilon:.3g}"
         )
     else:
-        name = "switching gain"
-        source = "Assumptions 4 and 6, eqs. (12), (37)"
         factor = max(region.times.max(), along.times.max())
         remedy = f"η, γ0 and γ1 {factor:.3g} times as large"
         if math.isinf(factor):
             remedy = f"η = {required:.3g}; there is no gain to multiply"
+    return replace(
+        switching_premise(design, along),
+        region=reading_of(region, region.margin),
+        remedy=remedy,
+        note=f"required at most {required:.3g} {per_second(design.sliding_unit)}",
+    )
+
+
+def switching_premise(design: Design, along: Balance) -> Premise:
+    """The switching gain covers what pushes s away along a run."""
+    name = "switching gain"
+    source = "Assumptions 4 and 6, eqs. (12), (37)"
+    if "epsilon" in design.gains:
+        name = "epsilon"
+        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
     return Premise(
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
-        unit,
-        region=reading_of(region, region.margin),
+        per_second(design.sliding_unit),
         along=reading_of(along, along.margin),
-        remedy=remedy,
-        note=f"required at most {required:.3g} {unit}",
     )
 
 
@@ -495,5 +478,5 @@ def _region_kept(result: RunResult) -> Premise:
         "section 3.2: X_0",
         f"the run stays in {system.region}, and the actuator gives what is asked for",
         "1",
-        along=Reading(Point(math.nan, (), margin), margin, violated),
+        along=Reading(margin, violated),
     )

@@ -9,12 +9,10 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.reaching import NominalLaw, gain_margin, matrix_vector, nominal_law
 from grosmc_mj.control.task import GrosmcParameters
-from grosmc_mj.plants import AnalyticPlant, Plant
+from grosmc_mj.plants import AnalyticPlant, Plant, System
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
@@ -68,55 +66,73 @@ class Balance(NamedTuple):
         return Balance(*(values[i] for values in self))
 
 
-class Added(NamedTuple):
-    """Disturbances of the inputs and of the states' rates, at N states.
+class Loads(NamedTuple):
+    """Disturbances of a plant at N states.
 
     Attributes:
+        wrench: Wrenches on the bodies, (N, 6 * bodies).
         input: Added to the inputs, (N, m).
         rate: Added to the rates of the states, (N, n).
     """
 
+    wrench: Array
     input: Array
     rate: Array
 
     @classmethod
-    def of_run(cls, run: Trajectory, rows: Any) -> Added:
+    def of_wrench(cls, wrench: Array, system: System) -> Loads:
+        """Wrenches, (6 * bodies,) or (N, 6 * bodies), without any other disturbance."""
+        wrench = np.atleast_2d(wrench)
+        count = len(wrench)
+        inputs = np.zeros((count, len(system.inputs)))
+        return cls(wrench, inputs, np.zeros((count, len(system.states))))
+
+    @classmethod
+    def none(cls, system: System, count: int) -> Loads:
+        """No disturbance at so many states."""
+        return cls.of_wrench(np.zeros((count, 6 * len(system.bodies))), system)
+
+    @classmethod
+    def of_run(cls, run: Trajectory, rows: Any) -> Loads:
         """Disturbances in some rows of a run; zero where none was given."""
         count = len(run.time[:-1][rows])
-        input_disturbance = np.zeros((count, len(run.system.inputs)))
-        rate_disturbance = np.zeros((count, len(run.system.states)))
+        loads = cls.none(run.system, count)
+        if run.wrench is not None:
+            loads.wrench[:] = run.wrench[rows]
         if run.input_disturbance is not None:
-            input_disturbance[:] = run.input_disturbance[rows].reshape(count, -1)
+            loads.input[:] = run.input_disturbance[rows].reshape(count, -1)
         if run.rate_disturbance is not None:
-            rate_disturbance[:] = run.rate_disturbance[rows]
-        return cls(input_disturbance, rate_disturbance)
+            loads.rate[:] = run.rate_disturbance[rows]
+        return loads
 
 
-def with_added(
-    error: Coordinates,
+def disturbed_motion(
+    law: Controller,
+    t: Sequence[float],
     x: Array,
-    p: Any,
-    motion: tuple[Array, Array],
-    added: Added | None,
+    plant: Plant,
+    loads: Loads,
+    u: Array | None = None,
 ) -> tuple[Array, Array]:
-    """z' = drift + gain v with the disturbances of inputs and rates in its drift.
+    """Drift (N, size) and gain (N, size, m) of z' = drift + gain v on a plant under loads.
 
     A disturbance of an input acts as the input itself does: it is matched.
 
     Args:
-        error: Coordinates of the error.
+        law: A controller with error coordinates.
+        t: Times [s], (N,).
         x: States, (N, n).
-        p: The law's parameters.
-        motion: Drift (N, size) and gain (N, size, m), see ``error_dynamics``.
-        added: Disturbances; None for none.
+        plant: The plant.
+        loads: Disturbances at these states.
+        u: Inputs, see ``error_dynamics``.
     """
-    if added is None:
-        return motion
-    drift, gain = motion
-    if added.input.any():
-        drift = drift + matrix_vector(gain, added.input)
-    if added.rate.any():
-        drift = drift + error.from_rates(x, p, added.rate)
+    error = law.designed.error
+    p = law.parameters
+    drift, gain = error.error_dynamics(t, x, p, plant, loads.wrench, u)
+    if loads.input.any():
+        drift = drift + matrix_vector(gain, loads.input)
+    if loads.rate.any():
+        drift = drift + error.from_rates(x, p, loads.rate)
     return drift, gain
 
 
@@ -125,9 +141,8 @@ def balance(
     true: Plant,
     t: float,
     x: Array,
-    w: Array,
+    loads: Loads,
     u: Array | None = None,
-    added: Added | None = None,
 ) -> Balance:
     """The balance at one state of the true plant.
 
@@ -137,22 +152,17 @@ def balance(
             rigid one, since x does not tell what its parts do.
         t: Time [s]; the reference depends on it.
         x: State, (n,).
-        w: Wrenches, (6 * bodies,).
+        loads: Disturbances there, with a first axis of length 1.
         u: Input to which a robot's friction, limits and contacts answer, (m,); none by default.
             Equations have no use for it.
-        added: Disturbances of inputs and rates there, with a first axis of length 1.
     """
-    error = law.designed.error
-    p = law.parameters
     # One state is many states with a first axis of length 1.
     x = np.asarray(x, float)[None]
-    w = np.asarray(w)[None]
     if u is not None:
         u = np.atleast_1d(u)[None]
 
-    motion = error.error_dynamics([t], x, p, true.rigid, w, u)
-    motion = with_added(error, x, p, motion, added)
-    z = error.error_state(t, x[0], p)[None]
+    motion = disturbed_motion(law, [t], x, true.rigid, loads, u)
+    z = law.designed.error.error_state(t, x[0], law.parameters)[None]
     return _balances(law, [t], x, z, motion).at(0)
 
 
@@ -161,8 +171,7 @@ def balances(
     true: AnalyticPlant,
     t: Sequence[float],
     x: Array,
-    w: Array,
-    added: Added | None = None,
+    loads: Loads,
 ) -> Balance:
     """The balance at many states of a plant with equations, all at once.
 
@@ -171,17 +180,10 @@ def balances(
         true: The plant that it meets.
         t: Times [s], (N,).
         x: States, (N, n).
-        w: Wrenches, (N, 6 * bodies).
-        added: Disturbances of inputs and rates; none by default.
+        loads: Disturbances at these states.
     """
-    error = law.designed.error
-    p = law.parameters
-    assert isinstance(error, ErrorCoordinates)
-
-    z = error.along(t, x, p)
-    motion = error.error_dynamics(t, x, p, true, w)
-    motion = with_added(error, x, p, motion, added)
-    return _balances(law, t, x, z, motion)
+    z = law.designed.error.along(t, x, law.parameters)
+    return _balances(law, t, x, z, disturbed_motion(law, t, x, true, loads))
 
 
 def balances_along(
@@ -203,13 +205,8 @@ def balances_along(
     """
     rows = slice(0, len(run.time) - 1, every)
     t = run.time[rows].tolist()
-    w = np.zeros((len(t), 6 * len(true.system.bodies)))
-    added = None
-    if pushed:
-        added = Added.of_run(run, rows)
-        if run.wrench is not None:
-            w = run.wrench[rows]
-    return balances(law, true, t, run.state[rows], w, added)
+    loads = Loads.of_run(run, rows) if pushed else Loads.none(true.system, len(t))
+    return balances(law, true, t, run.state[rows], loads)
 
 
 def _balances(

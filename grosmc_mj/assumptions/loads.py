@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import ROUNDING
-from grosmc_mj.assumptions.balance import Added
+from grosmc_mj.assumptions.balance import Loads
 from grosmc_mj.control.reaching import matrix_vector
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.physics.wrenches import generalized_forces
@@ -42,22 +42,19 @@ class Load(NamedTuple):
     Attributes:
         of: Name of the body, the input or the state.
         at: Instants at which it acts.
-        w: Wrenches of this load alone at these, (N, 6 * bodies); None of another load.
-        added: Disturbances of inputs and rates by this load alone; None of a wrench.
-        column: First column of the body in the wrenches.
+        alone: Disturbances by this load alone at these.
+        column: First of its columns there.
     """
 
     of: str
     at: Instants
-    w: Array | None = None
-    added: Added | None = None
-    column: int = 0
+    alone: Loads
+    column: int
 
     @property
     def wrench(self) -> Array:
-        """Its wrench, (N, 6)."""
-        assert self.w is not None
-        return self.w[:, self.column : self.column + 6]
+        """Wrench of a load on a body, (N, 6)."""
+        return self.alone.wrench[:, self.column : self.column + 6]
 
 
 def some_of(rows: NDArray[np.int_]) -> NDArray[np.int_]:
@@ -74,56 +71,37 @@ def instants_of(run: Trajectory, rows: NDArray[np.int_]) -> Instants:
 def loads_of(result: RunResult) -> list[Load]:
     """Return the loads that acted in a run; a disturbance of a measurement is none."""
     run = result.trajectory
-    if not len(run.input):
-        return []
-
-    loads = wrenches_of(result)
-    for j, signal in enumerate(run.system.inputs):
-        loads += _added_load(run, signal.name, "input", j)
-    for j, state in enumerate(run.system.states):
-        loads += _added_load(run, state.name, "rate", j)
-    return loads
+    inputs = [signal.name for signal in run.system.inputs]
+    states = [state.name for state in run.system.states]
+    return [*wrenches_of(result), *_loads(run, "input", inputs), *_loads(run, "rate", states)]
 
 
 def wrenches_of(result: RunResult) -> list[Load]:
     """Return the loads on bodies that acted in a run."""
     run = result.trajectory
-    if run.wrench is None or not len(run.input):
-        return []
-
-    loads = []
-    for index, body in enumerate(run.system.bodies):
-        columns = slice(6 * index, 6 * index + 6)
-        acting = np.flatnonzero(run.wrench[:, columns].any(axis=1))
-        if len(acting):
-            rows = some_of(acting)
-            w = np.zeros((len(rows), run.wrench.shape[1]))
-            w[:, columns] = run.wrench[rows, columns]
-            loads.append(Load(body, instants_of(run, rows), w, column=columns.start))
-    return loads
+    return _loads(run, "wrench", run.system.bodies, width=6)
 
 
-def _added_load(run: Trajectory, name: str, part: str, index: int) -> list[Load]:
-    """Return the load on an input or a rate; nothing if none acted.
+def _loads(run: Trajectory, part: str, names: Sequence[str], width: int = 1) -> list[Load]:
+    """Return the loads of a part of ``Loads`` that acted in a run.
 
     Args:
         run: The run.
-        name: Name of the input or the state.
-        part: ``input`` or ``rate``.
-        index: Its number.
+        part: ``wrench``, ``input`` or ``rate``.
+        names: Names of the bodies, inputs or states.
+        width: Columns of each.
     """
-    values = getattr(Added.of_run(run, slice(None)), part)[:, index]
-    acting = np.flatnonzero(values)
-    if not len(acting):
-        return []
-
-    rows = some_of(acting)
-    added = Added(
-        input=np.zeros((len(rows), len(run.system.inputs))),
-        rate=np.zeros((len(rows), len(run.system.states))),
-    )
-    getattr(added, part)[:, index] = values[rows]
-    return [Load(name, instants_of(run, rows), added=added)]
+    values = getattr(Loads.of_run(run, slice(None)), part)
+    loads = []
+    for index, name in enumerate(names):
+        columns = slice(width * index, width * (index + 1))
+        acting = np.flatnonzero(values[:, columns].any(axis=1))
+        if len(acting):
+            rows = some_of(acting)
+            alone = Loads.none(run.system, len(rows))
+            getattr(alone, part)[:, columns] = values[rows, columns]
+            loads.append(Load(name, instants_of(run, rows), alone, columns.start))
+    return loads
 
 
 def idle_loads(results: Sequence[RunResult]) -> list[str]:

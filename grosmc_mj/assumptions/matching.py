@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import per_second
-from grosmc_mj.assumptions.balance import Added, with_added
+from grosmc_mj.assumptions.balance import Loads, disturbed_motion
 from grosmc_mj.assumptions.loads import Instants, Load, instants_of, loads_of, some_of
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
@@ -71,7 +71,7 @@ def _changed(experiment: Experiment) -> bool:
 def _of_load(result: RunResult, load: Load) -> Finding:
     """Return the unmatched part of a load."""
     plant = _as_the_law_sees(result, result.true)
-    loaded, gain = _motion(result, plant, load.at, load.w, load.added)
+    loaded, gain = _motion(result, plant, load.at, load.alone)
     free, _ = _motion(result, plant, load.at)
     return _finding(f"the load on {load.of}", result, loaded - free, gain)
 
@@ -98,18 +98,16 @@ def _motion(
     result: RunResult,
     plant: Any,
     at: Instants,
-    w: Array | None = None,
-    added: Added | None = None,
+    loads: Loads | None = None,
 ) -> tuple[Array, Array]:
     """Return z' (N, size) of a plant under the inputs of the run, and the input matrix."""
-    error = result.controller.designed.error
-    p = result.controller.parameters
+    law = result.controller
+    loads = loads or Loads.none(result.trajectory.system, len(at.t))
     with np.errstate(all="ignore"), warnings_counted_only():
-        motion = error.error_dynamics(at.t, at.x, p, plant, w, at.u)
-        drift, gain = with_added(error, at.x, p, motion, added)
+        drift, gain = disturbed_motion(law, at.t, at.x, plant, loads, at.u)
     v = at.u
-    if isinstance(error, StateCoordinates):
-        v = at.u - p.reference.u
+    if isinstance(law.designed.error, StateCoordinates):
+        v = at.u - law.parameters.reference.u
     return drift + matrix_vector(gain, v), gain
 
 

@@ -7,6 +7,7 @@ by MuJoCo's dynamics of the true plant and of the nominal one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +16,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import (
     ROUNDING,
     Audit,
-    Point,
     Premise,
     Reading,
     audit,
@@ -23,8 +23,9 @@ from grosmc_mj.assumptions.audit import (
     per_second,
     reading_of,
     signals,
+    switching_premise,
 )
-from grosmc_mj.assumptions.balance import Added, Balance, balance
+from grosmc_mj.assumptions.balance import Balance, Loads, balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import gain_margin
 from grosmc_mj.errors import ArgumentError
@@ -108,18 +109,12 @@ def _along(result: RunResult, plant: Any) -> Balance:
     """The balance along the run, by the torques that were applied."""
     run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
-    wrenches = run.wrench
-    if wrenches is None:
-        wrenches = np.zeros((len(run.input), 6 * len(run.system.bodies)))
-
     points = []
     with warnings_counted_only():
         for i in rows:
             t = float(run.time[i])
-            w = wrenches[i]
-            u = run.input[i]
-            added = Added.of_run(run, [i])
-            points.append(balance(result.controller, plant, t, run.state[i], w, u, added))
+            loads = Loads.of_run(run, [i])
+            points.append(balance(result.controller, plant, t, run.state[i], loads, run.input[i]))
     columns = map(np.array, zip(*points, strict=True))
     return Balance(*columns)
 
@@ -131,12 +126,6 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     worst = points.at(int(points.required.argmax()))
     joint = _driven(result)[int(np.abs(worst.pushes).argmax())]
 
-    name = "switching gain"
-    source = "Assumptions 4 and 6, eqs. (12), (37)"
-    if "epsilon" in design.gains:
-        name = "epsilon"
-        source = "Theorem 3: ε >= (a_m + d_m) ‖GB‖"
-
     remedy = "no ρ, while r is not positive: see the input gain"
     if np.isfinite(worst.required):
         remedy = f"ρ = {worst.required:.3g} {unit} instead of the configured one"
@@ -144,12 +133,8 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     machine = ""
     if plant.rigid is not plant:
         machine = ", the parts of its machine"
-    return Premise(
-        name,
-        source,
-        "the law's switching rate ρ at least push / r, what is required of it",
-        unit,
-        along=reading_of(points, points.margin),
+    return replace(
+        switching_premise(design, points),
         remedy=remedy,
         note=f"required at most {worst.required:.3g}, configured {worst.configured:.3g} {unit} "
         f"(at t = {worst.t:.3g} s: push {worst.push:.3g} at {joint}, r = {worst.gain_ratio:.3g})"
@@ -239,8 +224,8 @@ def _torque(result: RunResult) -> Premise:
 def _least(run: Trajectory, margins: Array, violated: Array) -> Reading:
     """The least of the margins at the samples of a run."""
     row = int(margins.argmin())
-    point = Point(float(run.time[row]), tuple(run.state[row].tolist()), float(margins[row]))
-    return Reading(point, point.value, float(violated.mean()))
+    x = tuple(run.state[row].tolist())
+    return Reading(float(margins[row]), float(violated.mean()), float(run.time[row]), x)
 
 
 def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:

@@ -117,7 +117,7 @@ def _reading_document(reading: Reading | None) -> dict[str, Any] | None:
     return {
         "margin": reading.margin,
         "violated": reading.violated,
-        "worst": {"t": reading.worst.t, "x": list(reading.worst.x)},
+        "worst": {"t": reading.t, "x": list(reading.x)},
     }
 
 
@@ -215,7 +215,7 @@ def worst_points(audit: Audit) -> Iterator[str]:
     """Yield a line for each place where a premise that fails is worst."""
     for premise in audit.failed():
         for where, reading in _readings(premise):
-            if reading.margin < 0 and reading.worst.x:
-                x = ", ".join(f"{value:.3g}" for value in reading.worst.x)
-                point = f"t = {reading.worst.t:.3g} s, x = [{x}]"
+            if reading.margin < 0 and reading.x:
+                x = ", ".join(f"{value:.3g}" for value in reading.x)
+                point = f"t = {reading.t:.3g} s, x = [{x}]"
                 yield f"{premise.name}: worst {where} at {point}"

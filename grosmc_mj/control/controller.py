@@ -23,7 +23,7 @@ from grosmc_mj.control.coordinates.base import (
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.law import Law, wrapped, writing
 from grosmc_mj.control.lqr import LqrDesign
-from grosmc_mj.control.memory import Memory, extended_memory_of
+from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.control.switching import SwitchingTerm
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.fields import Is, Name, checked_call
@@ -45,6 +45,19 @@ class Sampled:
     """
 
     period: float = math.nan
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaskNumbers(Sampled):
+    """Numbers of a law for a task that reads its control period.
+
+    Attributes:
+        plant: Parameters of the nominal plant.
+        reference: Parameters of the reference.
+    """
+
+    plant: Any
+    reference: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +240,7 @@ def custom_controller(
         law,
         like,
         parameters,
-        extended_memory_of(design.error.inputs, **initial),
+        memory_of(Memory, further=initial, m=design.error.inputs),
         source="a law of one's own",
         gains=_gains_to_show(numbers),
     )

@@ -246,7 +246,7 @@ def _feedback(
     )
     law = laws.optimal_feedback(task.error, linearizing=linearizing)
     m, n = optimum.K.shape
-    memory = memory_of(FeedbackMemory, v=np.zeros(m), z=np.zeros(n))
+    memory = memory_of(FeedbackMemory, m=m, n=n)
     return Controller(name, law, task.feedback(optimum.K), memory, design)
 
 
@@ -318,13 +318,13 @@ def _sliding(
 def _surface_numbers(task: Task, optimum: LqrDesign, G: Array) -> GrosmcParameters:
     """Numbers of GROSMC with the surface as printed, before there are switching gains."""
     feedback = task.feedback(optimum.K)
-    GB = G @ optimum.B
+    S, GB = surface_rates(G, optimum, None)
     return GrosmcParameters(
         plant=feedback.plant,
         reference=feedback.reference,
         K=feedback.K,
         G=G,
-        S=G @ optimum.closed_loop,
+        S=S,
         GB=GB,
         GB_inverse=np.linalg.inv(GB),
         GB_held=GB,

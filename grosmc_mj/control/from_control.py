@@ -9,9 +9,15 @@ from typing import Annotated, Any
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.controller import Controller, noting_controller
 from grosmc_mj.control.coordinates.base import Coordinates
-from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_feedback
+from grosmc_mj.control.memory import memory_of
+from grosmc_mj.control.rivals.dynamic_feedback import (
+    DynamicMemory,
+    DynamicParameters,
+    Dynamics,
+    dynamic_feedback,
+)
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Is, Name, Range, checked_call
 
@@ -64,21 +70,18 @@ def from_control(
         L=np.zeros((order, inputs)),
         start=np.zeros((order, error.size)),
     )
-    controller = custom_controller(
+    controller = noting_controller(
         name,
         dynamic_feedback(error, linearizing=False, holds=False),
         like,
-        numbers={"dynamics": dynamics, "limit": math.inf},
-        memory={
-            "z": np.zeros(error.size),
-            "q": np.zeros(order),
-            "after": np.zeros(order),
-            "within": np.zeros(inputs),
-            "applied": np.zeros(inputs),
-        },
+        DynamicParameters(
+            plant=like.parameters.plant, reference=like.parameters.reference, dynamics=dynamics
+        ),
+        memory_of(DynamicMemory, m=inputs, n=error.size, order=order),
+        source="python-control",
+        gains={},
     )
-    design = replace(controller.designed, source="python-control", gains={}, control_period=period)
-    return replace(controller, design=design)
+    return replace(controller, design=replace(controller.designed, control_period=period))
 
 
 def is_linear_system(value: Any) -> bool:
@@ -130,18 +133,12 @@ def _sampled(sys: Any, period: float, name: str) -> tuple[Array, Array, Array, A
             "improper one, such as a PD, filter the derivative; of several inputs give a StateSpace"
         ) from None
 
-    A = _contiguous(system.A)
-    B = _contiguous(system.B)
-    C = _contiguous(system.C)
-    D = _contiguous(system.D)
+    A, B, C, D = (
+        np.ascontiguousarray(np.asarray(matrix, float)) for matrix in control.ssdata(system)
+    )
     if len(A) == 0:
         outputs, inputs = D.shape
         A = np.zeros((1, 1))
         B = np.zeros((1, inputs))
         C = np.zeros((outputs, 1))
     return A, B, C, D
-
-
-def _contiguous(matrix: Any) -> Array:
-    """Matrix as floats, row by row."""
-    return np.ascontiguousarray(np.asarray(matrix, float))

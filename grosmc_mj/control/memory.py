@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,17 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.records import with_fields
+
+
+def vector(size: str) -> Any:
+    """Field of memory that begins as an array of zeros.
+
+    Args:
+        size: Name of its size, which ``memory_of`` is told: "m" inputs, "n" entries of z, or
+            another one. Without ``memory_of`` there are one input and two entries of z.
+    """
+    usual = 2 if size == "n" else 1
+    return field(default_factory=partial(np.zeros, usual), metadata={"size": size})
 
 
 @dataclass
@@ -41,7 +52,7 @@ class FeedbackMemory(Memory):
         z: Error state at the last sample, in the units of the error coordinates, (n,).
     """
 
-    z: Array = field(default_factory=partial(np.zeros, 2))
+    z: Array = vector("n")
 
 
 @dataclass
@@ -61,66 +72,39 @@ class SurfaceMemory(Memory):
         elapsed: Time between the last two samples [s]; 0 at the first.
     """
 
-    v: Any = field(default_factory=partial(np.zeros, 1))
-    z: Array = field(default_factory=partial(np.zeros, 2))
-    s: Array = field(default_factory=partial(np.zeros, 1))
-    phi: Array = field(default_factory=partial(np.zeros, 1))
-    z0: Array = field(default_factory=partial(np.zeros, 2))
-    integral: Array = field(default_factory=partial(np.zeros, 1))
-    rate: Array = field(default_factory=partial(np.zeros, 1))
+    v: Any = vector("m")
+    z: Array = vector("n")
+    s: Array = vector("m")
+    phi: Array = vector("m")
+    z0: Array = vector("n")
+    integral: Array = vector("m")
+    rate: Array = vector("m")
     t: float = 0.0
     elapsed: float = 0.0
 
 
-def memory_of(kind: Callable[..., Memory], **initial: float | Array) -> Callable[[], Any]:
+def memory_of(
+    kind: type[Memory],
+    initial: Mapping[str, Any] | None = None,
+    further: Mapping[str, Any] | None = None,
+    **sizes: int,
+) -> Callable[[], Any]:
     """Return the function that makes the memory of each run of a law.
 
     Args:
         kind: Class of the memory.
-        initial: Values with which its fields begin; each run gets copies.
+        initial: Values with which its fields begin, if not with zeros.
+        further: Fields that a user's own law has beside them, with their initial values.
+        sizes: Sizes of its arrays, see ``vector``; m at least.
     """
-    return partial(_new_memory, kind, initial)
+    values: dict[str, Any] = {"v": np.zeros(sizes["m"])}
+    for item in fields(kind):
+        if "size" in item.metadata:
+            values[item.name] = np.zeros(sizes[item.metadata["size"]])
+    values.update(initial or {})
+    return partial(_new_memory, kind, values, further or {})
 
 
-def _new_memory(kind: Callable[..., Memory], initial: dict[str, Any]) -> Memory:
+def _new_memory(kind: type[Memory], values: Mapping[str, Any], further: Mapping[str, Any]) -> Any:
     """Memory with arrays of its own: no run may share them with another."""
-    return kind(**deepcopy(initial))
-
-
-def surface_memory_of(
-    kind: Callable[..., SurfaceMemory], m: int, n: int, **initial: float | Array
-) -> Callable[[], Any]:
-    """Return the function that makes the memory of each run of a law with a surface.
-
-    Args:
-        kind: Class of the memory.
-        m: Number of inputs.
-        n: Number of entries of z.
-        initial: Values with which the fields of the switching law begin.
-    """
-    return memory_of(
-        kind,
-        v=np.zeros(m),
-        z=np.zeros(n),
-        s=np.zeros(m),
-        phi=np.zeros(m),
-        z0=np.zeros(n),
-        integral=np.zeros(m),
-        rate=np.zeros(m),
-        **initial,
-    )
-
-
-def extended_memory_of(m: int, **initial: float | Array) -> Callable[[], Any]:
-    """Return the function that makes the memory of each run of a user's own law.
-
-    Args:
-        m: Number of inputs.
-        initial: Further fields by name, with the values that they begin with.
-    """
-    return partial(_extended_memory, m, initial)
-
-
-def _extended_memory(m: int, initial: dict[str, Any]) -> Any:
-    """Memory with further fields of its own."""
-    return with_fields(Memory(v=np.zeros(m)), **deepcopy(initial))
+    return with_fields(kind(**deepcopy(values)), **deepcopy(further))

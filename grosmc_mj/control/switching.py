@@ -10,15 +10,14 @@ s' = phi + w, where w is the disturbance of s:
 - q: its ``SwitchingNumbers``.
 
 The chapter's law is ``sign``; the others do without its chatter. A new law is a function here and
-an entry of ``SWITCHINGS``.
+an entry of ``SWITCHINGS``, and of ``_FURTHER_MEMORY`` if it remembers more than the surface does.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ import numpy as np
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.matrices import norm
-from grosmc_mj.control.memory import SurfaceMemory, surface_memory_of
+from grosmc_mj.control.memory import SurfaceMemory, memory_of, vector
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import NotNegative, Positive, checked
 from grosmc_mj.jitable import jitable
@@ -66,7 +65,7 @@ class EstimateMemory(SurfaceMemory):
         before: Sliding variable at the last sample, in the law's unit of s, (m,).
     """
 
-    before: Array = field(default_factory=partial(np.zeros, 1))
+    before: Array = vector("m")
 
 
 @dataclass
@@ -77,7 +76,7 @@ class TwistMemory(SurfaceMemory):
         twist: Integral of the law, in the unit of s per second, (m,).
     """
 
-    twist: Array = field(default_factory=partial(np.zeros, 1))
+    twist: Array = vector("m")
 
 
 @dataclass
@@ -88,7 +87,7 @@ class AdaptedMemory(SurfaceMemory):
         adapted: Switching gain of each sliding variable, in the unit of s per second, (m,).
     """
 
-    adapted: Array = field(default_factory=partial(np.zeros, 1))
+    adapted: Array = vector("m")
 
 
 class Switching(NamedTuple):
@@ -114,14 +113,11 @@ class Switching(NamedTuple):
             m: Number of inputs.
             n: Number of entries of z.
         """
-        if self.name == "implicit-estimate":
-            return surface_memory_of(EstimateMemory, m, n, before=np.zeros(m))
-        if self.name == "super-twisting":
-            return surface_memory_of(TwistMemory, m, n, twist=np.zeros(m))
-        if self.name == "adaptive":
-            least = np.full(m, self.numbers.least)
-            return surface_memory_of(AdaptedMemory, m, n, adapted=least)
-        return surface_memory_of(SurfaceMemory, m, n)
+        kind = _FURTHER_MEMORY.get(self.name, SurfaceMemory)
+        initial = {}
+        if kind is AdaptedMemory:
+            initial["adapted"] = np.full(m, self.numbers.least)
+        return memory_of(kind, initial, m=m, n=n)
 
 
 @jitable
@@ -310,6 +306,13 @@ SWITCHINGS: Mapping[str, SwitchingTerm] = {
     "adaptive": adaptive,
     "unit-vector": unit_vector,
     "implicit-unit-vector": implicit_unit_vector,
+}
+
+# Memory of the switching laws that have more of it than the surface.
+_FURTHER_MEMORY: Mapping[str, type[SurfaceMemory]] = {
+    "implicit-estimate": EstimateMemory,
+    "super-twisting": TwistMemory,
+    "adaptive": AdaptedMemory,
 }
 
 

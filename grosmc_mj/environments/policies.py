@@ -12,7 +12,7 @@ from grosmc_mj.control.controller import Controller, Sampled, custom_controller
 from grosmc_mj.environments.signals import Index, Observation, Signals, input_label
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.plants import System, find_system
-from grosmc_mj.simulation.law_inputs import write_inputs
+from grosmc_mj.simulation.law_inputs import sample_law
 
 
 class LawPolicy:
@@ -52,7 +52,7 @@ class LawPolicy:
         self._require_period(t)
         self._last = t
 
-        write_inputs(self._controller, t, np.array(x), self._memory, self._u)
+        sample_law(self._controller, t, np.array(x), self._memory, self._u)
         if self._memory.undefined:
             name = self._controller.name
             raise UndefinedLawError(f"t = {t:g} s: {name} is undefined at this state", t)

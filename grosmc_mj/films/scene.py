@@ -141,10 +141,15 @@ def _view(model: mujoco.MjModel, data: mujoco.MjData, camera: int) -> tuple[Arra
     mujoco.mjv_defaultFreeCamera(model, free)
     scene = mujoco.MjvScene(model, 1)
     mujoco.mjv_updateCamera(model, data, free, scene)
-    forward = np.array(scene.camera[0].forward, float)
-    up = np.array(scene.camera[0].up, float)
     eye = np.mean([eye.pos for eye in scene.camera], axis=0)
-    return eye, np.column_stack([np.cross(forward, up), up, -forward])
+    return eye, _axes(scene.camera[0])
+
+
+def _axes(camera: Any) -> Array:
+    """Return the axes of a scene's camera to its right, up and back, a column each, (3, 3)."""
+    forward = np.array(camera.forward, float)
+    up = np.array(camera.up, float)
+    return np.column_stack([np.cross(forward, up), up, -forward])
 
 
 class Surroundings(NamedTuple):
@@ -164,8 +169,8 @@ class Surroundings(NamedTuple):
         """Add them to an updated scene whose camera is in place."""
         camera = scene.camera[0]
         eye = np.array(camera.pos, float)
-        forward = np.array(camera.forward, float)
-        up = np.array(camera.up, float)
+        facing = _axes(camera)
+        back = facing[:, 2]
         reach = _REACH * float(camera.frustum_far)
         if self.light:
             _add_light(scene)
@@ -173,8 +178,7 @@ class Surroundings(NamedTuple):
             below = np.array([eye[0], eye[1], self.floor])
             _add_plane(scene, below, np.eye(3), reach, _FLOOR)
         if self.background:
-            facing = np.column_stack([np.cross(forward, up), up, -forward])
-            plane = _add_plane(scene, eye + reach * forward, facing, reach, _BACKGROUND)
+            plane = _add_plane(scene, eye - reach * back, facing, reach, _BACKGROUND)
             plane.emission = 1.0
 
 
@@ -271,9 +275,7 @@ def _corners(
 def move(scene: mujoco.MjvScene, by: Array) -> None:
     """Move the cameras of an updated scene to their right, up and back [m], (3,)."""
     for camera in scene.camera:
-        forward = np.array(camera.forward, float)
-        up = np.array(camera.up, float)
-        camera.pos[:] = camera.pos + by @ np.array([np.cross(forward, up), up, -forward])
+        camera.pos[:] = camera.pos + _axes(camera) @ by
 
 
 def visible_height(camera: Any, point: Array) -> float:

@@ -14,7 +14,7 @@ from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.loop.sent import keep_output
 from grosmc_mj.loop.software import observe
 from grosmc_mj.results.tables import number
-from grosmc_mj.simulation.law_inputs import write_inputs
+from grosmc_mj.simulation.law_inputs import sample_law
 
 # A logged command may stand so many rows after the states that it was computed from, at most.
 _MOST_ROWS = 3
@@ -132,7 +132,7 @@ def _commands(applied: AppliedLoop, log: Log, start: Array) -> Array:
                 measured.y[j] = log.states[state.name][k]
         measured.clock[0] = log.time[k] // applied.timestep
         t = observe(k, measured, loop.software)
-        write_inputs(law, t, x, memory, commands[k])
+        sample_law(law, t, x, memory, commands[k])
         keep_output(k, log.inputs[k], True, measured, loop.software)
     return commands
 

@@ -225,7 +225,7 @@ def _law(system: System, inputs: Array, timestep: float) -> Controller:
     rows = 1 << (len(inputs) - 1).bit_length()
     padded = np.pad(inputs, ((0, rows - len(inputs)), (0, 0)), mode="edge")
     numbers = LoggedInputs(period=timestep, samples=np.ascontiguousarray(padded))
-    return Controller("log", _replayed, numbers, memory_of(Memory, v=np.zeros(len(system.inputs))))
+    return Controller("log", _replayed, numbers, memory_of(Memory, m=len(system.inputs)))
 
 
 def _windows(log: Log, piece: slice, horizon: float, lead: float) -> list[Window]:

@@ -11,7 +11,7 @@ from grosmc_mj.records import record_dtype
 
 @dataclass(frozen=True, eq=False)
 class Accumulator:
-    """What the engines accumulate at each timestep of a run.
+    """Metrics that the engines accumulate at each timestep of a run.
 
     Attributes:
         note: Jitable (t, x, u, memory, p, values, numbers): accumulate the timestep that begins at

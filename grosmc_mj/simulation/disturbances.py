@@ -244,36 +244,42 @@ class AnyDisturbance:
 
     Attributes:
         part: Signals of which it disturbs some: a key of ``widths``.
+        noun: What is disturbed: ``body``, ``input`` or ``state``; the field of its name.
+        words: Beginning of its title.
         profile: Function of t [s].
         label: Name in figures.
     """
 
     part: ClassVar[str]
+    noun: ClassVar[str]
+    words: ClassVar[str]
     profile: Profile
     label: str
 
     @property
     def of(self) -> str:
         """Name of the body, the input or the state."""
-        raise NotImplementedError
-
-    @property
-    def amplitudes(self) -> tuple[float, ...]:
-        """Values for a profile of 1: one, or the six of a wrench."""
-        raise NotImplementedError
+        return getattr(self, self.noun)
 
     @property
     def title(self) -> str:
         """Its label, or where it acts in words."""
-        raise NotImplementedError
+        return self.label or f"{self.words} {self.of}"
+
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """Values for a profile of 1: one, or the six of a wrench."""
+        of_one_signal: Any = self
+        return (of_one_signal.amplitude,)
 
     def scaled(self, factor: float) -> Self:
         """Copy with its amplitudes times a factor."""
-        raise NotImplementedError
+        of_one_signal: Any = self
+        return replace(of_one_signal, amplitude=factor * of_one_signal.amplitude)
 
     def unit(self, system: System) -> str:
         """Unit of the amplitude of a signal; "" of a wrench, which has two."""
-        raise NotImplementedError
+        return ""
 
     def place(self, system: System) -> int:
         """Index of its first signal among those of its part.
@@ -281,7 +287,15 @@ class AnyDisturbance:
         Raises:
             ArgumentError: If the system has no such body, input or state.
         """
-        raise NotImplementedError
+        names: Mapping[str, Sequence[str]] = {
+            "body": system.bodies,
+            "input": [signal.name for signal in system.inputs],
+            "state": [state.name for state in system.states],
+        }
+        valid = names[self.noun]
+        if self.of not in valid:
+            raise ArgumentError(unknown_name(self.noun, self.of, valid))
+        return valid.index(self.of)
 
     @property
     def window(self) -> tuple[float, float]:
@@ -310,6 +324,8 @@ class Disturbance(AnyDisturbance):
     """
 
     part: ClassVar[str] = "w"
+    noun: ClassVar[str] = "body"
+    words: ClassVar[str] = "disturbance on"
 
     body: Annotated[str, Is(str, "the name of a body")]
     wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6)]
@@ -317,51 +333,21 @@ class Disturbance(AnyDisturbance):
     label: str = ""
 
     @property
-    def of(self) -> str:
-        """Name of the body."""
-        return self.body
-
-    @property
     def amplitudes(self) -> tuple[float, ...]:
         """The wrench."""
         return self.wrench
-
-    @property
-    def title(self) -> str:
-        """Its label, or the body."""
-        return self.label or f"disturbance on {self.body}"
 
     def scaled(self, factor: float) -> Self:
         """Copy with its wrench times a factor."""
         return replace(self, wrench=tuple(factor * part for part in self.wrench))
 
-    def unit(self, system: System) -> str:
-        """Nothing: forces and torques have different ones."""
-        return ""
-
     def place(self, system: System) -> int:
         """Index of the first of six components."""
-        return 6 * _index("body", self.body, system.bodies)
-
-
-class _OfOneSignal(AnyDisturbance):
-    """A disturbance of one signal, in its unit."""
-
-    amplitude: float
-
-    @property
-    def amplitudes(self) -> tuple[float, ...]:
-        """The amplitude."""
-        return (self.amplitude,)
-
-    def scaled(self, factor: float) -> Self:
-        """Copy with its amplitude times a factor."""
-        of_signal: Any = self
-        return replace(of_signal, amplitude=factor * self.amplitude)
+        return 6 * super().place(system)
 
 
 @checked(label="disturbance")
-class InputDisturbance(_OfOneSignal):
+class InputDisturbance(AnyDisturbance):
     """A value added to an input that reaches the plant, after the actuators of a loop.
 
     A model in MuJoCo keeps the sum within the range of its own actuator. The input that
@@ -375,48 +361,21 @@ class InputDisturbance(_OfOneSignal):
     """
 
     part: ClassVar[str] = "input_disturbance"
+    noun: ClassVar[str] = "input"
+    words: ClassVar[str] = "disturbance of"
 
     input: Name
     amplitude: Finite
     profile: _Profile = Constant()
     label: str = ""
 
-    @property
-    def of(self) -> str:
-        """Name of the input."""
-        return self.input
-
-    @property
-    def title(self) -> str:
-        """Its label, or the input."""
-        return self.label or f"disturbance of {self.input}"
-
-    def place(self, system: System) -> int:
-        """Index of the input."""
-        return _index("input", self.input, [signal.name for signal in system.inputs])
-
     def unit(self, system: System) -> str:
         """Unit of the input."""
         return system.inputs[self.place(system)].unit
 
 
-class _OfOneState(_OfOneSignal):
-    """A disturbance of one state, in its unit or that of its rate."""
-
-    state: str
-
-    @property
-    def of(self) -> str:
-        """Name of the state."""
-        return self.state
-
-    def place(self, system: System) -> int:
-        """Index of the state."""
-        return _index("state", self.state, [state.name for state in system.states])
-
-
 @checked(label="disturbance")
-class OutputDisturbance(_OfOneState):
+class OutputDisturbance(AnyDisturbance):
     """A value added to a state as it is measured: sensors measure x + d in place of x.
 
     A sensor that is late has the disturbance of the instant at which it measured; its scale, bias,
@@ -432,16 +391,13 @@ class OutputDisturbance(_OfOneState):
     """
 
     part: ClassVar[str] = "output_disturbance"
+    noun: ClassVar[str] = "state"
+    words: ClassVar[str] = "disturbance of measured"
 
     state: Name
     amplitude: Finite
     profile: _Profile = Constant()
     label: str = ""
-
-    @property
-    def title(self) -> str:
-        """Its label, or the measured state."""
-        return self.label or f"disturbance of measured {self.state}"
 
     def unit(self, system: System) -> str:
         """Unit of the state."""
@@ -449,7 +405,7 @@ class OutputDisturbance(_OfOneState):
 
 
 @checked(label="disturbance")
-class RateDisturbance(_OfOneState):
+class RateDisturbance(AnyDisturbance):
     """A value added to the rate of a state, x' = f + g u + d; of plants given as equations only.
 
     Attributes:
@@ -460,27 +416,17 @@ class RateDisturbance(_OfOneState):
     """
 
     part: ClassVar[str] = "rate_disturbance"
+    noun: ClassVar[str] = "state"
+    words: ClassVar[str] = "disturbance of the rate of"
 
     state: Name
     amplitude: Finite
     profile: _Profile = Constant()
     label: str = ""
 
-    @property
-    def title(self) -> str:
-        """Its label, or the rate."""
-        return self.label or f"disturbance of the rate of {self.state}"
-
     def unit(self, system: System) -> str:
         """Unit of the rate of the state."""
         return system.states[self.place(system)].rate_unit
-
-
-def _index(kind: str, name: str, names: Sequence[str]) -> int:
-    """Index of a name; refuse an unknown one."""
-    if name not in names:
-        raise ArgumentError(unknown_name(kind, name, names))
-    return names.index(name)
 
 
 def widths(disturbances: Iterable[AnyDisturbance], system: System) -> dict[str, int]:

@@ -162,7 +162,7 @@ def all_finite(u: Any) -> bool:
     return finite
 
 
-def write_inputs(
+def sample_law(
     controller: Controller,
     t: float,
     x: Array,
@@ -171,7 +171,7 @@ def write_inputs(
     *,
     strict: bool = False,
 ) -> bool:
-    """Let a law write its inputs in Python as compiled code would.
+    """Sample a law in Python as compiled code would: it writes its inputs.
 
     Where C goes on with infinities and NaN, Python raises an error: u is then NaN.
 
@@ -211,12 +211,12 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
         m: Number of inputs.
 
     Raises:
-        LawError: As ``write_inputs``, or if an input is not finite where the law is defined.
+        LawError: As ``sample_law``, or if an input is not finite where the law is defined.
     """
     memory, _workspace = controller.begin()
     u = np.zeros(m)
     with np.errstate(all="ignore"):
-        finite = write_inputs(controller, 0.0, np.array(x0, float), memory, u, strict=True)
+        finite = sample_law(controller, 0.0, np.array(x0, float), memory, u, strict=True)
     if not finite and not memory.undefined:
         inputs = u.item() if m == 1 else tuple(u.tolist())
         raise LawError(

@@ -43,7 +43,7 @@ from grosmc_mj.simulation.kernel import (
     law_members_at,
     note_members_at,
 )
-from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, write_inputs
+from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, sample_law
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
@@ -101,7 +101,7 @@ def _require_numbers(problem: Problem) -> None:
     controller = problem.controller
     memory, _workspace = controller.begin()
     u = np.zeros(len(problem.system.inputs))
-    write_inputs(controller, 0.0, problem.x0[0].copy(), memory, u)
+    sample_law(controller, 0.0, problem.x0[0].copy(), memory, u)
 
 
 class _Batch:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -226,30 +227,32 @@ def _require_alike(
     accumulators: tuple[Accumulator | None, ...],
 ) -> None:
     """Refuse a batch that one compiled loop cannot run."""
+    kinds = {(plant.system, type(plant)) for plant in plants}
+    _require_one("plants of a batch must be of one system and of one kind", kinds)
+    timesteps = {plant.step_length for plant in plants}
+    _require_one("plants of a batch must have one timestep", timesteps)
+
     several = dict.fromkeys(controllers)
+    laws = {item.law for item in several}
+    _require_one("controllers of a batch must have the same law", laws)
+    ideal = {item is None for item in loops}
+    _require_one("runs of a batch must have a loop, or none", ideal)
+
     # A single controller that runs in Python only, as a policy, may have numbers of any kind.
-    numbers = set()
     if len(several) > 1:
         numbers = {record_dtype(item.parameters) for item in several}
+        _require_one("controllers of a batch must have the same kinds of numbers", numbers)
     memories = dict.fromkeys(item.memory for item in several)
-    kinds = {
-        "plants of a batch must be of one system and of one kind": {
-            (plant.system, type(plant)) for plant in plants
-        },
-        "plants of a batch must have one timestep": {plant.step_length for plant in plants},
-        "controllers of a batch must have the same law": {item.law for item in several},
-        "runs of a batch must have a loop, or none": {item is None for item in loops},
-        "controllers of a batch must have the same kinds of numbers": numbers,
-        "controllers of a batch must have the same kind of memory": {
-            record_dtype(memory()) for memory in memories
-        },
-        "runs of a batch must have the same kind of accumulator": {
-            item and item.kind for item in dict.fromkeys(accumulators)
-        },
-    }
-    for rule, values in kinds.items():
-        if len(values) > 1:
-            raise ArgumentError(f"all {rule}")
+    remembered = {record_dtype(memory()) for memory in memories}
+    _require_one("controllers of a batch must have the same kind of memory", remembered)
+    metrics = {item and item.kind for item in dict.fromkeys(accumulators)}
+    _require_one("runs of a batch must have the same kind of accumulator", metrics)
+
+
+def _require_one(rule: str, kinds: Set[Any]) -> None:
+    """Refuse a batch with several kinds of what must be one kind."""
+    if len(kinds) > 1:
+        raise ArgumentError(f"all {rule}")
 
 
 def _require_designed_for(

@@ -15,7 +15,7 @@ from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_on
 from grosmc_mj.records import pack
 from grosmc_mj.simulation.disturbances import Disturbance, OutputDisturbance, disturb
 from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
-from grosmc_mj.simulation.law_inputs import write_inputs
+from grosmc_mj.simulation.law_inputs import sample_law
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.steppers import Stepper, Steppers
 from grosmc_mj.simulation.trajectory import Status
@@ -149,7 +149,7 @@ class ClosedLoop:
         if self._problem.system.singular(run.x):
             return ANSWERED + Status.SINGULAR_PLANT.value
 
-        finite = write_inputs(self._controller, t, run.seen, self.memory, run.command)
+        finite = sample_law(self._controller, t, run.seen, self.memory, run.command)
         run.memory[:] = pack(self.memory)
         if self.memory.undefined:
             return ANSWERED + Status.UNDEFINED_LAW.value

@@ -33,8 +33,8 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Fields of a law's memory that files do not have: an address, and the time of the first sample.
-_NOT_SAVED = ("workspace", "first")
+# Field of a law's memory that files do not have: an address.
+_NOT_SAVED = "workspace"
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _DISTURBANCES = ("wrench", "input_disturbance", "output_disturbance", "rate_disturbance")
@@ -167,40 +167,37 @@ class Trajectory:
         """Name, labels of its columns and rows of each signal that this run has."""
         states = self.system.states
         inputs = self.system.inputs
+        rates = [(f"disturbance of the rate of {x.name}", x.rate_unit) for x in states]
         signals: list[tuple[str, _Labels, Array | None]] = [
-            ("state", [(state.name, state.unit) for state in states], self.state),
-            ("seen", [(f"{state.name} seen", state.unit) for state in states], self.seen),
-            ("input", [(signal.name, signal.unit) for signal in inputs], self.input),
-            ("command", [(f"{u.name} asked", u.unit) for u in inputs], self.command),
+            ("state", _labels(states), self.state),
+            ("seen", _labels(states, "{} seen"), self.seen),
+            ("input", _labels(inputs), self.input),
+            ("command", _labels(inputs, "{} asked"), self.command),
             ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
             ("weighed", _numbered("v", "", self.weighed), self.weighed),
-            *self._disturbances(),
+            ("wrench", _wrench_labels(self.system), self.wrench),
+            (
+                "input_disturbance",
+                _labels(inputs, "disturbance of {}"),
+                self.input_disturbance,
+            ),
+            (
+                "output_disturbance",
+                _labels(states, "disturbance of measured {}"),
+                self.output_disturbance,
+            ),
+            ("rate_disturbance", rates, self.rate_disturbance),
             ("physics", _numbered("mjSTATE_FULLPHYSICS", "", self.physics), self.physics),
         ]
         if self.physics is not None and self.unseen:
             hidden = np.stack([state.of(self.physics) for state in self.unseen], axis=1)
-            signals.append(("unseen", [(state.name, state.unit) for state in self.unseen], hidden))
+            signals.append(("unseen", _labels(self.unseen), hidden))
         for field in self.memory.dtype.names or ():
-            if field not in _NOT_SAVED:
+            if field != _NOT_SAVED:
                 name = f"memory {field}"
                 rows = self.memory[field]
                 signals.append((name, _numbered(name, "", rows), rows))
         return [(name, labels, rows) for name, labels, rows in signals if rows is not None]
-
-    def _disturbances(self) -> list[tuple[str, _Labels, Array | None]]:
-        """Name, labels and rows of the disturbances."""
-        inputs = [(f"disturbance of {u.name}", u.unit) for u in self.system.inputs]
-        outputs = []
-        rates = []
-        for state in self.system.states:
-            outputs.append((f"disturbance of measured {state.name}", state.unit))
-            rates.append((f"disturbance of the rate of {state.name}", state.rate_unit))
-        return [
-            ("wrench", _wrench_labels(self.system), self.wrench),
-            ("input_disturbance", inputs, self.input_disturbance),
-            ("output_disturbance", outputs, self.output_disturbance),
-            ("rate_disturbance", rates, self.rate_disturbance),
-        ]
 
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
         """Write one run as ``.parquet`` or ``.csv``, by the ending.
@@ -281,6 +278,11 @@ class _Column(NamedTuple):
     name: str
     unit: str
     values: Array
+
+
+def _labels(signals: Sequence[Any], pattern: str = "{}") -> _Labels:
+    """Labels of named signals with a unit; the pattern takes the name."""
+    return [(pattern.format(signal.name), signal.unit) for signal in signals]
 
 
 def _numbered(name: str, unit: str, rows: Array | None) -> _Labels:

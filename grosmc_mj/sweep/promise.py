@@ -22,7 +22,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.audit import largest_rate, least_margin
-from grosmc_mj.assumptions.balance import Added
+from grosmc_mj.assumptions.balance import Loads
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import GrosmcError, PremiseError
 from grosmc_mj.simulation.disturbances import (
@@ -111,8 +111,8 @@ class PromisedFamily:
             of_inputs: Largest magnitude of the disturbance of each input, (m,).
         """
         plant = plant_of(self.campaign.plant_sample(values), self.campaign.plant)
-        added = Added(of_inputs, np.zeros(len(plant.system.states)))
-        return least_margin(self.law, plant.analytic(), self.bound, amplitude, added)
+        largest = Loads.of_wrench(amplitude, plant.system)._replace(input=of_inputs[None])
+        return least_margin(self.law, plant.analytic(), self.bound, largest)
 
     def amplitude(self, scale: float) -> Array:
         """The largest wrenches of the family, with its uncertainty scaled, (6 * bodies,)."""

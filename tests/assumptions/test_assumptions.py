@@ -20,7 +20,7 @@ from shipped import find_case, nominal, robust, run_case, surface_of, task_of
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions import audit as audits
 from grosmc_mj.assumptions.audit import Audit, Premise, Reading, audit, run_audit
-from grosmc_mj.assumptions.balance import Added, Balance, balance
+from grosmc_mj.assumptions.balance import Balance, Loads, balance
 from grosmc_mj.chapter.premises import audit_document, audit_table, failures_table, worst_points
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.design import tracking_grosmc
@@ -70,7 +70,8 @@ def instants(system: str) -> list[OffSurface]:
         z = random.uniform(-0.4, 0.4, 2)
         w = random.uniform(-0.3, 0.3, 6 * len(plant.system.bodies))
         x = state(law, t, z)
-        rows.append(OffSurface(t, z, w, x, balance(law, plant.analytic(), t, x, w)))
+        loads = Loads.of_wrench(w, plant.system)
+        rows.append(OffSurface(t, z, w, x, balance(law, plant.analytic(), t, x, loads)))
     return rows
 
 
@@ -161,7 +162,7 @@ def test_s_falls_on_both_sides_with_the_required_rate_only(system: str, factor: 
         if law.parameters.epsilon:
             gains = {"epsilon": rate}
         sized = replace(law, parameters=replace(law.parameters, **gains))
-        configured = balance(sized, true, t, x, w).configured
+        configured = balance(sized, true, t, x, Loads.of_wrench(w, true.system)).configured
         assert configured == pytest.approx(rate, rel=1e-12)
 
         growth = []
@@ -222,7 +223,7 @@ def test_input_gain_of_the_pendulum_over_its_region_is_the_lagrangian_s() -> Non
     assert premise(audited, "input gain").holds
     # The margins are measured from 1e-9, which is what the reading calls rounding.
     assert region.margin == pytest.approx(pendulum_gain_ratio(math.pi / 6), rel=1e-8)
-    assert abs(region.worst.x[1]) == pytest.approx(math.pi / 6)
+    assert abs(region.x[1]) == pytest.approx(math.pi / 6)
     upright = pendulum_gain_ratio(0)
     assert pendulum_gain_ratio(math.pi / 18) <= along.margin + 2e-9 <= upright + 2e-9
     assert upright == pytest.approx(0.22, abs=0.005)
@@ -236,7 +237,7 @@ def test_printed_epsilon_fails_by_the_closed_form() -> None:
     assert not premise(audited, "epsilon").holds
     M = 0.1 + 0.06 * math.sin(-1.5)
     assert region.margin == pytest.approx(6 - 0.5 / M, rel=1e-9)
-    assert region.worst.x[0] == pytest.approx(-1.5)
+    assert region.x[0] == pytest.approx(-1.5)
     assert 0 < along.violated < 1
 
 
@@ -347,11 +348,15 @@ TOGETHER[[0, 6]] = 0.2, 0.3
 APART = TOGETHER * np.repeat([1.0, -1.0], 6)
 
 
+def on_cart_and_pole(wrench: Array) -> Loads:
+    return Loads.of_wrench(wrench, nominal("cart_pendulum").system)
+
+
 def test_a_force_on_the_cart_turns_the_upright_pole_against_one_on_the_pole() -> None:
     law = robust("cart_pendulum")
     plant = nominal("cart_pendulum")
-    together = balance(law, plant, 0.0, np.zeros(4), TOGETHER)
-    apart = balance(law, plant, 0.0, np.zeros(4), APART)
+    together = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(TOGETHER))
+    apart = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(APART))
     assert apart.required > together.required
 
 
@@ -362,14 +367,14 @@ def test_a_current_pushes_as_its_torque_does() -> None:
     x = np.array([0.3, -0.2])
     d = 0.25
     torque = np.array([0, 0, 0, 0, -plant.parameters.Kt * d, 0])
-    added = Added(np.array([[d]]), np.zeros((1, 2)))
-    loaded = balance(law, plant, 0.0, x, torque)
-    disturbed = balance(law, plant, 0.0, x, np.zeros(6), added=added)
+    load = Loads.of_wrench(torque, plant.system)
+    current = Loads.none(plant.system, 1)._replace(input=np.array([[d]]))
+    loaded = balance(law, plant, 0.0, x, load)
+    disturbed = balance(law, plant, 0.0, x, current)
     assert disturbed.pushes == pytest.approx(loaded.pushes, rel=1e-12)
 
-    amplitude = Added(np.array([d]), np.zeros(2))
-    least_loaded = audits.least_margin(law, plant, (0.1, 0.1), torque)
-    least = audits.least_margin(law, plant, (0.1, 0.1), np.zeros(6), amplitude)
+    least_loaded = audits.least_margin(law, plant, (0.1, 0.1), load)
+    least = audits.least_margin(law, plant, (0.1, 0.1), current)
     assert least == pytest.approx(least_loaded, rel=1e-12)
 
 
@@ -377,12 +382,12 @@ def test_the_least_margin_is_that_of_the_worst_signs() -> None:
     """Whatever the signs of the declared forces: two need not point the same way."""
     law = robust("cart_pendulum")
     plant = nominal("cart_pendulum")
-    together = audits.least_margin(law, plant, (0.1, 0.1), TOGETHER)
-    apart = audits.least_margin(law, plant, (0.1, 0.1), APART)
+    together = audits.least_margin(law, plant, (0.1, 0.1), on_cart_and_pole(TOGETHER))
+    apart = audits.least_margin(law, plant, (0.1, 0.1), on_cart_and_pole(APART))
     assert together == pytest.approx(apart, rel=1e-12)
     # A region of next to nothing is the pole upright.
-    upright = balance(law, plant, 0.0, np.zeros(4), APART)
-    smallest = audits.least_margin(law, plant, (1e-9, 1e-9), TOGETHER)
+    upright = balance(law, plant, 0.0, np.zeros(4), on_cart_and_pole(APART))
+    smallest = audits.least_margin(law, plant, (1e-9, 1e-9), on_cart_and_pole(TOGETHER))
     assert smallest == pytest.approx(upright.configured - upright.required, rel=1e-6)
 
 
@@ -418,6 +423,12 @@ def test_premises_of_a_run_that_ended_at_its_start_are_refused() -> None:
         run_audit(run)
 
 
+def test_premises_of_a_law_with_dynamics_of_its_own_are_refused() -> None:
+    run = find_experiment("servo", "nominal").varied(duration=0.01).run("physics", "fl-pid")
+    with pytest.raises(ArgumentError, match=r"fl-pid: premises are told of laws v = -K z"):
+        run_audit(run)
+
+
 @pytest.mark.slow
 def test_a_law_without_gain_fails_with_advice_that_can_be_followed() -> None:
     audited = audit(FAULTS["zero switching gain"](), find_experiment("arm", "case1"))
@@ -445,7 +456,7 @@ def test_worst_point_is_the_first_of_those_that_share_the_least_margin() -> None
     points: Any = SimpleNamespace(t=np.arange(4.0), x=np.arange(4.0)[:, None])
     least = -6.45 * (1 + 4e-16)
     reading = audits.reading_of(points, np.array([2.0, -6.45, least, -6.4]))
-    assert (reading.worst.t, reading.worst.x, reading.margin) == (1.0, (1.0,), least)
+    assert (reading.t, reading.x, reading.margin) == (1.0, (1.0,), least)
     assert reading.violated == 0.75
 
 
@@ -495,7 +506,8 @@ def test_a_limit_of_the_nominal_input_is_one_of_the_reaching_condition() -> None
 
     cut = 0
     for t, z, w, x, _ in instants("servo"):
-        at = balance(limited, perturbed("servo").analytic(), t, x, w)
+        true = perturbed("servo").analytic()
+        at = balance(limited, true, t, x, Loads.of_wrench(w, true.system))
         nominal = float(-(p.K @ z)[0])
         cut += abs(nominal) > LIMIT
         assert at.u_c == pytest.approx(np.clip(nominal, -LIMIT, LIMIT))

@@ -15,15 +15,14 @@ from shipped import error_of, nominal, robust, uncertainty_of, weights_of
 
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import balance
+from grosmc_mj.assumptions.balance import Loads, balance
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
 from grosmc_mj.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.control.task import Task, state_task
-from grosmc_mj.control.uncertainty.family import PlantFamily
-from grosmc_mj.control.uncertainty.gain_suprema import SwitchingGains
+from grosmc_mj.control.uncertainty.family import PlantFamily, SwitchingGains
 from grosmc_mj.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.control.uncertainty.states import StateUncertainty
 from grosmc_mj.errors import GainError
@@ -357,7 +356,7 @@ def test_the_reaching_condition_of_a_held_plant_is_about_the_point_where_it_rest
     true = task.plant.changed(scales={"g": 1.5})
 
     for z in ([0.0, 0.0], [0.3, -0.2], [-0.5, 1.0]):
-        at = balance(law, true, 0.0, task.reference.x + z, np.zeros(0))
+        at = balance(law, true, 0.0, task.reference.x + z, Loads.none(true.system, 1))
         assert at.u_c == pytest.approx(-law.parameters.K @ z, rel=1e-9, abs=1e-9)
         dx = true.derivative(task.reference.x + z, task.reference.u + at.u_c)
         assert at.pushes == pytest.approx(G @ (dx - A @ z - B @ at.u_c), rel=1e-9)

@@ -129,7 +129,7 @@ static double size_of_GB(void)
     return p->size_of_GB;
 }
 
-/* The sign function as printed: -1, 0 or 1. [switching.py:127] */
+/* The sign function as printed: -1, 0 or 1. [switching.py:123] */
 static double sgn(double s)
 {
     if (s > 0.0) {
@@ -139,7 +139,7 @@ static double sgn(double s)
 }
 
 /* phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form.
-   [switching.py:135] */
+   [switching.py:131] */
 static double implicit(double s, double k, double rho, double h)
 {
     if (h == 0.0) {
@@ -151,7 +151,7 @@ static double implicit(double s, double k, double rho, double h)
 }
 
 /* Sign law by implicit Euler (Acary, Brogliato): phi moves only as the disturbance does.
-   [switching.py:182] */
+   [switching.py:178] */
 static void implicit_2(const double *s, double k, double rho, double *phi, struct law_in_c_memory
         *memory)
 {

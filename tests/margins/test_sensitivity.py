@@ -85,7 +85,7 @@ def satellite() -> RunningLoop:
         h=(x1 + SPIN * x2, -SPIN * x1 + x2),
         parameters={},
     )
-    memory = memory_of(Memory, v=np.zeros(2))
+    memory = memory_of(Memory, m=2)
     law = Controller("unity", satellite_law, Sampled(), memory=memory)
     return RunningLoop(plant, law, np.zeros(2), T, T, threads=1)
 

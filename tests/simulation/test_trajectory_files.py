@@ -52,10 +52,9 @@ def test_a_run_is_read_as_it_was_written(case: str, tmp_path: Path) -> None:
 
 @each_case
 def test_a_file_keeps_the_memory_without_addresses(case: str, tmp_path: Path) -> None:
-    """Neither an address nor when the law began."""
     written = result(case).trajectory.memory
     loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).memory
-    kept = set(written.dtype.names or ()) - {"workspace", "first"}
+    kept = set(written.dtype.names or ()) - {"workspace"}
     assert set(loaded.dtype.names or ()) == kept
     for name in kept:
         np.testing.assert_array_equal(written[name], loaded[name])
@@ -122,6 +121,19 @@ def test_a_file_says_the_version_that_wrote_it(tmp_path: Path) -> None:
     schema = pq.read_schema(machine().save(tmp_path / "run.parquet"))
     description = json.loads(schema.metadata[b"grosmc_mj"])
     assert description["versions"]["grosmc_mj"] == gm.__version__
+
+
+def test_a_file_keeps_every_field_of_a_users_memory() -> None:
+    plant = gm.MujocoPlant.load("servo").analytic()
+    like = gm.chapter_controller("lqr", plant)
+
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        memory.first += 1.0
+        u[0] = 0.0
+
+    counting = gm.custom_controller("counting", law, like, memory={"first": 0.0})
+    run = gm.simulate(plant, counting, [1.0, 0.0], duration=3e-3, engine="python")
+    assert run.to_arrow()["memory first"].to_pylist()[:3] == [1.0, 2.0, 3.0]
 
 
 def test_two_signals_of_one_name_are_distinguished() -> None:

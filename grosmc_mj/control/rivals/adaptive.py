@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled, noting_controller
+from grosmc_mj.control.controller import Controller, TaskNumbers, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.matrices import row_times
-from grosmc_mj.control.memory import Memory, memory_of
+from grosmc_mj.control.memory import Memory, memory_of, vector
 from grosmc_mj.control.task import Limit, Task
 from grosmc_mj.errors import PremiseError
 from grosmc_mj.fields import Positive, checked_call
@@ -25,20 +24,16 @@ from grosmc_mj.plants.parametrization import LinearParametrization
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AdaptiveNumbers(Sampled):
+class AdaptiveNumbers(TaskNumbers):
     """Numbers of Slotine and Li's law for m joints.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         frequency: Lambda [1/s].
         adaptation: gamma, the same for all parameters in SI units.
         damping: K_D, in the unit of the input times seconds per unit of the joint, (m, m).
         limit: Largest |u|, in the unit of the input; infinite for none.
     """
 
-    plant: Any
-    reference: Any
     frequency: float
     adaptation: float
     damping: Array
@@ -58,11 +53,11 @@ class AdaptiveMemory(Memory):
         a: Derivative r' at the last sample, in that unit per second, (m,).
     """
 
-    theta: Array = field(default_factory=partial(np.zeros, 1))
-    composite: Array = field(default_factory=partial(np.zeros, 1))
-    z: Array = field(default_factory=partial(np.zeros, 2))
-    r: Array = field(default_factory=partial(np.zeros, 1))
-    a: Array = field(default_factory=partial(np.zeros, 1))
+    theta: Array = vector("k")
+    composite: Array = vector("m")
+    z: Array = vector("n")
+    r: Array = vector("m")
+    a: Array = vector("m")
 
 
 @checked_call
@@ -118,22 +113,9 @@ def adaptive(
         slotine_li(error, parametrization),
         like,
         numbers,
-        _memory(error.inputs, error.size, len(parametrization.theta)),
+        memory_of(AdaptiveMemory, m=error.inputs, n=error.size, k=len(parametrization.theta)),
         source="Slotine and Li 1987",
         gains={"frequency": frequency, "adaptation": adaptation},
-    )
-
-
-def _memory(m: int, n: int, k: int) -> Callable[[], Any]:
-    """Function that makes the memory of each run: m joints, n entries of z, k parameters."""
-    return memory_of(
-        AdaptiveMemory,
-        v=np.zeros(m),
-        theta=np.zeros(k),
-        composite=np.zeros(m),
-        z=np.zeros(n),
-        r=np.zeros(m),
-        a=np.zeros(m),
     )
 
 

@@ -9,22 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
-import numpy as np
-
-from grosmc_mj.arguments import real
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Design, Sampled
+from grosmc_mj.control.controller import Controller, Design, TaskNumbers
 from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.law import Law
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.matrices import row_times
-from grosmc_mj.control.memory import Memory, memory_of
+from grosmc_mj.control.memory import Memory, memory_of, vector
 from grosmc_mj.control.task import Task
-from grosmc_mj.errors import GainError, value_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +45,14 @@ class Dynamics:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DynamicParameters(Sampled):
+class DynamicParameters(TaskNumbers):
     """Numbers of a law with dynamics.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         dynamics: Matrices at the run's control period.
         limit: Largest |u| that the actuators give, in the unit of the input; infinite for none.
     """
 
-    plant: Any
-    reference: Any
     dynamics: Dynamics
     limit: float = math.inf
 
@@ -79,11 +71,11 @@ class DynamicMemory(Memory):
         applied: v of that input, (m,).
     """
 
-    z: Array = field(default_factory=partial(np.zeros, 2))
-    q: Array = field(default_factory=partial(np.zeros, 1))
-    after: Array = field(default_factory=partial(np.zeros, 1))
-    within: Array = field(default_factory=partial(np.zeros, 1))
-    applied: Array = field(default_factory=partial(np.zeros, 1))
+    z: Array = vector("n")
+    q: Array = vector("order")
+    after: Array = vector("order")
+    within: Array = vector("m")
+    applied: Array = vector("m")
 
 
 # Cached, so that all controllers on these coordinates have one law, which is compiled once.
@@ -137,19 +129,6 @@ def dynamic_feedback(error: Coordinates, *, linearizing: bool, holds: bool) -> L
     return law
 
 
-def _memory(m: int, n: int, order: int) -> Callable[[], Any]:
-    """Function that makes the memory of each run: m inputs, n entries of z, an order of q."""
-    return memory_of(
-        DynamicMemory,
-        v=np.zeros(m),
-        z=np.zeros(n),
-        q=np.zeros(order),
-        after=np.zeros(order),
-        within=np.zeros(m),
-        applied=np.zeros(m),
-    )
-
-
 def dynamic_controller(
     name: str,
     task: Task,
@@ -174,19 +153,13 @@ def dynamic_controller(
         gains: Gains worth showing.
         limit: Largest |u|, infinite for none.
         source: Source of the law in the literature.
-
-    Raises:
-        GainError: If the limit is not positive.
     """
-    if not real(limit) > 0:
-        raise GainError(f"{name}: limit = {value_text(limit)} must be positive")
-    limit = float(limit)
     if math.isfinite(limit):
         gains = gains | {"limit": limit}
 
     # Shapes are the same at every period; a run takes the matrices of its own period.
     dynamics = at(1.0)
-    memory = _memory(task.error.inputs, task.error.size, len(dynamics.F))
+    memory = memory_of(DynamicMemory, m=task.error.inputs, n=task.error.size, order=len(dynamics.F))
     parameters = DynamicParameters(
         plant=task.plant.parameters,
         reference=task.reference,
@@ -205,3 +178,12 @@ def dynamic_controller(
     )
     law = dynamic_feedback(task.error, linearizing=linearizing, holds=holds)
     return Controller(name, law, parameters, memory, design)
+
+
+def input_rows(task: Task, optimum: LqrDesign) -> tuple[Array, Array]:
+    """a (m, n) and E (m, m) of z_i^(r_i) = a_i z + (E v)_i, the rows of z' with the inputs.
+
+    After feedback linearization a is zero and E the identity.
+    """
+    rows = list(task.outputs.linearization.last_rows)
+    return optimum.A[rows], optimum.B[rows]

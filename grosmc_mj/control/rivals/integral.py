@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import scipy.linalg
@@ -12,7 +12,7 @@ import scipy.linalg
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
 from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
+from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller, input_rows
 from grosmc_mj.control.task import Limit, Task
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import Positive, Range, checked_call
@@ -51,14 +51,9 @@ def lqi(
     n, m = optimum.B.shape
 
     # The plant with the integrals as further states.
-    A = np.zeros((n + m, n + m))
-    A[:n, :n] = optimum.A
-    A[n:, :n] = _output_matrix(task)
-    B = np.zeros((n + m, m))
-    B[:n] = optimum.B
-    Q = np.zeros((n + m, n + m))
-    Q[:n, :n] = optimum.Q
-    Q[n:, n:] = integral_weight * np.eye(m)
+    A = np.block([[optimum.A, np.zeros((n, m))], [_output_matrix(task), np.zeros((m, m))]])
+    B = np.vstack([optimum.B, np.zeros((m, m))])
+    Q: Any = scipy.linalg.block_diag(optimum.Q, integral_weight * np.eye(m))
     gain = lqr(A, B, Q, optimum.R).K
 
     return _integrating(
@@ -105,10 +100,7 @@ def fl_pid(
     if set(chains.relative_degree) != {2}:
         raise GainError(f"PID: the relative degrees {chains.relative_degree} must all be 2")
 
-    # z_i'' = a_i z + (E u)_i; after feedback linearization a is zero and E the identity.
-    last_rows = list(chains.last_rows)
-    a = optimum.A[last_rows]
-    E = optimum.B[last_rows]
+    a, E = input_rows(task, optimum)
     identity = np.eye(task.error.inputs)
     gains_of_output = [[3 * frequency**2, 3 * frequency]]
     gain_of_error = np.kron(identity, gains_of_output)
@@ -170,9 +162,7 @@ def integrals(
     """
     n, m = optimum.B.shape
     # States are the integrals, then z.
-    system = np.zeros((m + n, m + n))
-    system[:m, m:] = C
-    system[m:, m:] = optimum.A
+    system = np.block([[np.zeros((m, m)), C], [np.zeros((n, m)), optimum.A]])
     transition = scipy.linalg.expm(system * period)
     F, G = np.split(transition[:m], [m], axis=1)
     L = np.zeros((m, m))

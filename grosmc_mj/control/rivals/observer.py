@@ -11,7 +11,7 @@ import scipy.linalg
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, named_gains
-from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller
+from grosmc_mj.control.rivals.dynamic_feedback import Dynamics, dynamic_controller, input_rows
 from grosmc_mj.control.task import Limit, Task
 from grosmc_mj.fields import Range, checked_call
 
@@ -46,15 +46,12 @@ def adrc(
         GainError: If, on the linearization, zero error is no equilibrium without input.
     """
     optimum = task.optimum(linearizing=linearizing)
-    chains = task.outputs.linearization
-    # z_i^(r_i) = a_i z + (E u + d)_i; after feedback linearization a is zero and E the identity.
-    last_rows = list(chains.last_rows)
-    a = optimum.A[last_rows]
-    E = optimum.B[last_rows]
+    degrees = task.outputs.linearization.relative_degree
+    a, E = input_rows(task, optimum)
 
     # A function of the period, which only a run knows.
     def sampled(period: float) -> Dynamics:
-        d = observer(chains.relative_degree, bandwidth, period)
+        d = observer(degrees, bandwidth, period)
         return replace(
             d,
             K=optimum.K + np.linalg.solve(E, d.K),

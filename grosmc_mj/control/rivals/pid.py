@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cache, partial
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled, named_gains, noting_controller
+from grosmc_mj.control.controller import Controller, TaskNumbers, named_gains, noting_controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.design import linear_lqr, linearized_lqr
 from grosmc_mj.control.law import Law
-from grosmc_mj.control.memory import Memory, memory_of
+from grosmc_mj.control.memory import Memory, memory_of, vector
 from grosmc_mj.control.rivals.pid_tuning import (
     PidGains,
     Tuning,
@@ -31,12 +31,10 @@ from grosmc_mj.jitable import jitable
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PidNumbers(Sampled):
+class PidNumbers(TaskNumbers):
     """Numbers of a PID of m outputs, each of which acts on the input of the same number.
 
     Attributes:
-        plant: Parameters of the nominal plant.
-        reference: Parameters of the reference.
         kp: Gain of the error, in the unit of the input per unit of the output, (m,).
         ki: Gain of its integral, in that unit per second, (m,).
         kd: Gain of its rate, in that unit times seconds, (m,).
@@ -48,8 +46,6 @@ class PidNumbers(Sampled):
         tracking_time: Time constant of the anti-windup [s]; 0 to hold the integral instead.
     """
 
-    plant: Any
-    reference: Any
     kp: Array
     ki: Array
     kd: Array
@@ -75,12 +71,12 @@ class PidMemory(Memory):
             outputs, (m,).
     """
 
-    z: Array = field(default_factory=partial(np.zeros, 2))
-    setpoint: Array = field(default_factory=partial(np.zeros, 1))
-    first_output: Array = field(default_factory=partial(np.zeros, 1))
-    integral: Array = field(default_factory=partial(np.zeros, 1))
-    rate: Array = field(default_factory=partial(np.zeros, 1))
-    last: Array = field(default_factory=partial(np.zeros, 1))
+    z: Array = vector("n")
+    setpoint: Array = vector("m")
+    first_output: Array = vector("m")
+    integral: Array = vector("m")
+    rate: Array = vector("m")
+    last: Array = vector("m")
 
 
 @checked_call
@@ -161,23 +157,9 @@ def pid(
         _law(error, tuple(rows)),
         like,
         numbers,
-        _memory(m, error.size),
+        memory_of(PidMemory, m=m, n=error.size),
         source="Astrom and Hagglund 2006",
         gains=_gains_to_show(gains),
-    )
-
-
-def _memory(m: int, n: int) -> Callable[[], Any]:
-    """Function that makes the memory of each run: m outputs, n entries of z."""
-    return memory_of(
-        PidMemory,
-        v=np.zeros(m),
-        z=np.zeros(n),
-        setpoint=np.zeros(m),
-        first_output=np.zeros(m),
-        integral=np.zeros(m),
-        rate=np.zeros(m),
-        last=np.zeros(m),
     )
 
 

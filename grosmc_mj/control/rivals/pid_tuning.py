@@ -158,13 +158,9 @@ def pid_loop(task: Task, rows: list[int], filter_time: float) -> PidLoop:
     B = np.zeros((error.size, error.inputs))
     # The law controls y - r, which is z up to the sign of the task.
     B[last_rows] = error.sign * E
-    ends = np.cumsum(linearization.relative_degree)
-    chains = tuple(
-        slice(int(end) - degree, int(end))
-        for end, degree in zip(ends, linearization.relative_degree, strict=True)
-    )
-    if list(linearization.first_rows) != rows:
-        return PidLoop(A, B, C, filter_time, None)
+    chains = None
+    if list(linearization.first_rows) == rows:
+        chains = tuple(slice(first, last + 1) for first, last in zip(rows, last_rows, strict=True))
     return PidLoop(A, B, C, filter_time, chains)
 
 
@@ -187,19 +183,22 @@ def placed_gains(loop: PidLoop, frequency: float) -> PidGains | None:
     gains = np.zeros((3, m))
     # With the other outputs held, 1/b is the diagonal of the inertia.
     ends = [part.stop - 1 for part in loop.chains]
-    own_gain = 1 / np.diag(np.linalg.inv(loop.B[ends])) if m > 1 else None
+    of_several = 1 / np.diag(np.linalg.inv(loop.B[ends])) if m > 1 else None
     w = frequency
     for i, part in enumerate(loop.chains):
         A = loop.A[part, part]
         C = loop.C[i, part]
         B = loop.B[part, i]
+        order = len(A)
+        b = C @ B if order == 1 else C @ A @ B
+        if of_several is not None:
+            b = of_several[i]
+
         # Characteristic polynomial, highest power first.
         polynomial = np.poly(A)
-        if len(A) == 1:
-            b = own_gain[i] if own_gain is not None else C @ B
+        if order == 1:
             gains[:2, i] = (2 * w - polynomial[1]) / b, w**2 / b
             continue
-        b = own_gain[i] if own_gain is not None else C @ A @ B
         if abs(C @ B) > 1e-9 * abs(b):
             return None
         kp = (3 * w**2 - polynomial[2]) / b
@@ -225,7 +224,7 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
     frequencies = np.geomspace(0.01, 1e4, 240) / aim
 
     def misses(gains: PidGains) -> float:
-        """How far gains miss the aim: 0 if they keep it."""
+        """Distance of gains from the aim; 0 if they keep it."""
         tail = loop.tail(gains, aim)
         if not tail < 1e12:
             return 1e3
@@ -239,15 +238,15 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
         if misses(placed) == 0:
             return placed
 
-    found = _searched(loop, aim, misses)
-    if misses(found) > 0:
-        tail = loop.tail(found, tuning.settles_within)
+    best = _searched(loop, aim, misses)
+    if misses(best) > 0:
+        tail = loop.tail(best, tuning.settles_within)
         raise GainError(
             f"pid: tune found no gains with which the linearized loop settles within "
             f"{tuning.settles_within:g} s and |S| stays below {_PEAK:g}: the best leave "
             f"{min(100 * tail, 999):.3g} % of the error (2 % are settled)"
         )
-    return found
+    return best
 
 
 def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) -> PidGains:
@@ -262,7 +261,7 @@ def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) ->
         return PidGains(*(centre * np.exp(exponents.reshape(3, m))))
 
     width = math.log(_WIDTH)
-    found = scipy.optimize.differential_evolution(
+    search = scipy.optimize.differential_evolution(
         lambda exponents: misses(gains_at(exponents)),
         [(-width, width)] * centre.size,
         rng=1,
@@ -272,7 +271,7 @@ def _searched(loop: PidLoop, aim: float, misses: Callable[[PidGains], float]) ->
         init="sobol",
         callback=lambda intermediate_result: intermediate_result.fun == 0,
     )
-    return gains_at(found.x)
+    return gains_at(search.x)
 
 
 def _gains_of_chain(loop: PidLoop, frequency: float) -> Array:

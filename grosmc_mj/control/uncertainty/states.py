@@ -20,8 +20,7 @@ from grosmc_mj.control.reaching import (
     nominal_law,
     sliding_dynamics,
 )
-from grosmc_mj.control.uncertainty.family import PlantFamily, Scales
-from grosmc_mj.control.uncertainty.gain_suprema import SwitchingGains
+from grosmc_mj.control.uncertainty.family import PlantFamily, Scales, SwitchingGains
 from grosmc_mj.errors import GainError
 from grosmc_mj.fields import Name, NotNegative, Positive, Range, checked
 from grosmc_mj.plants import OperatingPoint, Plant
@@ -93,7 +92,8 @@ class StateUncertainty(PlantFamily):
         unmatched = 0.0
         for changes, member in self.members(plant):
             A_t, B_t = member.jacobian(p.reference.x, p.reference.u)
-            pole = _slowest_pole(design.lqr, p.G, A_t, B_t)
+            poles = np.linalg.eigvals(sliding_dynamics(design.lqr, p.G, A_t, B_t))
+            pole = float(poles.real.max())
             if pole >= 0:
                 raise GainError(
                     f"{plant.system.name} with {changes}: the sliding dynamics have a pole at "
@@ -160,17 +160,6 @@ class StateUncertainty(PlantFamily):
     def _body_of(self, plant: Plant) -> str:
         """Name of the uncertain body of a plant."""
         return self.body or plant.system.uncertain_body
-
-
-def _slowest_pole(
-    optimum: LqrDesign,
-    G: Array,
-    A_t: Array,
-    B_t: Array,
-) -> float:
-    """Largest real part of the poles on s = 0 of a true plant [1/s]."""
-    sliding = sliding_dynamics(optimum, G, A_t, B_t)
-    return float(np.linalg.eigvals(sliding).real.max())
 
 
 def _unmatched_share(optimum: LqrDesign, A_t: Array, B_t: Array) -> float:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import balance, balances, balances_along
+from grosmc_mj.assumptions.balance import Loads, balance, balances, balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import (
@@ -180,7 +180,8 @@ def _approach(
     worst = -np.inf
     for side in (-1.0, 1.0):
         wrenches = np.tile(side * wrench, (len(states), 1))
-        points = balances(law, true, times, np.array(states), wrenches)
+        loads = Loads.of_wrench(wrenches, true.system)
+        points = balances(law, true, times, np.array(states), loads)
         approach = points.push - points.gain_ratio * points.configured
         worst = max(worst, float(approach.max()))
     return worst
@@ -409,10 +410,11 @@ def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
 
     at_rest = np.zeros(2)
     torque = np.eye(12)[-2]
+    load = Loads.of_wrench(torque, true.system)
     slowest = np.inf
     for t in np.linspace(0.1, 2.0, 20).tolist():
         x = law.coordinates.place(t, at_rest, law.parameters)
-        pushed_by_torque = balance(law, true, t, x, torque).push
+        pushed_by_torque = balance(law, true, t, x, load).push
         equal = epsilon / pushed_by_torque * torque
         slowest = min(slowest, -_approach(law, true, [(at_rest, t)], equal))
 

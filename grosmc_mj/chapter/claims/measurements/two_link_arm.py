@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grosmc_mj.assumptions.balance import Balance, balances
+from grosmc_mj.assumptions.balance import Balance, Loads, balances
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_run, within
 from grosmc_mj.chapter.tip import true_tip
@@ -54,8 +54,8 @@ def _balances_over_poses(law: Controller, true: AnalyticPlant) -> Balance:
     turns = np.linspace(-bound, bound, _POSES).tolist()
     p = law.parameters
     poses = [law.coordinates.place(0.0, [0.0, 0.0, turn, 0.0], p) for turn in turns]
-    wrench = np.zeros((_POSES, 6 * len(true.system.bodies)))
-    return balances(law, true, [0.0] * _POSES, np.array(poses), wrench)
+    no_loads = Loads.none(true.system, _POSES)
+    return balances(law, true, [0.0] * _POSES, np.array(poses), no_loads)
 
 
 def off_the_circle(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
