@@ -11,7 +11,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
-from grosmc_mj.export.structures import size_of
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.results.result import KEPT, MEASURED, NOT_KEPT, OPEN, Answer, ReportTable, result
 from grosmc_mj.results.tables import Table, names, number, numbers, table, words
@@ -127,7 +126,7 @@ def export_document(experiment: Experiment, law: LawInC, proof: Proof | None) ->
         verdict=verdict,
         words=words_,
     )
-    memory = size_of(law.remembered) * (4 if law.real == "float" else 8)
+    memory = law.memory_size * (4 if law.real == "float" else 8)
     return result(
         "export",
         configuration,

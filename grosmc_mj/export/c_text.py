@@ -1,46 +1,18 @@
-"""Words of C: names, numbers, comments, operators and functions."""
+"""Words of C: names, numbers, comments and functions."""
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
 import re
 import textwrap
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 WIDTH = 100
 INDENT = "    "
-
-# How tightly operators of C bind.
-ATOM = 20
-UNARY = 14
-PRODUCT = 13
-SUM = 12
-COMPARED = 10
-AND = 5
-OR = 4
-CHOICE = 3
-
-# Binary operators: sign in C, how tightly it binds, function of Python.
-BINARY: Mapping[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
-    ast.Add: ("+", SUM, operator.add),
-    ast.Sub: ("-", SUM, operator.sub),
-    ast.Mult: ("*", PRODUCT, operator.mul),
-    ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.Mod: ("%", PRODUCT, operator.mod),
-    ast.Pow: ("", ATOM, operator.pow),
-    ast.BitAnd: ("&", 8, operator.and_),
-    ast.Lt: ("<", COMPARED, operator.lt),
-    ast.LtE: ("<=", COMPARED, operator.le),
-    ast.Gt: (">", COMPARED, operator.gt),
-    ast.GtE: (">=", COMPARED, operator.ge),
-    ast.Eq: ("==", COMPARED - 1, operator.eq),
-    ast.NotEq: ("!=", COMPARED - 1, operator.ne),
-}
+# Pointer to what the law remembers.
+MEMORY = "memory"
 
 # Names in C's library of functions of math, numpy and Python.
 _SAME_NAME = re.findall(
@@ -93,6 +65,11 @@ def c_name(name: str) -> str:
     letters = [letter if letter.isascii() else f"u{ord(letter):x}" for letter in name]
     ascii_name = "".join(letters)
     return f"{ascii_name}_" if ascii_name in _RESERVED else ascii_name
+
+
+def suffix_of(real: str) -> str:
+    """Return the suffix of numbers and of library functions for ``double`` or ``float``."""
+    return "f" if real == "float" else ""
 
 
 def literal(value: float, suffix: str) -> str:

@@ -12,8 +12,6 @@ from pathlib import Path
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.structures import size_of
 from grosmc_mj.export.templates import rendered
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
@@ -122,10 +120,8 @@ def compile_law(
     Raises:
         SetupError: If it does not compile.
     """
-    signals = len(law.measured) if isinstance(law, LoopInC) else len(law.system.states)
-    text = rendered("call.c", law=law, size=size_of(law.remembered), signals=signals)
     call = folder / f"{law.name}_call.c"
-    call.write_text(text, encoding="utf-8")
+    call.write_text(rendered("call.c", law=law), encoding="utf-8")
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"
     command = [compiler, *flags, "-fPIC", "-shared", source, call, "-o", library, "-lm"]

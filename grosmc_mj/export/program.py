@@ -1,4 +1,4 @@
-"""The C of a law: functions specialised for their arguments, tables, names."""
+"""The C of a law: functions, tables, names."""
 
 from __future__ import annotations
 
@@ -10,30 +10,49 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.c_text import HELPERS, INDENT, c_name, calls, literal, mentions, wrapped
-from grosmc_mj.export.values import Array, Known, Number, Record
+from grosmc_mj.export.c_text import (
+    HELPERS,
+    INDENT,
+    MEMORY,
+    c_name,
+    calls,
+    literal,
+    mentions,
+    suffix_of,
+    wrapped,
+)
+from grosmc_mj.export.syntax import NoCError
+from grosmc_mj.export.values import Array, Number
 from grosmc_mj.jitable import compiled_source
 
 
-@dataclass
+@dataclass(eq=False)
 class Function:
-    """A function in C.
+    """A Python function in C, for certain arguments.
 
     Attributes:
         name: Its name.
-        parameters: Names in Python of the parameters that it has.
-        returns: See ``Statements``.
+        values: Values of the parameters in Python.
+        parameters: Names in Python of the parameters that it has in C.
+        returns: None for nothing, a number or an array without code, or a known value: then it
+            needs no call.
         written: Names of the parameters that it writes into, and ``memory``.
         needs_memory: Whether it has the memory as its last parameter.
         lines: Its text.
     """
 
     name: str
+    values: Mapping[str, Any]
     parameters: list[str]
     returns: Any
     written: set[str]
     needs_memory: bool
     lines: list[str]
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of a call with arguments of the parameters' names."""
+        return [*self.parameters, *([MEMORY] * self.needs_memory)]
 
 
 @dataclass
@@ -41,28 +60,19 @@ class Program:
     """The C of a law.
 
     Attributes:
-        memory: Name of the pointer to what the law remembers.
-        memory_type: Its type.
+        law: Begin of the names that the law's header declares.
         real: ``double``, or ``float`` in single precision.
         replacements: Python functions that stand for others.
-        reserved: Names that no function may have.
         functions: Functions by what they are of; None for one that is being written.
         finished: Functions, each after those that it calls.
     """
 
-    memory: str
-    memory_type: str
+    law: str
     real: str = "double"
     replacements: Mapping[Any, Any] = field(default_factory=dict)
-    reserved: set[str] = field(default_factory=set)
     functions: dict[Any, Function | None] = field(default_factory=dict)
     finished: list[Function] = field(default_factory=list)
     _tables: dict[Any, tuple[str, str]] = field(default_factory=dict)
-
-    @property
-    def suffix(self) -> str:
-        """Suffix of numbers and of library functions in this precision."""
-        return "f" if self.real == "float" else ""
 
     def type_of(self, number: Number) -> str:
         """Return the type in C of a number."""
@@ -78,7 +88,8 @@ class Program:
             return None
         key = values.shape, values.tobytes()
         name = f"table_{len(self._tables) + 1}"
-        entries = ", ".join(literal(value, self.suffix) for value in values.ravel().tolist())
+        suffix = suffix_of(self.real)
+        entries = ", ".join(literal(value, suffix) for value in values.ravel().tolist())
         text = f"static const {self.real} {name}[{values.size}] = {{{entries}}};"
         name, _ = self._tables.setdefault(key, (name, text))
         return Array(name, values.shape)
@@ -86,16 +97,18 @@ class Program:
     def bound(
         self, function: FunctionType, arguments: Sequence[Any], named: Mapping[str, Any]
     ) -> tuple[FunctionType, dict[str, Any]]:
-        """Return the function that compiled code calls, and the values of its parameters."""
+        """Return the function that compiled code calls, and the values of its parameters.
+
+        Raises:
+            NoCError: If it has other parameters.
+        """
         function = self.replacements.get(function) or compiled_source(function)
-        bound = inspect.signature(function).bind(*arguments, **named)
+        try:
+            bound = inspect.signature(function).bind(*arguments, **named)
+        except TypeError as error:
+            raise NoCError(str(error)) from None
         bound.apply_defaults()
-        values: dict[str, Any] = {}
-        for name, value in bound.arguments.items():
-            # A default is a value of Python's.
-            evaluated = isinstance(value, (Known, Number, Array, Record, tuple))
-            values[name] = value if evaluated else Known(value)
-        return function, values
+        return function, bound.arguments
 
     def new_name(self, function: FunctionType) -> str:
         """Return a name for a function that no other one has."""
@@ -103,7 +116,8 @@ class Program:
         name = c_name(name)
         numbered = name
         number = 1
-        taken = self.reserved.union(item.name for item in self.finished)
+        taken = {f"{self.law}_{end}" for end in ("init", "step", "numbers", "memory")}
+        taken.update(item.name for item in self.finished)
         while numbered in taken:
             number += 1
             numbered = f"{name}_{number}"
@@ -120,7 +134,8 @@ class Program:
         parts: list[str] = []
         for name, helper in HELPERS.items():
             if calls(name, code):
-                parts.append(f"static inline {helper.format(real=self.real, suffix=self.suffix)}")
+                text = helper.format(real=self.real, suffix=suffix_of(self.real))
+                parts.append(f"static inline {text}")
         for name, table in self._tables.values():
             if mentions(name, code):
                 parts += wrapped(table, 0, len(INDENT))

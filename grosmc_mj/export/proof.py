@@ -17,7 +17,6 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.in_simulation import in_simulation
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.loop import LoopInC
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.simulation.simulate import simulate
@@ -243,7 +242,7 @@ def _loop_around(experiment: Experiment, law: LawInC, case: Case, run: int) -> A
         case: The case with the loop.
         run: Number of the run, of which the loop's noise is.
     """
-    if isinstance(law, LoopInC):
+    if law.loop is not None:
         # Its numbers stand in the C.
         return law.loop
     if case.loop is None:
