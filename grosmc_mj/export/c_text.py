@@ -14,7 +14,8 @@ INDENT = "    "
 # Pointer to what the law remembers.
 MEMORY = "memory"
 
-# Names in C's library of functions of math, numpy and Python.
+# Names in C of functions of math, numpy and Python; those with an underscore at their end are in
+# ``templates/helpers.c``.
 _SAME_NAME = re.findall(
     r"\w+",
     "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
@@ -34,20 +35,6 @@ for _module in (math, np):
     for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
         if hasattr(_module, _name):
             LIBRARY[getattr(_module, _name)] = _in_c
-
-# Functions that the C library lacks, by name; {real} is double or float.
-HELPERS = {
-    "min_": "{real} min_({real} a, {real} b) {{ return b < a ? b : a; }}",
-    "max_": "{real} max_({real} a, {real} b) {{ return b > a ? b : a; }}",
-    "least_": "int64_t least_(int64_t a, int64_t b) {{ return b < a ? b : a; }}",
-    "most_": "int64_t most_(int64_t a, int64_t b) {{ return b > a ? b : a; }}",
-    "sign_": "{real} sign_({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
-    "mod_": "int64_t mod_(int64_t a, int64_t b) {{ return (a % b + b) % b; }}",
-    # A volatile exponent, or the compiler would take products, which round otherwise.
-    "pow_": (
-        "{real} pow_({real} a, {real} b) {{ volatile {real} e = b; return pow{suffix}(a, e); }}"
-    ),
-}
 
 # Names that a variable cannot have: words of C, functions that are called, and the records.
 _RESERVED = set(LIBRARY.values()).union(
@@ -72,18 +59,13 @@ def suffix_of(real: str) -> str:
     return "f" if real == "float" else ""
 
 
-def literal(value: float, suffix: str) -> str:
-    """Return a float as a number of C, which reads it back to the bit.
-
-    Args:
-        value: The number.
-        suffix: ``f`` in single precision, else empty.
-    """
+def literal(value: float, real: str) -> str:
+    """Return a float as a number of type ``real`` in C, which reads it back to the bit."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
-    return repr(float(value)) + suffix
+    return repr(float(value)) + suffix_of(real)
 
 
 def wrapped(text: str, indent: int, further: int = 8) -> list[str]:
@@ -110,11 +92,11 @@ def comment(text: str, indent: int = 0) -> str:
     return "\n".join(wrapped(f"/* {words} */", indent, 3)) if words else ""
 
 
-def mentions(name: str, text: str) -> bool:
+def mentions(text: str, name: str) -> bool:
     """Whether a text of C has a name in it."""
     return re.search(rf"\b{re.escape(name)}\b", text) is not None
 
 
-def calls(name: str, text: str) -> bool:
+def calls(text: str, name: str) -> bool:
     """Whether a text of C calls a function."""
     return re.search(rf"\b{re.escape(name)}\(", text) is not None

@@ -65,17 +65,15 @@ class CompiledLaw:
         Returns:
             The answer of ``NAME_step``.
         """
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, memory, u)]
-        return self.library.law_of_doubles(ctypes.c_double(t), *pointers)
+        return self.library.law_of_doubles(ctypes.c_double(t), *_pointers(x, memory, u))
 
     def begin(self, memory: Array, start: Array) -> None:
         """Begin a run: write memory, flat, for a start, (n,)."""
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (memory, start)]
-        self.library.begin_of_doubles(*pointers)
+        self.library.begin_of_doubles(*_pointers(memory, start))
 
     def missed(self, memory: Array) -> None:
         """Tell a law with its loop that its last output was not sent in time."""
-        self.library.missed_of_doubles(ctypes.c_void_p(memory.ctypes.data))
+        self.library.missed_of_doubles(*_pointers(memory))
 
     def step_in_loop(self, clock: float, y: Array, fresh: Array, memory: Array, u: Array) -> int:
         """Make one sample of a law with its loop.
@@ -90,8 +88,12 @@ class CompiledLaw:
         Returns:
             The answer of ``NAME_step``.
         """
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (y, fresh, memory, u)]
-        return self.library.step_of_doubles(ctypes.c_double(clock), *pointers)
+        return self.library.step_of_doubles(ctypes.c_double(clock), *_pointers(y, fresh, memory, u))
+
+
+def _pointers(*arrays: Array) -> list[ctypes.c_void_p]:
+    """Addresses of arrays."""
+    return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
 
 def write_law(law: LawInC, folder: Path) -> tuple[Path, Path]:

@@ -26,7 +26,7 @@ from grosmc_mj.export.arithmetic import (
     negated,
     opposite,
 )
-from grosmc_mj.export.c_text import c_name, suffix_of
+from grosmc_mj.export.c_text import c_name
 from grosmc_mj.export.lines import Line
 from grosmc_mj.export.program import Program
 from grosmc_mj.export.syntax import NoCError, body_of, nodes_of, refusal
@@ -51,7 +51,7 @@ class Expressions(ast.NodeVisitor):
         bound: How often each name is bound.
         lines: The C so far.
         depth: Depth of the block that is written.
-        written: Names of the arrays, and ``memory``, that the function writes into.
+        written: Numbers and arrays in C that the function writes into; ``memory`` for any in it.
     """
 
     def __init__(self, program: Program, function: FunctionType) -> None:
@@ -100,7 +100,7 @@ class Expressions(ast.NodeVisitor):
 
     def number(self, value: Any) -> Number:
         """Return a value as a number in C."""
-        return number_in_c(value, suffix_of(self.program.real))
+        return number_in_c(value, self.program.real)
 
     def kept(self, value: Any) -> Any:
         """Compute a number in C now, and return its name; any other value is what it is."""
@@ -112,10 +112,9 @@ class Expressions(ast.NodeVisitor):
 
     def note_change(self, code: str) -> None:
         """Note that a place in C is written."""
-        base = re.split(r"\W", code)[0]
-        if base == "p" or base.startswith("table_"):
+        if re.match(r"p\b|table_", code):
             raise NoCError("would change a number of the law: write into memory")
-        self.written.add(base)
+        self.written.add(code.partition("[")[0])
 
     def visit_if_needed(self, node: ast.expr) -> Any:
         """Value of an expression that is not always computed: no line can come before it."""

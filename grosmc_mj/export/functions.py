@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import FunctionType
@@ -104,13 +105,14 @@ class Translation(Statements):
             lines.pop()
         text = "\n".join(line.text for line in lines)
 
-        parameters = [name for name in self.parameters if mentions(c_name(name), text)]
-        written = {name for name in parameters if c_name(name) in self.written}
+        parameters = [name for name in self.parameters if mentions(text, c_name(name))]
+        bases = {re.split(r"\W", place)[0] for place in self.written}
+        written = {name for name in parameters if c_name(name) in bases}
         declarations = []
         for name in parameters:
             const = "*" in self.parameters[name] and name not in written
             declarations.append("const " * const + self.parameters[name])
-        needs_memory = mentions(MEMORY, text)
+        needs_memory = mentions(text, MEMORY)
         if needs_memory:
             declarations.append(f"struct {program.law}_memory *{MEMORY}")
         if isinstance(self.returns, Array):
@@ -127,7 +129,7 @@ class Translation(Statements):
             values=self.values,
             parameters=parameters,
             returns=self.returns,
-            written=written | ({MEMORY} & self.written),
+            written=written | ({MEMORY} & bases),
             needs_memory=needs_memory,
             lines=[about, *wrapped(head, 0), "{", *body, "}", ""],
         )

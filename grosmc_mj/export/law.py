@@ -100,6 +100,7 @@ class LawInC:
             "law.c",
             law=self,
             functions=program.text(roots),
+            tables=program.tables.values(),
             step=step,
             missed=missed,
             settled=[] if self.loop is None else settled_places(self.loop),

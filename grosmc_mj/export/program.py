@@ -6,20 +6,15 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from grosmc_mj.export.c_text import (
-    HELPERS,
-    INDENT,
     MEMORY,
     c_name,
     calls,
     literal,
-    mentions,
-    suffix_of,
-    wrapped,
 )
 from grosmc_mj.export.syntax import NoCError
 from grosmc_mj.export.values import Array, Number
@@ -55,6 +50,18 @@ class Function:
         return [*self.parameters, *([MEMORY] * self.needs_memory)]
 
 
+class Table(NamedTuple):
+    """A constant array in C.
+
+    Attributes:
+        name: Its name.
+        entries: Its numbers.
+    """
+
+    name: str
+    entries: Sequence[str]
+
+
 @dataclass
 class Program:
     """The C of a law.
@@ -65,6 +72,7 @@ class Program:
         replacements: Python functions that stand for others.
         functions: Functions by what they are of; None for one that is being written.
         finished: Functions, each after those that it calls.
+        tables: Tables by what is in them.
     """
 
     law: str
@@ -72,7 +80,7 @@ class Program:
     replacements: Mapping[Any, Any] = field(default_factory=dict)
     functions: dict[Any, Function | None] = field(default_factory=dict)
     finished: list[Function] = field(default_factory=list)
-    _tables: dict[Any, tuple[str, str]] = field(default_factory=dict)
+    tables: dict[Any, Table] = field(default_factory=dict)
 
     def type_of(self, number: Number) -> str:
         """Return the type in C of a number."""
@@ -87,12 +95,10 @@ class Program:
         if values.dtype.kind != "f" or not values.ndim:
             return None
         key = values.shape, values.tobytes()
-        name = f"table_{len(self._tables) + 1}"
-        suffix = suffix_of(self.real)
-        entries = ", ".join(literal(value, suffix) for value in values.ravel().tolist())
-        text = f"static const {self.real} {name}[{values.size}] = {{{entries}}};"
-        name, _ = self._tables.setdefault(key, (name, text))
-        return Array(name, values.shape)
+        if key not in self.tables:
+            entries = [literal(value, self.real) for value in values.ravel().tolist()]
+            self.tables[key] = Table(f"table_{len(self.tables) + 1}", entries)
+        return Array(self.tables[key].name, values.shape)
 
     def bound(
         self, function: FunctionType, arguments: Sequence[Any], named: Mapping[str, Any]
@@ -127,18 +133,6 @@ class Program:
         """Return the C of some functions and of all that they call, each after what it calls."""
         lines: list[str] = []
         for item in reversed(self.finished):
-            if item in roots or calls(item.name, "\n".join(lines)):
+            if item in roots or calls("\n".join(lines), item.name):
                 lines = [*item.lines, *lines]
-        code = "\n".join(lines)
-
-        parts: list[str] = []
-        for name, helper in HELPERS.items():
-            if calls(name, code):
-                text = helper.format(real=self.real, suffix=suffix_of(self.real))
-                parts.append(f"static inline {text}")
-        for name, table in self._tables.values():
-            if mentions(name, code):
-                parts += wrapped(table, 0, len(INDENT))
-        if parts:
-            parts.append("")
-        return "\n".join([*parts, code])
+        return "\n".join(lines)

@@ -165,6 +165,9 @@ class Statements(Expressions):
         if isinstance(place, Array) and isinstance(target, ast.Subscript):
             self._fill(place, value)
         elif isinstance(place, Number):
+            if isinstance(value, Number) and value.effect:
+                # Python computes the value before the index.
+                value = self.kept(value)
             self.say(f"{place.code} {how or '= ' + self.number(value).code};")
             self.note_change(place.code)
         else:
@@ -178,7 +181,7 @@ class Statements(Expressions):
             numbers = [self.number(item) for item in items(value)]
         else:
             numbers = [self.kept(self.number(value))] * size
-        if any(mentions(place.code, number.code) for number in numbers):
+        if any(mentions(number.code, place.code) for number in numbers):
             raise NoCError("moves entries of one array: write a loop")
         if len(numbers) != size:
             raise NoCError(f"has {size} entries, not {len(numbers)}")
@@ -312,5 +315,11 @@ class Statements(Expressions):
         place = f"{array.offset} + {index}" if array.offset else index
         self.names[name] = Number(f"{array.code}[{place}]")
         head = f"int {index} = 0; {index} < {array.shape[0]}; {index}++"
+        before = self.written
+        self.written = set()
         self._write_block(f"for ({head}) {{", statement.body)
         self.say("}")
+        # C reads an entry where it is used, Python before the pass begins.
+        if any(mentions(array.code, place) for place in self.written):
+            raise NoCError("writes into the array that it runs over: write a loop over range(...)")
+        self.written |= before

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.c_text import INDENT, c_name, comment, literal, suffix_of, wrapped
+from grosmc_mj.export.c_text import INDENT, c_name, comment, literal, wrapped
 
 # A field and its text in the part "Attributes" of a docstring.
 _ATTRIBUTE = re.compile(r"^    (\w+): ((?:.*\n?)(?:^ {8}.*\n?)*)", re.MULTILINE)
@@ -57,7 +57,6 @@ def initial(value: Any, real: str, depth: int = 1) -> str:
         depth: Depth of the lines.
     """
     indent = INDENT * depth
-    suffix = suffix_of(real)
     lines: list[str] = []
     for item in fields(value):
         member = getattr(value, item.name)
@@ -66,12 +65,12 @@ def initial(value: Any, real: str, depth: int = 1) -> str:
             inner = initial(member, real, depth + 1)
             lines.append(f"{indent}{start}{{\n{inner}\n{indent}}},")
             continue
-        numbers = [literal(number, suffix) for number in np.ravel(member).astype(float).tolist()]
+        numbers = [literal(number, real) for number in np.ravel(member).astype(float).tolist()]
         text = ", ".join(numbers)
         if np.ndim(member):
             text = f"{{{text}}}"
         lines += wrapped(f"{start}{text},", len(indent), len(INDENT))
-    return "\n".join(lines or [f"{indent}.nothing = 0.0{suffix},"])
+    return "\n".join(lines or [f"{indent}.nothing = {literal(0.0, real)},"])
 
 
 def _texts(kind: type) -> dict[str, str]:

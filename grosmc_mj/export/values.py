@@ -136,12 +136,12 @@ def is_known(*values: Any) -> bool:
     return True
 
 
-def number_in_c(value: Any, suffix: str) -> Number:
+def number_in_c(value: Any, real: str) -> Number:
     """Return a value as a number in C.
 
     Args:
         value: The value.
-        suffix: Suffix of numbers in this precision.
+        real: ``double`` or ``float``.
 
     Raises:
         NoCError: If it is no number.
@@ -149,13 +149,17 @@ def number_in_c(value: Any, suffix: str) -> Number:
     if isinstance(value, Number):
         return value
     if isinstance(value, (bool, int, np.bool_, np.integer)):
-        whole = int(value)
-        level = UNARY if whole < 0 else ATOM
-        return Number(str(whole), whole=True, level=level, low=whole, high=whole)
+        return _whole_number(int(value))
     if isinstance(value, (float, np.floating)):
-        text = literal(float(value), suffix)
+        text = literal(float(value), real)
         return Number(text, level=UNARY if text.startswith("-") else ATOM)
     raise NoCError("must be one number: write a loop over entries")
+
+
+def _whole_number(value: int) -> Number:
+    """A known whole number."""
+    level = UNARY if value < 0 else ATOM
+    return Number(str(value), whole=True, level=level, low=value, high=value)
 
 
 def items(value: Any) -> list[Any]:
@@ -167,7 +171,7 @@ def items(value: Any) -> list[Any]:
     if isinstance(value, (tuple, list, np.ndarray)):
         return list(value)
     if isinstance(value, Array) and len(value.shape) == 1:
-        return [value.entry([number_in_c(k, "")]) for k in range(value.shape[0])]
+        return [value.entry([_whole_number(k)]) for k in range(value.shape[0])]
     raise NoCError("must be a tuple or an array with one axis: write its entries")
 
 

@@ -28,6 +28,10 @@ const struct {{ law.name }}_numbers {{ law.name }}_numbers = {
 static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
 
 {% endif %}
+{% set needed %}{% include "helpers.c" %}{% endset %}
+{% if needed %}
+{{ needed }}
+{% endif %}
 {{ functions }}
 {{ prototypes.init }}
 {
