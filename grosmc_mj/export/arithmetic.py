@@ -63,7 +63,7 @@ _COMPUTED = (float, bool, min, max, *_TO_WHOLE)
 _EXTREMES = {min: ("min_", "least_"), max: ("max_", "most_")}
 
 
-def computed(function: Callable[..., Any], *arguments: Any) -> Any:
+def known_result(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function of known arguments.
 
     Raises:
@@ -75,19 +75,19 @@ def computed(function: Callable[..., Any], *arguments: Any) -> Any:
         raise NoCError(f"{error}: change the numbers that it has") from None
 
 
-def opposite(number: Number) -> Number:
+def negative(number: Number) -> Number:
     """Return -x."""
     effect = number.effect
     code = f"-{number.within(UNARY + 1)}"
     return Number(code, number.whole, UNARY, -number.high, -number.low, effect)
 
 
-def negated(number: Number) -> Number:
+def negation(number: Number) -> Number:
     """Return ``not x``."""
     return Number(f"!{number.within(UNARY)}", True, UNARY, 0, 1, number.effect)
 
 
-def calculated(op: ast.operator, a: Number, b: Number, real: str) -> Number:
+def binary_operation(op: ast.operator, a: Number, b: Number, real: str) -> Number:
     """Return the result of an operator.
 
     Args:
@@ -133,14 +133,14 @@ def _bounds(op: ast.operator, a: Number, b: Number) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def compared(op: ast.cmpop, a: Number, b: Number) -> Number:
+def comparison(op: ast.cmpop, a: Number, b: Number) -> Number:
     """Return a comparison, with one of ``OPERATORS``."""
     sign, level, _ = OPERATORS[type(op)]
     code = f"{a.within(_COMPARED_OPERAND)} {sign} {b.within(_COMPARED_OPERAND)}"
     return Number(code, True, level, 0, 1)
 
 
-def joined(values: Iterable[Any], suffices: bool) -> Any:
+def junction(values: Iterable[Any], suffices: bool) -> Any:
     """Return conditions with ``or``, which a true one decides, or ``and``.
 
     Args:
@@ -169,19 +169,19 @@ def joined(values: Iterable[Any], suffices: bool) -> Any:
     return Number(code, True, OR if suffices else AND, 0, 1)
 
 
-def chosen(test: Number, a: Number, b: Number) -> Number:
+def choice(test: Number, a: Number, b: Number) -> Number:
     """Return ``a if test else b``."""
     either = union(a, b)
     code = f"{test.within(OR)} ? {a.within(OR)} : {b.within(CHOICE)}"
     return Number(code, either.whole, CHOICE, either.low, either.high)
 
 
-def is_computed(function: Any, arguments: Sequence[Any]) -> bool:
+def is_known_call(function: Any, arguments: Sequence[Any]) -> bool:
     """Whether a call of a function of Python, math or numpy is computed now."""
     return is_known(*arguments) and (function in _COMPUTED or function in LIBRARY)
 
 
-def called(function: Any, numbers: Sequence[Number], real: str) -> Number:
+def library_call(function: Any, numbers: Sequence[Number], real: str) -> Number:
     """Return a call of a function of Python, math or numpy.
 
     Args:

@@ -18,13 +18,13 @@ from typing import Any
 
 from grosmc_mj.export.arithmetic import (
     OPERATORS,
-    calculated,
-    chosen,
-    compared,
-    computed,
-    joined,
-    negated,
-    opposite,
+    binary_operation,
+    choice,
+    comparison,
+    junction,
+    known_result,
+    negation,
+    negative,
 )
 from grosmc_mj.export.c_text import c_name
 from grosmc_mj.export.lines import Line
@@ -48,7 +48,7 @@ class Expressions(ast.NodeVisitor):
             something else than a number.
         variables: Kinds and bounds of the variables, as far as assignments have told them.
         declared: Names of the variables that have a value.
-        bound: How often each name is bound.
+        binding_counts: How often each name is bound.
         lines: The C so far.
         depth: Depth of the block that is written.
         written: Numbers and arrays in C that the function writes into; ``memory`` for any in it.
@@ -58,10 +58,10 @@ class Expressions(ast.NodeVisitor):
         self.program = program
         self.function = function
         self.body = body_of(function)
-        self.bound: Counter[str] = Counter()
+        self.binding_counts: Counter[str] = Counter()
         for node in nodes_of(self.body):
             if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
-                self.bound[node.id] += 1
+                self.binding_counts[node.id] += 1
         self.variables: dict[str, Number] = {}
         self.begin()
 
@@ -138,7 +138,7 @@ class Expressions(ast.NodeVisitor):
             return self.names[name]
         if name in self.declared:
             return self.variables[name].named(c_name(name))
-        if self.bound[name]:
+        if self.binding_counts[name]:
             raise NoCError("has no value here: give it one before")
 
         code = self.function.__code__
@@ -174,9 +174,9 @@ class Expressions(ast.NodeVisitor):
             raise NoCError("has no C: use -x and not")
         is_not = isinstance(node.op, ast.Not)
         if is_known(value):
-            return computed(operator.not_ if is_not else operator.neg, value)
+            return known_result(operator.not_ if is_not else operator.neg, value)
         number = self.number(value)
-        return negated(number) if is_not else opposite(number)
+        return negation(number) if is_not else negative(number)
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
         """Value of an operation on two numbers."""
@@ -187,8 +187,8 @@ class Expressions(ast.NodeVisitor):
         if type(op) not in OPERATORS:
             raise NoCError("has no C: write a loop over entries, or use + - * / ** %")
         if is_known(left, right):
-            return computed(OPERATORS[type(op)].compute, left, right)
-        return calculated(op, self.number(left), self.number(right), self.program.real)
+            return known_result(OPERATORS[type(op)].compute, left, right)
+        return binary_operation(op, self.number(left), self.number(right), self.program.real)
 
     def visit_Compare(self, node: ast.Compare) -> Any:
         """Value of comparisons in a row."""
@@ -198,14 +198,14 @@ class Expressions(ast.NodeVisitor):
             if type(op) not in OPERATORS:
                 raise NoCError("has no C: write ==, !=, <, <=, > or >=")
             if is_known(left, right):
-                conditions.append(computed(OPERATORS[type(op)].compute, left, right))
+                conditions.append(known_result(OPERATORS[type(op)].compute, left, right))
             else:
-                conditions.append(compared(op, self.number(left), self.number(right)))
-        return joined(conditions, suffices=False)
+                conditions.append(comparison(op, self.number(left), self.number(right)))
+        return junction(conditions, suffices=False)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
         """Value of conditions with ``and`` or ``or``."""
-        return joined(self._in_turn(node.values), suffices=isinstance(node.op, ast.Or))
+        return junction(self._in_turn(node.values), suffices=isinstance(node.op, ast.Or))
 
     def _in_turn(self, nodes: Sequence[ast.expr]) -> Iterator[Any]:
         """Values of conditions; those after the first are not always computed."""
@@ -223,7 +223,7 @@ class Expressions(ast.NodeVisitor):
         test = self.number(condition)
         a = self.number(self.visit_if_needed(node.body))
         b = self.number(self.visit_if_needed(node.orelse))
-        return chosen(test, a, b)
+        return choice(test, a, b)
 
     # Entries of arrays.
 
@@ -235,7 +235,7 @@ class Expressions(ast.NodeVisitor):
 
         index = self.visit(node.slice)
         if is_known(index) and not isinstance(owner, (Number, Array, Record)):
-            return computed(operator.getitem, owner, index)
+            return known_result(operator.getitem, owner, index)
         array = owner if isinstance(owner, Array) else self.program.table(owner)
         if array is None:
             raise NoCError("the index must be known: write a loop over range(...)")

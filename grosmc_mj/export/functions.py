@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.arithmetic import called, computed, is_computed
+from grosmc_mj.export.arithmetic import is_known_call, known_result, library_call
 from grosmc_mj.export.c_text import LIBRARY, MEMORY, c_name, comment, mentions, wrapped
 from grosmc_mj.export.lines import Line, without_hidden_functions, without_unused
 from grosmc_mj.export.program import Function, Program
@@ -20,6 +20,11 @@ from grosmc_mj.export.statements import Statements
 from grosmc_mj.export.syntax import ExportError, NoCError, where, whole_expressions
 from grosmc_mj.export.values import ATOM, Array, Number, is_known, items, signature
 from grosmc_mj.jitable import source_of
+
+
+def translate(program: Program, function: Any, *arguments: Any) -> Function:
+    """Return the C of a Python function for arguments in their order, see ``function_in_c``."""
+    return function_in_c(program, *program.bind(function, arguments, {}))
 
 
 def function_in_c(program: Program, function: FunctionType, values: Mapping[str, Any]) -> Function:
@@ -146,7 +151,7 @@ class Translation(Statements):
         arguments = [self.visit(item) for item in node.args]
         if isinstance(function, FunctionType) and function not in LIBRARY:
             named = {item.arg or "": self.visit(item.value) for item in node.keywords}
-            function, values = self.program.bound(function, arguments, named)
+            function, values = self.program.bind(function, arguments, named)
             return self._call(node, function_in_c(self.program, function, values), values)
 
         if node.keywords:
@@ -156,9 +161,9 @@ class Translation(Statements):
             return value.shape[0] if isinstance(value, Array) else len(items(value))
         if function is np.zeros:
             return self._zeros(arguments)
-        if is_computed(function, arguments):
-            return computed(function, *arguments)
-        return called(function, [self.number(item) for item in arguments], self.program.real)
+        if is_known_call(function, arguments):
+            return known_result(function, *arguments)
+        return library_call(function, [self.number(item) for item in arguments], self.program.real)
 
     def _zeros(self, arguments: Sequence[Any]) -> Array:
         """An array of a known size, which begins with zeros."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.surface import integrate
-from grosmc_mj.export.functions import function_in_c
+from grosmc_mj.export.functions import translate
 from grosmc_mj.export.loop import (
     hold_output,
     loop_memory,
@@ -113,14 +113,11 @@ class LawInC:
         u = Array("u", (len(self.system.inputs),))
         count = len(self.measured)
         law = self.controller.law
-
-        def translated(function: Any, *arguments: Any) -> Function:
-            return function_in_c(program, *program.bound(function, arguments, {}))
-
         if self.loop is None:
-            return translated(law, Number("t"), Array("x", (count,)), memory, p, u), None
+            return translate(program, law, Number("t"), Array("x", (count,)), memory, p, u), None
         software = software_record(self.loop, memory, p)
-        step = translated(
+        step = translate(
+            program,
             sample_in_loop(law, tuple(self.measured)),
             Number("clock"),
             Array("y", (count,)),
@@ -130,7 +127,7 @@ class LawInC:
             p,
             u,
         )
-        return step, translated(hold_output, memory, software)
+        return step, translate(program, hold_output, memory, software)
 
     def _refuse_impossible(self) -> None:
         """Refuse a law that needs more than a controller has."""

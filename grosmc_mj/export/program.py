@@ -100,7 +100,7 @@ class Program:
             self.tables[key] = Table(f"table_{len(self.tables) + 1}", entries)
         return Array(self.tables[key].name, values.shape)
 
-    def bound(
+    def bind(
         self, function: FunctionType, arguments: Sequence[Any], named: Mapping[str, Any]
     ) -> tuple[FunctionType, dict[str, Any]]:
         """Return the function that compiled code calls, and the values of its parameters.

@@ -192,7 +192,7 @@ class Statements(Expressions):
         """Give a name a value: a variable in C, or another name for what is there already."""
         if name in self.fixed:
             raise NoCError(f"{name} has a value already: give this one another name")
-        once = self.bound[name] == 1
+        once = self.binding_counts[name] == 1
         if once and not isinstance(value, Number):
             if isinstance(value, tuple):
                 value = tuple(self.kept(item) for item in value)
