@@ -10,7 +10,6 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
-from grosmc_mj.export.structures import size_of
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.results.result import (
     KEPT,
@@ -135,7 +134,7 @@ def export_result(experiment: Experiment, law: LawInC, proof: Proof | None) -> R
         verdict=verdict,
         words=words_,
     )
-    memory = size_of(law.remembered) * (4 if law.real == "float" else 8)
+    memory = law.memory_size * (4 if law.real == "float" else 8)
     return result(
         "export",
         configuration,

@@ -1,48 +1,21 @@
-"""Words of C: names, numbers, comments, operators and functions."""
+"""Words of C: names, numbers, comments and functions."""
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
 import re
 import textwrap
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 WIDTH = 100
 INDENT = "    "
+# Pointer to what the law remembers.
+MEMORY = "memory"
 
-# How tightly operators of C bind.
-ATOM = 20
-UNARY = 14
-PRODUCT = 13
-SUM = 12
-COMPARED = 10
-AND = 5
-OR = 4
-CHOICE = 3
-
-# Binary operators: sign in C, how tightly it binds, function of Python.
-BINARY: Mapping[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
-    ast.Add: ("+", SUM, operator.add),
-    ast.Sub: ("-", SUM, operator.sub),
-    ast.Mult: ("*", PRODUCT, operator.mul),
-    ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.Mod: ("%", PRODUCT, operator.mod),
-    ast.Pow: ("", ATOM, operator.pow),
-    ast.BitAnd: ("&", 8, operator.and_),
-    ast.Lt: ("<", COMPARED, operator.lt),
-    ast.LtE: ("<=", COMPARED, operator.le),
-    ast.Gt: (">", COMPARED, operator.gt),
-    ast.GtE: (">=", COMPARED, operator.ge),
-    ast.Eq: ("==", COMPARED - 1, operator.eq),
-    ast.NotEq: ("!=", COMPARED - 1, operator.ne),
-}
-
-# Names in C's library of functions of math, numpy and Python.
+# Names in C of functions of math, numpy and Python; those with an underscore at their end are in
+# ``templates/helpers.c``.
 _SAME_NAME = re.findall(
     r"\w+",
     "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
@@ -63,20 +36,6 @@ for _module in (math, np):
         if hasattr(_module, _name):
             LIBRARY[getattr(_module, _name)] = _in_c
 
-# Functions that the C library lacks, by name; {real} is double or float.
-HELPERS = {
-    "min_": "{real} min_({real} a, {real} b) {{ return b < a ? b : a; }}",
-    "max_": "{real} max_({real} a, {real} b) {{ return b > a ? b : a; }}",
-    "least_": "int64_t least_(int64_t a, int64_t b) {{ return b < a ? b : a; }}",
-    "most_": "int64_t most_(int64_t a, int64_t b) {{ return b > a ? b : a; }}",
-    "sign_": "{real} sign_({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
-    "mod_": "int64_t mod_(int64_t a, int64_t b) {{ return (a % b + b) % b; }}",
-    # A volatile exponent, or the compiler would take products, which round otherwise.
-    "pow_": (
-        "{real} pow_({real} a, {real} b) {{ volatile {real} e = b; return pow{suffix}(a, e); }}"
-    ),
-}
-
 # Names that a variable cannot have: words of C, functions that are called, and the records.
 _RESERVED = set(LIBRARY.values()).union(
     re.findall(
@@ -95,18 +54,18 @@ def c_name(name: str) -> str:
     return f"{ascii_name}_" if ascii_name in _RESERVED else ascii_name
 
 
-def literal(value: float, suffix: str) -> str:
-    """Return a float as a number of C, which reads it back to the bit.
+def suffix_of(real: str) -> str:
+    """Return the suffix of numbers and of library functions for ``double`` or ``float``."""
+    return "f" if real == "float" else ""
 
-    Args:
-        value: The number.
-        suffix: ``f`` in single precision, else empty.
-    """
+
+def literal(value: float, real: str) -> str:
+    """Return a float as a number of type ``real`` in C, which reads it back to the bit."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
-    return repr(float(value)) + suffix
+    return repr(float(value)) + suffix_of(real)
 
 
 def wrapped(text: str, indent: int, further: int = 8) -> list[str]:
@@ -133,11 +92,11 @@ def comment(text: str, indent: int = 0) -> str:
     return "\n".join(wrapped(f"/* {words} */", indent, 3)) if words else ""
 
 
-def mentions(name: str, text: str) -> bool:
+def mentions(text: str, name: str) -> bool:
     """Whether a text of C has a name in it."""
     return re.search(rf"\b{re.escape(name)}\b", text) is not None
 
 
-def calls(name: str, text: str) -> bool:
+def calls(text: str, name: str) -> bool:
     """Whether a text of C calls a function."""
     return re.search(rf"\b{re.escape(name)}\(", text) is not None

@@ -12,8 +12,6 @@ from pathlib import Path
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.structures import size_of
 from grosmc_mj.export.templates import rendered
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
@@ -67,17 +65,15 @@ class CompiledLaw:
         Returns:
             The answer of ``NAME_step``.
         """
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, memory, u)]
-        return self.library.law_of_doubles(ctypes.c_double(t), *pointers)
+        return self.library.law_of_doubles(ctypes.c_double(t), *_pointers(x, memory, u))
 
     def begin(self, memory: Array, start: Array) -> None:
         """Begin a run: write memory, flat, for a start, (n,)."""
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (memory, start)]
-        self.library.begin_of_doubles(*pointers)
+        self.library.begin_of_doubles(*_pointers(memory, start))
 
     def missed(self, memory: Array) -> None:
         """Tell a law with its loop that its last output was not sent in time."""
-        self.library.missed_of_doubles(ctypes.c_void_p(memory.ctypes.data))
+        self.library.missed_of_doubles(*_pointers(memory))
 
     def step_in_loop(self, clock: float, y: Array, fresh: Array, memory: Array, u: Array) -> int:
         """Make one sample of a law with its loop.
@@ -92,8 +88,12 @@ class CompiledLaw:
         Returns:
             The answer of ``NAME_step``.
         """
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (y, fresh, memory, u)]
-        return self.library.step_of_doubles(ctypes.c_double(clock), *pointers)
+        return self.library.step_of_doubles(ctypes.c_double(clock), *_pointers(y, fresh, memory, u))
+
+
+def _pointers(*arrays: Array) -> list[ctypes.c_void_p]:
+    """Addresses of arrays."""
+    return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
 
 def write_law(law: LawInC, folder: Path) -> tuple[Path, Path]:
@@ -122,10 +122,8 @@ def compile_law(
     Raises:
         SetupError: If it does not compile.
     """
-    signals = len(law.measured) if isinstance(law, LoopInC) else len(law.system.states)
-    text = rendered("call.c", law=law, size=size_of(law.remembered), signals=signals)
     call = folder / f"{law.name}_call.c"
-    call.write_text(text, encoding="utf-8")
+    call.write_text(rendered("call.c", law=law), encoding="utf-8")
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"
     command = [compiler, *flags, "-fPIC", "-shared", source, call, "-o", library, "-lm"]

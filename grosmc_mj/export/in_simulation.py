@@ -13,8 +13,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.loop import LoopInC
-from grosmc_mj.export.structures import size_of
 from grosmc_mj.jitable import compiled_as, jitable
 from grosmc_mj.loop.applied import AppliedLoop
 from grosmc_mj.loop.ring import ring_row
@@ -32,24 +30,35 @@ class _Step(NamedTuple):
 _step_at = structure_at(_Step)
 
 
-def in_simulation(law: LawInC, compiled: CompiledLaw) -> tuple[Controller, AppliedLoop | None]:
-    """Return a controller with the compiled export as its law, and the loop that it needs.
+class LawInSimulation(NamedTuple):
+    """A compiled export as simulations take it.
+
+    Attributes:
+        controller: The controller with the C as its law.
+        loop: Loop that it needs; None for a law alone, which runs in any loop.
+    """
+
+    controller: Controller
+    loop: AppliedLoop | None
+
+
+def in_simulation(law: LawInC, compiled: CompiledLaw) -> LawInSimulation:
+    """Return a compiled export in place of the Python law of simulations.
 
     Args:
         law: The export.
         compiled: The same, compiled, which must stay loaded as long.
-
-    Returns:
-        The controller; and for a law with its loop that loop, whose software is the export's.
     """
-    if not isinstance(law, LoopInC):
+    if law.loop is None:
         step = structure_of(_Step(compiled.address))
         memory = partial(_memory, law.controller, step)
-        return replace(law.controller, law=_sampled_alone(compiled), memory=memory), None
+        controller = replace(law.controller, law=_sampled_alone(compiled), memory=memory)
+        return LawInSimulation(controller, None)
 
     sampler = _Sampler(law, compiled)
     parts = {item.name: getattr(law.loop, item.name) for item in fields(law.loop)}
-    return replace(law.controller, law=sampler.law), _WatchedLoop(**parts, sampler=sampler)
+    controller = replace(law.controller, law=sampler.law)
+    return LawInSimulation(controller, _WatchedLoop(**parts, sampler=sampler))
 
 
 # A law by itself, in compiled code and in Python.
@@ -97,10 +106,10 @@ def _unpack(numbers: Array, memory: Any) -> None:
 class _Sampler:
     """The C in place of software and law."""
 
-    def __init__(self, export: LoopInC, compiled: CompiledLaw) -> None:
+    def __init__(self, export: LawInC, compiled: CompiledLaw) -> None:
         self._places = list(export.measured)
         self._compiled = compiled
-        self._memory = np.zeros(size_of(export.remembered))
+        self._memory = np.zeros(export.memory_size)
         self._loop: Any = None
         self._samples = 0
         self._last = np.zeros(0)

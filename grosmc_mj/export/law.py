@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.surface import integrate
+from grosmc_mj.export.functions import translate
+from grosmc_mj.export.loop import (
+    hold_output,
+    loop_memory,
+    measured_states,
+    sample_in_loop,
+    settled_places,
+    software_record,
+)
 from grosmc_mj.export.program import Function, Program
-from grosmc_mj.export.statements import function_in_c
 from grosmc_mj.export.syntax import ExportError
-from grosmc_mj.export.templates import listed, rendered
+from grosmc_mj.export.templates import rendered
 from grosmc_mj.export.values import Array, Number, record_at
-from grosmc_mj.plants import System
+from grosmc_mj.loop.applied import AppliedLoop
+from grosmc_mj.plants import Signal, System
+from grosmc_mj.records import pack
 
 # Answers of ``NAME_step``.
 UNDEFINED_LAW = 1
@@ -23,7 +33,7 @@ UNDEFINED_INPUT = 2
 
 @dataclass(frozen=True)
 class LawInC:
-    """The C of a controller's law, without a loop.
+    """The C of a controller's law, alone or with the software of its loop.
 
     Attributes:
         controller: The controller, with its control period in its parameters.
@@ -32,6 +42,8 @@ class LawInC:
         period: Control period [s].
         about: Paragraphs of the head comment.
         real: ``double``, or ``float`` in single precision.
+        loop: The loop whose estimators, filter and prediction are part of the C; None for the law
+            alone, which reads the state.
     """
 
     controller: Controller
@@ -40,30 +52,82 @@ class LawInC:
     period: float
     about: Sequence[str] = ()
     real: str = "double"
+    loop: AppliedLoop | None = None
 
-    # Header and source both ask for it.
-    @cached_property
-    def _law(self) -> tuple[Program, Function]:
-        """The C of the law, and its function.
+    @property
+    def measured(self) -> Sequence[int]:
+        """Indices of the states that a step reads."""
+        states = range(len(self.system.states))
+        return states if self.loop is None else measured_states(self.loop)
 
-        Raises:
-            ExportError: If it has no C.
-        """
-        self._refuse_impossible()
-        program = self._program()
-        arguments = [
-            Number("t"),
-            Array("x", (len(self.system.states),)),
-            record_at("memory->", self.remembered),
-            record_at("p->", self.controller.parameters),
-            Array("u", (len(self.system.inputs),)),
-        ]
-        return program, function_in_c(program, *program.bound(self.controller.law, arguments, {}))
+    @property
+    def signals(self) -> Sequence[Signal]:
+        """Signals that a step reads."""
+        return [self.system.states[j] for j in self.measured]
 
     @property
     def remembered(self) -> Any:
-        """Dataclass of what the law remembers, as a run begins."""
-        return self.controller.memory()
+        """Dataclass of the C's memory as a run begins."""
+        memory = self.controller.memory()
+        return memory if self.loop is None else loop_memory(memory, self.loop)
+
+    @property
+    def memory_size(self) -> int:
+        """Count of the numbers in memory."""
+        return pack(self.remembered).size
+
+    @property
+    def header(self) -> str:
+        """The text of NAME.h."""
+        return rendered("law.h", law=self)
+
+    # It is written into files, and the name of an FMU is a hash of it.
+    @cached_property
+    def source(self) -> str:
+        """The text of NAME.c.
+
+        Raises:
+            ExportError: If the law has no C.
+        """
+        self._refuse_impossible()
+        replacements = {}
+        if self.real == "float":
+            replacements[integrate] = _integrate_by(self.period)
+        program = Program(self.name, self.real, replacements)
+        step, missed = self._functions(program)
+        roots = [step] if missed is None else [step, missed]
+        return rendered(
+            "law.c",
+            law=self,
+            functions=program.text(roots),
+            tables=program.tables.values(),
+            step=step,
+            missed=missed,
+            settled=[] if self.loop is None else settled_places(self.loop),
+        )
+
+    def _functions(self, program: Program) -> tuple[Function, Function | None]:
+        """Functions of ``NAME_step`` and, with a loop, of ``NAME_missed``."""
+        memory = record_at("memory->", self.remembered)
+        p = record_at("p->", self.controller.parameters)
+        u = Array("u", (len(self.system.inputs),))
+        count = len(self.measured)
+        law = self.controller.law
+        if self.loop is None:
+            return translate(program, law, Number("t"), Array("x", (count,)), memory, p, u), None
+        software = software_record(self.loop, memory, p)
+        step = translate(
+            program,
+            sample_in_loop(law, tuple(self.measured)),
+            Number("clock"),
+            Array("y", (count,)),
+            Array("fresh", (count,)),
+            memory,
+            software,
+            p,
+            u,
+        )
+        return step, translate(program, hold_output, memory, software)
 
     def _refuse_impossible(self) -> None:
         """Refuse a law that needs more than a controller has."""
@@ -77,82 +141,8 @@ class LawInC:
         if getattr(controller.law, "python_only", False):
             raise ExportError(f"{controller.name} runs in Python only: it has no C")
 
-    def _program(self) -> Program:
-        """A program without functions."""
-        replacements = {}
-        if self.real == "float":
-            replacements[integrate] = by_period(self.period)
-        return Program(
-            memory="memory",
-            memory_type=f"struct {self.name}_memory",
-            real=self.real,
-            replacements=replacements,
-            reserved={f"{self.name}_{end}" for end in ("init", "step", "numbers", "memory")},
-        )
 
-    @property
-    def header(self) -> str:
-        """The text of NAME.h."""
-        return rendered("law.h", law=self)
-
-    @property
-    def source(self) -> str:
-        """The text of NAME.c."""
-        return rendered("law.c", law=self)
-
-    # Parts of both texts.
-
-    # Whether it has the software of its loop; code before the fields of the law's memory.
-    in_loop = False
-    place = "memory->"
-
-    @property
-    def suffix(self) -> str:
-        """Suffix of numbers in this precision."""
-        return "f" if self.real == "float" else ""
-
-    @property
-    def functions(self) -> str:
-        """Functions of ``NAME_step``."""
-        program, law = self._law
-        return program.text([law])
-
-    @property
-    def start(self) -> str:
-        """Parameters of ``NAME_init`` after the memory."""
-        return ""
-
-    @property
-    def settled(self) -> Sequence[str]:
-        """Lines of ``NAME_init`` after the initial values."""
-        return ()
-
-    @property
-    def signals(self) -> str:
-        """Parameters of ``NAME_step`` before the memory."""
-        return f"{self.real} t, const {self.real} x[{len(self.system.states)}]"
-
-    @property
-    def about_signals(self) -> str:
-        """Comment on them."""
-        return f"t: its time [s]. It reads {listed(self.system.states, 'x')}."
-
-    @property
-    def sample(self) -> Sequence[str]:
-        """Lines of ``NAME_step`` that write the inputs."""
-        return [*self._call("t", "x"), "memory->begun = 1;"]
-
-    def _call(self, *signals: str) -> list[str]:
-        """Lines that call the function of a sample."""
-        _, law = self._law
-        lines = [f"(void){name};" for name in signals if name not in law.parameters]
-        arguments = list(law.parameters)
-        if law.needs_memory:
-            arguments.append("memory")
-        return [*lines, f"{law.name}({', '.join(arguments)});"]
-
-
-def by_period(period: float) -> Any:
+def _integrate_by(period: float) -> Callable[[float, Any], None]:
     """Return the integration of the surface by the control period [s].
 
     In single precision the difference of two times has an error of 0.4 % of a period of 1 ms after

@@ -40,7 +40,7 @@ def without_unused(lines: Sequence[Line]) -> list[Line]:
     while True:
         unused = {line.defines for line in kept} - {""}
         for line in kept:
-            unused -= {name for name in unused - {line.defines} if mentions(name, line.text)}
+            unused -= {name for name in unused - {line.defines} if mentions(line.text, name)}
         if not unused:
             return kept
 
@@ -58,7 +58,7 @@ def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
     text = "\n".join(line.text for line in lines)
     renamed = list(lines)
     for name in {line.defines for line in lines} - {""}:
-        if calls(name, text):
+        if calls(text, name):
             variable = re.compile(rf"\b{name}\b(?!\()")
             renamed = [replace(line, text=variable.sub(f"{name}_", line.text)) for line in renamed]
     return renamed

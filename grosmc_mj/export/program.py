@@ -1,4 +1,4 @@
-"""The C of a law: functions specialised for their arguments, tables, names."""
+"""The C of a law: functions, tables, names."""
 
 from __future__ import annotations
 
@@ -6,34 +6,60 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.export.c_text import HELPERS, INDENT, c_name, calls, literal, mentions, wrapped
-from grosmc_mj.export.values import Array, Known, Number, Record
+from grosmc_mj.export.c_text import (
+    MEMORY,
+    c_name,
+    calls,
+    literal,
+)
+from grosmc_mj.export.syntax import NoCError
+from grosmc_mj.export.values import Array, Number
 from grosmc_mj.jitable import compiled_source
 
 
-@dataclass
+@dataclass(eq=False)
 class Function:
-    """A function in C.
+    """A Python function in C, for certain arguments.
 
     Attributes:
         name: Its name.
-        parameters: Names in Python of the parameters that it has.
-        returns: See ``Statements``.
+        values: Values of the parameters in Python.
+        parameters: Names in Python of the parameters that it has in C.
+        returns: None for nothing, a number or an array without code, or a known value: then it
+            needs no call.
         written: Names of the parameters that it writes into, and ``memory``.
         needs_memory: Whether it has the memory as its last parameter.
         lines: Its text.
     """
 
     name: str
+    values: Mapping[str, Any]
     parameters: list[str]
     returns: Any
     written: set[str]
     needs_memory: bool
     lines: list[str]
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of a call with arguments of the parameters' names."""
+        return [*self.parameters, *([MEMORY] * self.needs_memory)]
+
+
+class Table(NamedTuple):
+    """A constant array in C.
+
+    Attributes:
+        name: Its name.
+        entries: Its numbers.
+    """
+
+    name: str
+    entries: Sequence[str]
 
 
 @dataclass
@@ -41,28 +67,20 @@ class Program:
     """The C of a law.
 
     Attributes:
-        memory: Name of the pointer to what the law remembers.
-        memory_type: Its type.
+        law: Begin of the names that the law's header declares.
         real: ``double``, or ``float`` in single precision.
         replacements: Python functions that stand for others.
-        reserved: Names that no function may have.
         functions: Functions by what they are of; None for one that is being written.
         finished: Functions, each after those that it calls.
+        tables: Tables by what is in them.
     """
 
-    memory: str
-    memory_type: str
+    law: str
     real: str = "double"
     replacements: Mapping[Any, Any] = field(default_factory=dict)
-    reserved: set[str] = field(default_factory=set)
     functions: dict[Any, Function | None] = field(default_factory=dict)
     finished: list[Function] = field(default_factory=list)
-    _tables: dict[Any, tuple[str, str]] = field(default_factory=dict)
-
-    @property
-    def suffix(self) -> str:
-        """Suffix of numbers and of library functions in this precision."""
-        return "f" if self.real == "float" else ""
+    tables: dict[Any, Table] = field(default_factory=dict)
 
     def type_of(self, number: Number) -> str:
         """Return the type in C of a number."""
@@ -77,25 +95,26 @@ class Program:
         if values.dtype.kind != "f" or not values.ndim:
             return None
         key = values.shape, values.tobytes()
-        name = f"table_{len(self._tables) + 1}"
-        entries = ", ".join(literal(value, self.suffix) for value in values.ravel().tolist())
-        text = f"static const {self.real} {name}[{values.size}] = {{{entries}}};"
-        name, _ = self._tables.setdefault(key, (name, text))
-        return Array(name, values.shape)
+        if key not in self.tables:
+            entries = [literal(value, self.real) for value in values.ravel().tolist()]
+            self.tables[key] = Table(f"table_{len(self.tables) + 1}", entries)
+        return Array(self.tables[key].name, values.shape)
 
-    def bound(
+    def bind(
         self, function: FunctionType, arguments: Sequence[Any], named: Mapping[str, Any]
     ) -> tuple[FunctionType, dict[str, Any]]:
-        """Return the function that compiled code calls, and the values of its parameters."""
+        """Return the function that compiled code calls, and the values of its parameters.
+
+        Raises:
+            NoCError: If it has other parameters.
+        """
         function = self.replacements.get(function) or compiled_source(function)
-        bound = inspect.signature(function).bind(*arguments, **named)
+        try:
+            bound = inspect.signature(function).bind(*arguments, **named)
+        except TypeError as error:
+            raise NoCError(str(error)) from None
         bound.apply_defaults()
-        values: dict[str, Any] = {}
-        for name, value in bound.arguments.items():
-            # A default is a value of Python's.
-            evaluated = isinstance(value, (Known, Number, Array, Record, tuple))
-            values[name] = value if evaluated else Known(value)
-        return function, values
+        return function, bound.arguments
 
     def new_name(self, function: FunctionType) -> str:
         """Return a name for a function that no other one has."""
@@ -103,7 +122,8 @@ class Program:
         name = c_name(name)
         numbered = name
         number = 1
-        taken = self.reserved.union(item.name for item in self.finished)
+        taken = {f"{self.law}_{end}" for end in ("init", "step", "numbers", "memory")}
+        taken.update(item.name for item in self.finished)
         while numbered in taken:
             number += 1
             numbered = f"{name}_{number}"
@@ -113,17 +133,6 @@ class Program:
         """Return the C of some functions and of all that they call, each after what it calls."""
         lines: list[str] = []
         for item in reversed(self.finished):
-            if item in roots or calls(item.name, "\n".join(lines)):
+            if item in roots or calls("\n".join(lines), item.name):
                 lines = [*item.lines, *lines]
-        code = "\n".join(lines)
-
-        parts: list[str] = []
-        for name, helper in HELPERS.items():
-            if calls(name, code):
-                parts.append(f"static inline {helper.format(real=self.real, suffix=self.suffix)}")
-        for name, table in self._tables.values():
-            if mentions(name, code):
-                parts += wrapped(table, 0, len(INDENT))
-        if parts:
-            parts.append("")
-        return "\n".join([*parts, code])
+        return "\n".join(lines)

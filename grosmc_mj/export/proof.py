@@ -14,9 +14,8 @@ from grosmc_mj.experiments.experiment import Experiment, run_on
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.export.compiler import CompiledLaw
-from grosmc_mj.export.in_simulation import in_simulation
+from grosmc_mj.export.in_simulation import LawInSimulation, in_simulation
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.loop import LoopInC
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.simulation.simulate import simulate
@@ -171,37 +170,61 @@ def prove(
     """
     proof = Proof()
     stride = round(experiment.settings.control_period / experiment.settings.timestep)
-    controller, own_loop = in_simulation(law, compiled)
-    verdicts: list[Verdict] = []
-    for name in experiment.plant_names:
-        plant = experiment.plant(name)
-        loop = _loop_around(experiment, law, experiment, experiment.run_number)
-        python = run_on(experiment, name, law.controller, plant, loop)
-        in_c = run_on(experiment, name, controller, plant, own_loop or loop)
-        proof.runs += 1
-        proof.add(python.trajectory, in_c.trajectory, stride, name)
-        judgements = [judge_runs(experiment.limits, [run]) for run in (python, in_c)]
-        verdicts += map(Verdict, *judgements)
-        advance(f"{controller.name} on {name}", 1)
-    proof.verdicts = verdicts
+    in_c = in_simulation(law, compiled)
+    proof.verdicts = _prove_on_case(proof, experiment, law, in_c, stride, advance)
 
     uncertain = uncertain_experiment(experiment)
     if uncertain is None:
         return proof
     for first in range(0, plants, _BATCH):
         count = min(_BATCH, plants - first)
-        cases, true_plants = _random_plants(uncertain, first, count)
-        loops = []
-        for number, case in enumerate(cases):
-            loops.append(_loop_around(uncertain, law, case, first + number))
-        python = _simulated(uncertain, cases, true_plants, law.controller, loops)
-        own_loops = [own_loop or loop for loop in loops]
-        in_c = _simulated(uncertain, cases, true_plants, controller, own_loops)
-        for number in range(count):
-            proof.random_plants += 1
-            proof.add(python[number], in_c[number], stride, f"random plant {proof.random_plants}")
-        advance(f"{controller.name} on random plants", count)
+        _prove_on_random_plants(proof, uncertain, law, in_c, stride, range(first, first + count))
+        advance(f"{law.controller.name} on random plants", count)
     return proof
+
+
+def _prove_on_case(
+    proof: Proof,
+    experiment: Experiment,
+    law: LawInC,
+    in_c: LawInSimulation,
+    stride: int,
+    advance: Callable[[str, int], None],
+) -> list[Verdict]:
+    """Compare the runs of the case, and judge them."""
+    verdicts: list[Verdict] = []
+    for name in experiment.plant_names:
+        plant = experiment.plant(name)
+        loop = _loop_around(experiment, law, experiment, experiment.run_number)
+        python = run_on(experiment, name, law.controller, plant, loop)
+        compiled = run_on(experiment, name, in_c.controller, plant, in_c.loop or loop)
+        proof.runs += 1
+        proof.add(python.trajectory, compiled.trajectory, stride, name)
+        judgements = [judge_runs(experiment.limits, [run]) for run in (python, compiled)]
+        verdicts += map(Verdict, *judgements)
+        advance(f"{law.controller.name} on {name}", 1)
+    return verdicts
+
+
+def _prove_on_random_plants(
+    proof: Proof,
+    uncertain: Experiment,
+    law: LawInC,
+    in_c: LawInSimulation,
+    stride: int,
+    numbers: range,
+) -> None:
+    """Compare the runs on random plants of these numbers."""
+    cases, plants = _random_plants(uncertain, numbers)
+    loops = []
+    for number, case in zip(numbers, cases, strict=True):
+        loops.append(_loop_around(uncertain, law, case, number))
+    python = _simulated(uncertain, cases, plants, law.controller, loops)
+    own_loops = [in_c.loop or loop for loop in loops]
+    compiled = _simulated(uncertain, cases, plants, in_c.controller, own_loops)
+    for run in range(len(cases)):
+        proof.random_plants += 1
+        proof.add(python[run], compiled[run], stride, f"random plant {proof.random_plants}")
 
 
 def uncertain_experiment(experiment: Experiment) -> Experiment | None:
@@ -221,13 +244,11 @@ def uncertain_experiment(experiment: Experiment) -> Experiment | None:
     )
 
 
-def _random_plants(
-    uncertain: Experiment, first: int, count: int
-) -> tuple[list[Experiment], list[Plant]]:
+def _random_plants(uncertain: Experiment, numbers: range) -> tuple[list[Experiment], list[Plant]]:
     """Random cases of an experiment with ``[[uncertain]]`` tables, and their plants."""
     nominal = uncertain.plant(uncertain.nominal.truest)
     family = family_of(uncertain.file, uncertain, nominal)
-    points = random_points(len(family.quantities), _SEED, first, count)
+    points = random_points(len(family.quantities), _SEED, numbers.start, len(numbers))
     rows = family.values(points).tolist()
     cases = [with_values(uncertain, zip(family.quantities, row, strict=True)) for row in rows]
     return cases, [plant_of(case, nominal) for case in cases]
@@ -242,7 +263,7 @@ def _loop_around(experiment: Experiment, law: LawInC, case: Experiment, run: int
         case: The case with the loop.
         run: Number of the run, of which the loop's noise is.
     """
-    if isinstance(law, LoopInC):
+    if law.loop is not None:
         # Its numbers stand in the C.
         return law.loop
     if case.loop is None:

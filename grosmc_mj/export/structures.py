@@ -6,7 +6,6 @@ All members are of one type, so a structure is also a flat array of the numbers 
 from __future__ import annotations
 
 import inspect
-import math
 import re
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -49,12 +48,12 @@ def definition(value: Any, name: str, real: str) -> str:
     return before + "\n".join([*lines, "};\n"])
 
 
-def initial(value: Any, suffix: str, depth: int = 1) -> str:
+def initial(value: Any, real: str, depth: int = 1) -> str:
     """Return the initial values of a dataclass's structure, a line for each member.
 
     Args:
         value: The dataclass.
-        suffix: Suffix of numbers in this precision.
+        real: ``double`` or ``float``.
         depth: Depth of the lines.
     """
     indent = INDENT * depth
@@ -63,24 +62,15 @@ def initial(value: Any, suffix: str, depth: int = 1) -> str:
         member = getattr(value, item.name)
         start = f".{c_name(item.name)} = "
         if is_dataclass(member):
-            inner = initial(member, suffix, depth + 1)
+            inner = initial(member, real, depth + 1)
             lines.append(f"{indent}{start}{{\n{inner}\n{indent}}},")
             continue
-        numbers = [literal(number, suffix) for number in np.ravel(member).astype(float).tolist()]
+        numbers = [literal(number, real) for number in np.ravel(member).astype(float).tolist()]
         text = ", ".join(numbers)
         if np.ndim(member):
             text = f"{{{text}}}"
         lines += wrapped(f"{start}{text},", len(indent), len(INDENT))
-    return "\n".join(lines or [f"{indent}.nothing = 0.0{suffix},"])
-
-
-def size_of(value: Any) -> int:
-    """Return the number of members of a dataclass's structure, entries of arrays each."""
-    count = 0
-    for item in fields(value):
-        member = getattr(value, item.name)
-        count += size_of(member) if is_dataclass(member) else math.prod(np.shape(member))
-    return max(count, 1)
+    return "\n".join(lines or [f"{indent}.nothing = {literal(0.0, real)},"])
 
 
 def _texts(kind: type) -> dict[str, str]:

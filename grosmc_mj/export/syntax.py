@@ -1,9 +1,10 @@
-"""Syntax trees of Python functions, and the refusal of what has no C."""
+"""Syntax trees of Python functions, and the refusal of parts that have no C."""
 
 from __future__ import annotations
 
 import ast
 import linecache
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -16,7 +17,14 @@ class ExportError(ArgumentError):
     """Error of a law that has no C, with file, line and what to write instead."""
 
 
-def refusal(function: FunctionType, node: Any, reason: str) -> ExportError:
+class NoCError(Exception):
+    """Reason why a part of a function has no C, and what to write instead.
+
+    The translation that visits the part adds file and line, see ``refusal``.
+    """
+
+
+def refusal(function: FunctionType, node: Any, reason: object) -> ExportError:
     """Return the error of a part of a function that has no C.
 
     Args:
@@ -31,16 +39,18 @@ def refusal(function: FunctionType, node: Any, reason: str) -> ExportError:
     return ExportError(f"{file}:{line}: {text}: {reason}")
 
 
-def tree_of(function: FunctionType) -> ast.FunctionDef | ast.Lambda:
-    """Return the syntax tree of a function.
+def body_of(function: FunctionType) -> list[ast.stmt]:
+    """Return the statements of a function.
 
     Raises:
         ExportError: If there is no source of it.
     """
     code = function.__code__
     for node in _functions_in(code.co_filename):
-        if _is_of(node, code):
-            return node
+        if isinstance(node, ast.FunctionDef) and _is_definition(node, code):
+            return node.body
+        if isinstance(node, ast.Lambda) and _is_lambda(node, code):
+            return [ast.copy_location(ast.Return(node.body), node)]
     raise ExportError(
         f"{Path(code.co_filename).name}:{code.co_firstlineno}: no source of {code.co_name}: write "
         "the function into a file"
@@ -55,15 +65,39 @@ def _functions_in(file: str) -> list[Any]:
     return [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.Lambda))]
 
 
-def _is_of(node: ast.FunctionDef | ast.Lambda, code: CodeType) -> bool:
+def _is_definition(node: ast.FunctionDef, code: CodeType) -> bool:
+    """Whether a tree is that of some code, which begins with the decorators."""
+    lines = [node.lineno, *(decorator.lineno for decorator in node.decorator_list)]
+    return node.name == code.co_name and min(lines) == code.co_firstlineno
+
+
+def _is_lambda(node: ast.Lambda, code: CodeType) -> bool:
     """Whether a tree is that of some code; lambdas of a line are told apart by their columns."""
-    if isinstance(node, ast.FunctionDef):
-        lines = [node.lineno, *(decorator.lineno for decorator in node.decorator_list)]
-        return node.name == code.co_name and min(lines) == code.co_firstlineno
     if code.co_name != "<lambda>" or node.lineno != code.co_firstlineno:
         return False
     columns = {(line, column) for line, _, column, _ in code.co_positions()}
     return (node.body.lineno, node.body.col_offset) in columns
+
+
+def nodes_of(body: Sequence[ast.stmt]) -> Iterator[ast.AST]:
+    """Yield all nodes of some statements."""
+    for statement in body:
+        yield from ast.walk(statement)
+
+
+def whole_expressions(body: Sequence[ast.stmt]) -> set[ast.AST | None]:
+    """Return the expressions that are all that their statement computes, but for a sign or not."""
+    whole: set[ast.AST | None] = set()
+    for node in nodes_of(body):
+        expression = None
+        if isinstance(node, (ast.Expr, ast.Return, ast.Assign, ast.AnnAssign)):
+            expression = node.value
+        if isinstance(node, ast.If):
+            expression = node.test
+        if isinstance(expression, ast.UnaryOp):
+            expression = expression.operand
+        whole.add(expression)
+    return whole
 
 
 def where(function: FunctionType) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import jinja2
 
-from grosmc_mj.export.c_text import comment
+from grosmc_mj.export.c_text import calls, comment, mentions, wrapped
 from grosmc_mj.export.structures import definition, initial
 from grosmc_mj.plants import Signal
 
@@ -27,8 +27,10 @@ def rendered(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters = {"comment": comment, "definition": definition, "initial": initial, "listed": listed}
-    environment.filters.update(filters)
+    environment.filters.update(
+        comment=comment, definition=definition, initial=initial, listed=listed, wrapped=wrapped
+    )
+    environment.tests.update(calling=calls, mentioning=mentions)
     return environment.get_template(template).render(**values)
 
 

@@ -1,29 +1,30 @@
-"""Values of Python expressions while C is written: known ones, and places in C.
+"""Values of Python expressions while C is written.
 
-A tuple of such values stands for a tuple, and for the rows of an array of records.
+A value that is known now is the Python object itself: a number, a table, a function, a module. Any
+other value is a ``Number``, an ``Array`` or a ``Record`` in C, or a tuple with some of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.c_text import ATOM, c_name
+from grosmc_mj.export.c_text import c_name, literal
+from grosmc_mj.export.syntax import NoCError
 
-
-@dataclass(frozen=True)
-class Known:
-    """A value that is known when C is written: a number, a table, a function, a module.
-
-    Attributes:
-        value: The value.
-    """
-
-    value: Any
+# How tightly operators of C bind.
+ATOM = 20
+UNARY = 14
+PRODUCT = 13
+SUM = 12
+COMPARED = 10
+AND = 5
+OR = 4
+CHOICE = 3
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,10 @@ class Number:
     Attributes:
         code: The expression.
         whole: Whether it is a whole number, or a truth value: one of 0 and 1.
-        level: How tightly its outermost operator binds, see ``c_text.BINARY``.
+        level: How tightly its outermost operator binds.
         low: Least value of a whole number.
         high: Largest value of a whole number.
+        effect: Statement in C for a call that changes something, whether or not its value is used.
     """
 
     code: str
@@ -43,6 +45,7 @@ class Number:
     level: int = ATOM
     low: float = -math.inf
     high: float = math.inf
+    effect: str = ""
 
     @property
     def is_condition(self) -> bool:
@@ -53,12 +56,9 @@ class Number:
         """Code of it as an operand, in parentheses if it binds less tightly than a level."""
         return f"({self.code})" if self.level < level else self.code
 
-
-def union(a: Number, b: Number) -> Number:
-    """Return a number without code, of the kind and within the bounds of either."""
-    if a.whole and b.whole:
-        return Number("", whole=True, low=min(a.low, b.low), high=max(a.high, b.high))
-    return Number("")
+    def named(self, name: str) -> Number:
+        """Variable that has this number as its value."""
+        return Number(name, self.whole, low=self.low, high=self.high)
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,38 @@ class Array:
         """Code of its address."""
         return f"{self.code} + {self.offset}" if self.offset else self.code
 
+    def entry(self, indices: Sequence[Number]) -> Number:
+        """Entry at indices that are proven to lie in the array.
+
+        Raises:
+            NoCError: If they are not.
+        """
+        if len(indices) != len(self.shape):
+            raise NoCError(f"has {len(self.shape)} axes: give an index for each")
+        place = self.offset
+        terms: list[str] = []
+        stride = math.prod(self.shape)
+        for index, size in zip(indices, self.shape, strict=True):
+            stride //= size
+            low, high = index.low, index.high
+            # Python counts a known negative index from the end.
+            if low == high and -size <= low < 0:
+                low = high = low + size
+            if not index.whole or not 0 <= low <= high < size:
+                raise NoCError(
+                    f"index {index.code} is not known to lie in 0 ... {size - 1}: write a loop "
+                    f"over range({size}), or k % {size}"
+                )
+            if low == high:
+                place += int(low) * stride
+            elif stride == 1:
+                terms.append(index.code)
+            else:
+                terms.append(f"{index.within(UNARY)} * {stride}")
+        if place or not terms:
+            terms.append(str(place))
+        return Number(f"{self.code}[{' + '.join(terms)}]")
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -92,6 +124,62 @@ class Record:
 
     path: str
     members: Mapping[str, Any]
+
+
+def is_known(*values: Any) -> bool:
+    """Whether values are known while C is written."""
+    for value in values:
+        if isinstance(value, (Number, Array, Record)):
+            return False
+        if isinstance(value, tuple) and not is_known(*value):
+            return False
+    return True
+
+
+def number_in_c(value: Any, real: str) -> Number:
+    """Return a value as a number in C.
+
+    Args:
+        value: The value.
+        real: ``double`` or ``float``.
+
+    Raises:
+        NoCError: If it is no number.
+    """
+    if isinstance(value, Number):
+        return value
+    if isinstance(value, (bool, int, np.bool_, np.integer)):
+        return _whole_number(int(value))
+    if isinstance(value, (float, np.floating)):
+        text = literal(float(value), real)
+        return Number(text, level=UNARY if text.startswith("-") else ATOM)
+    raise NoCError("must be one number: write a loop over entries")
+
+
+def _whole_number(value: int) -> Number:
+    """A known whole number."""
+    level = UNARY if value < 0 else ATOM
+    return Number(str(value), whole=True, level=level, low=value, high=value)
+
+
+def items(value: Any) -> list[Any]:
+    """Return the entries of a tuple or of an array with one axis.
+
+    Raises:
+        NoCError: If it is something else.
+    """
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return list(value)
+    if isinstance(value, Array) and len(value.shape) == 1:
+        return [value.entry([_whole_number(k)]) for k in range(value.shape[0])]
+    raise NoCError("must be a tuple or an array with one axis: write its entries")
+
+
+def union(a: Number, b: Number) -> Number:
+    """Return a number without code, of the kind and within the bounds of either."""
+    if a.whole and b.whole:
+        return Number("", whole=True, low=min(a.low, b.low), high=max(a.high, b.high))
+    return Number("")
 
 
 def record_at(path: str, value: Any) -> Record:
@@ -124,9 +212,6 @@ def signature(value: Any) -> Any:
         return value.shape
     if isinstance(value, Record):
         return value.path
-    # A known float is passed as a number: functions are shared.
-    if isinstance(value.value, float):
-        return signature(Number(""))
-    if isinstance(value.value, (bool, int, str, tuple, type(None))):
-        return type(value.value), value.value
-    return id(value.value)
+    if isinstance(value, (bool, int, float, str, type(None))):
+        return type(value), value
+    return id(value)

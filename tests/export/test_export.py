@@ -279,6 +279,20 @@ def _refused_order(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = memory.k + _counted(memory)
 
 
+def _refused_swap(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    memory.past[:2] = memory.past[1], memory.past[0]
+
+
+def _refused_pass(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    for value in memory.past:
+        memory.past[1] = x[0]
+        u[0] += value
+
+
+def _refused_arguments(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = _counted()  # type: ignore[reportCallIssue]
+
+
 def _refused_remainder(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = x[0] % 1.0
 
@@ -335,8 +349,29 @@ def powers(t: float, x: Any, memory: Any, p: Any) -> float:
     return x[0] ** 3 - x[1] ** 2 + abs(x[0]) ** -2 + math.pow(2.0, x[1]) + abs(x[0]) ** 0.5
 
 
+ROWS = np.array([[1.0, 2.0], [3.0, 4.0]])
+
+
+def _first(row: Any) -> float:
+    return row[0]
+
+
+def rows_of_a_table(t: float, x: Any, memory: Any, p: Any) -> float:
+    """A law that gives rows of a known table to a function."""
+    return _first(ROWS[0]) * x[0] + _first(ROWS[1]) * x[1]
+
+
+def entry_by_counter(t: float, x: Any, memory: Any, p: Any) -> float:
+    """A law whose index changes with the value that is written."""
+    memory.past[int(memory.k) % 4] = _counted(memory)
+    return memory.past[0] - memory.past[1]
+
+
+OWN_LAWS = [constant_law, returning_law, powers, rows_of_a_table, entry_by_counter]
+
+
 @needs_compiler
-@pytest.mark.parametrize("own", [constant_law, returning_law, powers])
+@pytest.mark.parametrize("own", OWN_LAWS)
 def test_short_laws_of_ones_own_are_the_python_ones(
     own: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -358,6 +393,9 @@ def test_short_laws_of_ones_own_are_the_python_ones(
         (_refused_variable, "i has a value already: give the loop another name"),
         (_refused_name, "x has a value already: give this one another name"),
         (_refused_order, "changes something: give it a line of its own before"),
+        (_refused_swap, "moves entries of one array: write a loop"),
+        (_refused_pass, "writes into the array that it runs over: write a loop over range"),
+        (_refused_arguments, "missing a required argument: 'memory'"),
         (_refused_remainder, "is for whole numbers: write math.fmod or math.floor"),
     ],
 )

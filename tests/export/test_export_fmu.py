@@ -16,7 +16,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.export.compiler import FLAGS
 from grosmc_mj.export.fmu import write_fmu
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.structures import size_of
 
 fmpy: Any = pytest.importorskip("fmpy")
 SAMPLES = 50
@@ -73,7 +72,7 @@ def test_an_fmu_makes_the_samples_of_the_law(real: str, parts: int, tmp_path: Pa
     u = simulated(law, tmp_path, np.zeros(2), signals, law.period / parts)
 
     in_c = compiled(law, tmp_path)
-    memory = np.zeros(size_of(law.remembered))
+    memory = np.zeros(law.memory_size)
     for k in range(SAMPLES):
         expected = np.zeros(1)
         in_c.step(k * law.period, x[k], memory, expected)
@@ -90,8 +89,9 @@ def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
     u = simulated(law, tmp_path, start, signals, law.period)
 
     in_c = compiled(law, tmp_path)
-    memory = np.zeros(size_of(law.remembered))
+    memory = np.zeros(law.memory_size)
     in_c.begin(memory, start)
+    assert law.loop is not None
     ticks = round(law.period / law.loop.timestep)
     for k in range(SAMPLES):
         expected = np.zeros(1)

@@ -9,7 +9,7 @@ import pytest
 from test_export import COMPILER, IN_LOOP, compiled, needs_compiler, run_sanitized
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.export.loop import LoopInC
+from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import prove
 from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
 
@@ -48,13 +48,13 @@ LOOPS = {
 }
 
 
-def law_in(name: str, *, predict: bool, law: str = "grosmc") -> tuple[Experiment, LoopInC]:
+def law_in(name: str, *, predict: bool, law: str = "grosmc") -> tuple[Experiment, LawInC]:
     """The law in a loop on the servo, for a run of 0.3 s, with its experiment."""
     experiment = Experiment.load("servo/case1").varied(duration=0.3)
     experiment = replace(experiment.with_settings(control_period=2e-3), loop=LOOPS[name])
     controller = experiment.law("physics", law)
     loop = experiment.loop_around(controller, LOOPS[name], predict=predict)
-    return experiment, LoopInC(
+    return experiment, LawInC(
         controller,
         "law_in_c",
         experiment.nominal.system,
@@ -82,7 +82,7 @@ def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> N
     experiment = Experiment.load("two_link_arm/bench").varied(duration=0.3)
     loop = experiment.applied_loop("physics", law)
     assert loop is not None
-    in_c = LoopInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)
+    in_c = LawInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)
     proof = prove(experiment, in_c, compiled(in_c, tmp_path), plants=1)
     assert proof.equal, proof.words
 

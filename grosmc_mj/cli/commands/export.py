@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -95,25 +95,24 @@ class ExportCommand(Command):
         """
         from grosmc_mj.export.c_text import c_name
         from grosmc_mj.export.law import LawInC
-        from grosmc_mj.export.loop import LoopInC
         from grosmc_mj.files import name_in_files
 
         controller = experiment.law(experiment.nominal.truest, self.law)
         name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"
         letters = [letter if letter.isalnum() else "_" for letter in name]
-        common: Any = {
-            "controller": controller,
-            "name": c_name("".join(letters)),
-            "system": experiment.nominal.system,
-            "period": experiment.settings.control_period,
-            "real": "float" if self.float32 else "double",
-        }
-        law = LawInC(**common)
+        applied = None
         if self.loop:
             applied = experiment.applied_loop(experiment.nominal.truest, self.law)
             if applied is None:
                 raise ArgumentError(f"{experiment.path}: --loop: the case has no loop")
-            law = LoopInC(**common, loop=applied)
+        law = LawInC(
+            controller=controller,
+            name=c_name("".join(letters)),
+            system=experiment.nominal.system,
+            period=experiment.settings.control_period,
+            real="float" if self.float32 else "double",
+            loop=applied,
+        )
         # A law that cannot be written in C is refused here, before anything runs.
         _ = law.source
         return law

@@ -1,7 +1,7 @@
 /* {{ law.name }} with memory and signals in double precision, as simulations have them. */
 #include "{{ law.name }}.h"
 
-enum { SIZE = {{ size }}, SIGNALS = {{ signals }}, INPUTS = {{ law.system.inputs | length }} };
+enum { SIZE = {{ law.memory_size }}, SIGNALS = {{ law.signals | length }}, INPUTS = {{ law.system.inputs | length }} };
 
 /* All members of a memory are numbers of one type. */
 union memory {
@@ -22,7 +22,7 @@ int step_of_doubles(double time, const double *x, const double *fresh, double *m
         own.number[i] = ({{ law.real }})memory[i];
     }
     const int answer = {{ law.name }}_step(({{ law.real }})time, signals[0],
-            {{ "signals[1], " if law.in_loop }}&own.of_law, input);
+            {{ "signals[1], " if law.loop }}&own.of_law, input);
     for (int i = 0; i < SIZE; i++) {
         memory[i] = own.number[i];
     }
@@ -36,7 +36,7 @@ int law_of_doubles(double t, const double *x, double *memory, double *u)
 {
     return step_of_doubles(t, x, x, memory, u);
 }
-{% if law.in_loop %}
+{% if law.loop %}
 
 void begin_of_doubles(double *memory, const double *start)
 {

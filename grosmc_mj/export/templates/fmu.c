@@ -5,7 +5,7 @@
 
 #include "{{ law.name }}.h"
 
-enum { SETTABLE = {{ settable }}, VARIABLES = {{ variables | length }} };
+enum { SETTABLE = {{ variables | length - law.system.inputs | length }}, VARIABLES = {{ variables | length }} };
 
 /* The law is sampled at the begin of each control period [s], and its output is held. */
 static const fmi2Real period = {{ law.period }};
@@ -21,13 +21,13 @@ struct instance {
 static void begin_run(struct instance *me)
 {
     me->k = 0;
-    {{ law.name }}_init(&me->memory{{ ", me->value + %d" % (2 * measured) if law.in_loop }});
+    {{ law.name }}_init(&me->memory{{ ", me->value + %d" % (2 * law.signals | length) if law.loop }});
 }
 
 static int sample(struct instance *me)
 {
-{% if law.in_loop %}
-    return {{ law.name }}_step(({{ law.real }})(me->k * {{ ticks }}), me->value, me->value + {{ measured }},
+{% if law.loop %}
+    return {{ law.name }}_step(({{ law.real }})(me->k * {{ (law.period / law.loop.timestep) | round | int }}), me->value, me->value + {{ law.signals | length }},
             &me->memory, me->value + SETTABLE);
 {% else %}
     const fmi2Real t = me->begin + me->k * period;

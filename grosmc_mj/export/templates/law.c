@@ -1,3 +1,4 @@
+{% import "prototypes.h" as prototypes with context %}
 {% for paragraph in law.about %}
 {{ paragraph | comment }}
 {% endfor %}
@@ -20,31 +21,44 @@
 #endif
 
 const struct {{ law.name }}_numbers {{ law.name }}_numbers = {
-{{ law.controller.parameters | initial(law.suffix) }}
+{{ law.controller.parameters | initial(law.real) }}
 };
 
-{% if "p->" in law.functions %}
+{% if "p->" in functions %}
 static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
 
 {% endif %}
-{{ law.functions }}
-void {{ law.name }}_init(struct {{ law.name }}_memory *memory{{ law.start }})
+{% set needed %}{% include "helpers.c" %}{% endset %}
+{% if needed %}
+{{ needed }}
+{% endif %}
+{{ functions }}
+{{ prototypes.init }}
 {
     *memory = (struct {{ law.name }}_memory){
-{{ law.remembered | initial(law.suffix, 2) }}
+{{ law.remembered | initial(law.real, 2) }}
     };
-{% for line in law.settled %}
-    {{ line }}
+{% for place, state in settled %}
+    memory->{{ place }} = start[{{ state }}];
 {% endfor %}
+{% if law.loop and not settled %}
+    (void)start;
+{% endif %}
 }
 
-int {{ law.name }}_step({{ law.signals }},
-        struct {{ law.name }}_memory *memory, {{ law.real }} u[{{ law.system.inputs | length }}])
+{{ prototypes.step }}
 {
-{% for line in law.sample %}
-    {{ line }}
+{% for name in ("t", "x") if not law.loop and name not in step.parameters %}
+    (void){{ name }};
 {% endfor %}
-    if ({{ law.place }}undefined != 0) {
+{% for name in ("clock", "y", "fresh") if law.loop and name not in step.parameters %}
+    (void){{ name }};
+{% endfor %}
+    {{ step.name }}({{ step.arguments | join(", ") }});
+{% if not law.loop %}
+    memory->begun = 1;
+{% endif %}
+    if (memory->{{ "law." if law.loop }}undefined != 0) {
         return 1;
     }
 {% for input in law.system.inputs %}
@@ -54,10 +68,10 @@ int {{ law.name }}_step({{ law.signals }},
 {% endfor %}
     return 0;
 }
-{% if law.in_loop %}
+{% if law.loop %}
 
-void {{ law.name }}_missed(struct {{ law.name }}_memory *memory)
+{{ prototypes.missed }}
 {
-    {{ law.missed.name }}(memory);
+    {{ missed.name }}(memory);
 }
 {% endif %}

@@ -1,3 +1,4 @@
+{% import "prototypes.h" as prototypes with context %}
 {% for paragraph in law.about %}
 {{ paragraph | comment }}
 {% endfor %}
@@ -12,26 +13,33 @@ extern const struct {{ law.name }}_numbers {{ law.name }}_numbers;
 {{ law.remembered | definition(law.name ~ "_memory", law.real) }}
 {% filter comment %}
 Begin a run.
-{% if law.in_loop %}
+{% if law.loop %}
 Estimators that have run before begin with the true state: {{ law.system.states | listed("start") }}.
 {% endif %}
 {% endfilter %}
 
-void {{ law.name }}_init(struct {{ law.name }}_memory *memory{{ law.start }});
+{{ prototypes.init }};
 
 {% filter comment %}
-One sample, {{ "%g" % law.period }} s after the last one. {{ law.about_signals }}
+One sample, {{ "%g" % law.period }} s after the last one.
+{% if law.loop %}
+clock: reading of the clock since the first sample, in ticks of {{ "%g" % law.loop.timestep }} s.
+{{ law.signals | listed("y") }}: newest measurements.
+fresh: how many measurements the sensor has made since the last sample, at most 1 for one without a
+period of its own.
+{% else %}
+t: its time [s]. It reads {{ law.signals | listed("x") }}.
+{% endif %}
 It writes {{ law.system.inputs | listed("u") }}.
 Returns 0, 1 where the law is not defined, 2 where an input is not finite.
 {% endfilter %}
 
-int {{ law.name }}_step({{ law.signals }},
-        struct {{ law.name }}_memory *memory, {{ law.real }} u[{{ law.system.inputs | length }}]);
+{{ prototypes.step }};
 
-{% if law.in_loop %}
+{% if law.loop %}
 /* The output of the last step was not sent in time, so that the one before is held: call it before
    the next step. */
-void {{ law.name }}_missed(struct {{ law.name }}_memory *memory);
+{{ prototypes.missed }};
 
 {% endif %}
 #endif
