@@ -98,21 +98,14 @@ class Translation(Statements):
                 self.parameters[name] = f"{self.program.type_of(value)} {c}"
 
     def _finished(self) -> Function:
-        """Put head, variables and lines of the function together."""
+        """Put head and lines of the function together."""
         program = self.program
-        variables = []
-        for name in self.hoisted:
-            c = c_name(name)
-            kind = program.type_of(self.variables[name])
-            variables.append(Line(0, f"{kind} {c} = 0;", c))
-        lines = without_hidden_functions(without_unused([*variables, *self.lines]))
-        if lines and lines[-1] == Line(0, "return;"):
-            lines.pop()
+        lines = self._needed_lines()
         text = "\n".join(line.text for line in lines)
 
+        places = {re.split(r"\W", place)[0] for place in self.written}
         parameters = [name for name in self.parameters if mentions(text, c_name(name))]
-        bases = {re.split(r"\W", place)[0] for place in self.written}
-        written = {name for name in parameters if c_name(name) in bases}
+        written = {name for name in parameters if c_name(name) in places}
         declarations = []
         for name in parameters:
             const = "*" in self.parameters[name] and name not in written
@@ -123,23 +116,38 @@ class Translation(Statements):
         if isinstance(self.returns, Array):
             declarations.append(f"{program.real} out[{self.returns.shape[0]}]")
 
-        kind = program.type_of(self.returns) if isinstance(self.returns, Number) else "void"
         name = program.new_name(self.function)
+        kind = program.type_of(self.returns) if isinstance(self.returns, Number) else "void"
         head = f"static {kind} {name}({', '.join(declarations) or 'void'})"
-        doc = (self.function.__doc__ or "").strip().partition("\n\n")[0]
-        about = comment(f"{doc} [{where(self.function)}]")
         body = [part for line in lines for part in line.written()]
         finished = Function(
             name=name,
             values=self.values,
             parameters=parameters,
             returns=self.returns,
-            written=written | ({MEMORY} & bases),
+            written=written | ({MEMORY} & places),
             needs_memory=needs_memory,
-            lines=[about, *wrapped(head, 0), "{", *body, "}", ""],
+            lines=[self._about(), *wrapped(head, 0), "{", *body, "}", ""],
         )
         program.finished.append(finished)
         return finished
+
+    def _needed_lines(self) -> list[Line]:
+        """Variables that are declared first, and the lines, without what nothing needs."""
+        variables = []
+        for name in self.hoisted:
+            c = c_name(name)
+            kind = self.program.type_of(self.variables[name])
+            variables.append(Line(0, f"{kind} {c} = 0;", c))
+        lines = without_hidden_functions(without_unused([*variables, *self.lines]))
+        if lines and lines[-1] == Line(0, "return;"):
+            lines.pop()
+        return lines
+
+    def _about(self) -> str:
+        """Comment on the function: its docstring's first paragraph, and where it stands."""
+        doc = (self.function.__doc__ or "").strip().partition("\n\n")[0]
+        return comment(f"{doc} [{where(self.function)}]")
 
     # Calls.
 
