@@ -26,7 +26,6 @@ from grosmc_mj.export.arithmetic import (
     negation,
     negative,
 )
-from grosmc_mj.export.c_text import c_name
 from grosmc_mj.export.lines import Line
 from grosmc_mj.export.program import Program
 from grosmc_mj.export.syntax import NoCError, body_of, nodes_of, refusal
@@ -42,33 +41,28 @@ class Expressions(ast.NodeVisitor):
     Args:
         program: The C that the function is part of.
         function: The Python function.
+        variables: Kinds and bounds of the variables, as far as a writing before has told them.
 
     Attributes:
-        names: Values of parameters, of loops' variables, and of names that are bound once to
-            something else than a number.
-        variables: Kinds and bounds of the variables, as far as assignments have told them.
-        declared: Names of the variables that have a value.
+        names: Values of the names that have one here.
         binding_counts: How often each name is bound.
         lines: The C so far.
         depth: Depth of the block that is written.
         written: Numbers and arrays in C that the function writes into; ``memory`` for any in it.
     """
 
-    def __init__(self, program: Program, function: FunctionType) -> None:
+    def __init__(
+        self, program: Program, function: FunctionType, variables: dict[str, Number]
+    ) -> None:
         self.program = program
         self.function = function
+        self.variables = variables
         self.body = body_of(function)
         self.binding_counts: Counter[str] = Counter()
         for node in nodes_of(self.body):
             if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
                 self.binding_counts[node.id] += 1
-        self.variables: dict[str, Number] = {}
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin to write, once more with what is known of the variables."""
         self.names: dict[str, Any] = {}
-        self.declared: set[str] = set()
         self.lines: list[Line] = []
         self.depth = 0
         self.written: set[str] = set()
@@ -136,8 +130,6 @@ class Expressions(ast.NodeVisitor):
         name = node.id
         if name in self.names:
             return self.names[name]
-        if name in self.declared:
-            return self.variables[name].named(c_name(name))
         if self.binding_counts[name]:
             raise NoCError("has no value here: give it one before")
 

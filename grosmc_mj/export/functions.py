@@ -47,11 +47,22 @@ def function_in_c(program: Program, function: FunctionType, values: Mapping[str,
     key = function, tuple(signature(value) for value in parameters.values())
     if key not in program.functions:
         program.functions[key] = None
-        program.functions[key] = Translation(program, function, parameters).translated()
+        program.functions[key] = _written(program, function, parameters)
     written = program.functions[key]
     if written is None:
         raise ExportError(f"{where(function)}: {function.__name__} calls itself: write a loop")
     return written
+
+
+def _written(program: Program, function: FunctionType, values: Mapping[str, Any]) -> Function:
+    """The C of a function, written again until its variables keep their kinds and bounds."""
+    variables: dict[str, Number] = {}
+    while True:
+        before = dict(variables)
+        translation = Translation(program, function, variables, values)
+        translation.write(translation.body)
+        if variables == before:
+            return translation.finished()
 
 
 class Translation(Statements):
@@ -60,6 +71,7 @@ class Translation(Statements):
     Args:
         program: The C that the function is part of.
         function: The Python function.
+        variables: Kinds and bounds of the variables, as far as a writing before has told them.
         values: Values of its parameters.
 
     Attributes:
@@ -67,37 +79,33 @@ class Translation(Statements):
         alone: Expressions that are all that a statement computes: a call there may change things.
     """
 
-    def __init__(self, program: Program, function: FunctionType, values: Mapping[str, Any]) -> None:
-        super().__init__(program, function)
+    def __init__(
+        self,
+        program: Program,
+        function: FunctionType,
+        variables: dict[str, Number],
+        values: Mapping[str, Any],
+    ) -> None:
+        super().__init__(program, function, variables)
         self.values = values
         self.alone = whole_expressions(self.body)
-
-    def translated(self) -> Function:
-        """Write the function, again and again until its variables keep their kinds and bounds."""
-        while True:
-            before = dict(self.variables)
-            self.begin()
-            self._name_parameters()
-            self.write(self.body)
-            if self.variables == before:
-                return self._finished()
-            self.widening = True
-
-    def _name_parameters(self) -> None:
-        """Give the parameters their values: arguments in C, and what is known."""
         self.parameters: dict[str, str] = {}
-        for name, value in self.values.items():
-            c = c_name(name)
-            self.fixed.add(name)
-            self.names[name] = value
-            if isinstance(value, Array):
-                self.names[name] = Array(c, value.shape)
-                self.parameters[name] = f"{self.program.real} *{c}"
-            if isinstance(value, Number):
-                self.names[name] = value.named(c)
-                self.parameters[name] = f"{self.program.type_of(value)} {c}"
+        for name, value in values.items():
+            self._name_parameter(name, value)
 
-    def _finished(self) -> Function:
+    def _name_parameter(self, name: str, value: Any) -> None:
+        """Give a parameter its value: an argument in C, or what is known."""
+        c = c_name(name)
+        self.fixed.add(name)
+        self.names[name] = value
+        if isinstance(value, Array):
+            self.names[name] = Array(c, value.shape)
+            self.parameters[name] = f"{self.program.real} *{c}"
+        if isinstance(value, Number):
+            self.names[name] = value.named(c)
+            self.parameters[name] = f"{self.program.type_of(value)} {c}"
+
+    def finished(self) -> Function:
         """Put head and lines of the function together."""
         program = self.program
         lines = self._needed_lines()
