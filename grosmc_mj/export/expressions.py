@@ -18,13 +18,12 @@ from typing import Any
 
 from grosmc_mj.export.arithmetic import (
     OPERATORS,
-    binary_operation,
     choice,
-    comparison,
     junction,
     known_result,
     negation,
     negative,
+    operation_in_c,
 )
 from grosmc_mj.export.lines import Line
 from grosmc_mj.export.program import Program
@@ -174,25 +173,22 @@ class Expressions(ast.NodeVisitor):
         """Value of an operation on two numbers."""
         return self.operation(node.op, self.visit(node.left), self.visit(node.right))
 
-    def operation(self, op: ast.operator, left: Any, right: Any) -> Any:
-        """Return the value of an operation."""
+    def operation(self, op: ast.operator | ast.cmpop, left: Any, right: Any) -> Any:
+        """Return the value of an operation on two numbers, or of a comparison."""
         if type(op) not in OPERATORS:
+            if isinstance(op, ast.cmpop):
+                raise NoCError("has no C: write ==, !=, <, <=, > or >=")
             raise NoCError("has no C: write a loop over entries, or use + - * / ** %")
         if is_known(left, right):
             return known_result(OPERATORS[type(op)].compute, left, right)
-        return binary_operation(op, self.number(left), self.number(right), self.program.real)
+        return operation_in_c(op, self.number(left), self.number(right), self.program.real)
 
     def visit_Compare(self, node: ast.Compare) -> Any:
         """Value of comparisons in a row."""
         values = [self.visit(item) for item in (node.left, *node.comparators)]
         conditions = []
         for op, (left, right) in zip(node.ops, itertools.pairwise(values), strict=True):
-            if type(op) not in OPERATORS:
-                raise NoCError("has no C: write ==, !=, <, <=, > or >=")
-            if is_known(left, right):
-                conditions.append(known_result(OPERATORS[type(op)].compute, left, right))
-            else:
-                conditions.append(comparison(op, self.number(left), self.number(right)))
+            conditions.append(self.operation(op, left, right))
         return junction(conditions, suffices=False)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
@@ -201,10 +197,8 @@ class Expressions(ast.NodeVisitor):
 
     def _in_turn(self, nodes: Sequence[ast.expr]) -> Iterator[Any]:
         """Values of conditions; those after the first are not always computed."""
-        first = self.visit(nodes[0])
-        yield first if is_known(first) else self.number(first)
-        for node in nodes[1:]:
-            value = self.visit_if_needed(node)
+        for node in nodes:
+            value = self.visit(node) if node is nodes[0] else self.visit_if_needed(node)
             yield value if is_known(value) else self.number(value)
 
     def visit_IfExp(self, node: ast.IfExp) -> Any:
