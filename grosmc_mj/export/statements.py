@@ -166,7 +166,7 @@ class Statements(Expressions):
         if isinstance(place, Array) and isinstance(target, ast.Subscript):
             self._fill(place, value)
         elif isinstance(place, Number):
-            if isinstance(value, Number) and value.effect:
+            if isinstance(target, ast.Subscript) and isinstance(value, Number) and value.effect:
                 # Python computes the value before the index.
                 value = self.kept(value)
             self.say(f"{place.code} {how or '= ' + self.number(value).code};")
