@@ -18,7 +18,7 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.parameters import parameters_of
@@ -55,7 +55,7 @@ def case(folder: Path) -> Experiment:
     """Case that the machines are fitted to."""
     path = folder / "servo_to_identify.toml"
     path.write_text(CASE, encoding="utf-8")
-    return experiment_of(parse_case_file(CASE, path), path)
+    return Experiment.of_file(parse_case_file(CASE, path), path).checked()
 
 
 def machine(number: int, counts: int = 0) -> tuple[Array, Log]:

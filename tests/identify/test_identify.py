@@ -26,7 +26,7 @@ from benchmarks import logs as logs_made
 from grosmc_mj import cli
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, ImplausibleWarning
-from grosmc_mj.experiments.experiment import Experiment, experiment_of
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
@@ -403,7 +403,7 @@ def test_parameters_that_a_log_does_not_show_are_named(
     path = tmp_path / "case.toml"
     text = SERVO_CASE.format(uncertain=", ".join(uncertain))
     path.write_text(text, encoding="utf-8")
-    case = experiment_of(parse_case_file(text, path), path)
+    case = Experiment.of_file(parse_case_file(text, path), path).checked()
     parameters = parameters_of(case, ())
 
     free = np.ones(len(parameters.names), bool)
