@@ -80,11 +80,8 @@ _OF_FILE = (
     "run_number",
 )
 
-
-# Claims and campaigns ask for the same controllers thousands of times.
+# Claims and campaigns ask for the same loops thousands of times.
 _apply_loop = lru_cache(maxsize=512)(apply_loop)
-_realized = lru_cache(maxsize=512)(realized)
-_sampled = lru_cache(maxsize=512)(Controller.sampled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,7 +388,11 @@ class Experiment:
                 LawRequest(table, self.file, self.nominal, plant, self.path.parent, period)
             )
         controller = self._designs[key]
-        return _sampled(_realized(controller, self._realization_of(table, controller)), period)
+        realization = self._realization_of(table, controller)
+        realized_key = *key, period, realization
+        if realized_key not in self._designs:
+            self._designs[realized_key] = realized(controller, realization).sampled(period)
+        return self._designs[realized_key]
 
     def applied_loop(self, plant: PlantName, name: str) -> AppliedLoop | None:
         """Return the case's loop around a controller, see ``law``; None without a loop.
