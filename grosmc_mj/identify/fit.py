@@ -23,7 +23,7 @@ from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searche
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.quantities import Quantity
 
 
 @dataclass(frozen=True, eq=False)
