@@ -22,7 +22,7 @@ from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.quantities import Quantity
 
 
 @dataclass(frozen=True, eq=False)

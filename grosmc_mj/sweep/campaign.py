@@ -38,8 +38,9 @@ from grosmc_mj.requirements.measurement import Measurement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
-from grosmc_mj.sweep.parameters import plant_of, with_values
+from grosmc_mj.sweep.family import Family, corner_points, family_of, inside, random_points
+from grosmc_mj.sweep.quantities import Quantity, with_values
+from grosmc_mj.sweep.runs import plant_of
 from grosmc_mj.sweep.search import largest_passing
 
 # Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.

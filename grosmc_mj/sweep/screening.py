@@ -16,12 +16,11 @@ from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.sweep.agreement import FACTOR, model_mismatch
+from grosmc_mj.sweep.agreement import model_mismatch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.confirmation import RANDOM, MarginConfirmation, Mask, band_of
+from grosmc_mj.sweep.confirmation import FACTOR, RANDOM, MarginConfirmation, Mask, band_of
 from grosmc_mj.sweep.family import random_points
-from grosmc_mj.sweep.parameters import plant_of
-from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
+from grosmc_mj.sweep.runs import Outcomes, Row, plant_of, run_rows
 
 # Judges of a run.
 EQUATIONS = "equations"

@@ -33,8 +33,8 @@ from grosmc_mj.sweep.plant_file import (
     case_text,
     find_plant,
     searched_values,
-    written,
 )
+from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
 from grosmc_mj.sweep.store import Folder, part_runner

@@ -14,8 +14,8 @@ from scipy import stats
 
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
-from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.confirmation import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import (
     ScreeningSummary,
