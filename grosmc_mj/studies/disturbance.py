@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.executors import Notice
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.requirements import KINDS
@@ -22,8 +23,15 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.signals import signals_of
 from grosmc_mj.results.result import finite
 from grosmc_mj.studies.bounded_disturbance import BoundedDisturbance, bounded_disturbance
-from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.studied import BENCH, UNDER_LOAD, Condition, case_for
+from grosmc_mj.studies.study import (
+    Advance,
+    Progress,
+    StoredRows,
+    Study,
+    StudyCell,
+    dependencies,
+)
 from grosmc_mj.sweep.runs import Row, recorded_runs, run_rows
 from grosmc_mj.sweep.search import largest_passing
 from grosmc_mj.sweep.signal_search import EnoughError, SignalSearch
@@ -42,8 +50,6 @@ _WIDTH = 0.05
 _MOST = 1000.0
 # The smallest share that is not kept.
 _BEYOND = float(np.nextafter(1.0, 2.0))
-
-Advance = Callable[[str], object]
 
 
 class WorstDisturbance(BaseModel):
@@ -82,11 +88,6 @@ class WorstDisturbance(BaseModel):
     largest: tuple[float, float] | None = None
 
     @property
-    def key(self) -> tuple[str, bool]:
-        """Law, and whether the largest bound was searched."""
-        return self.law, self.largest is not None
-
-    @property
     def kept(self) -> bool:
         """Whether everything is kept under it."""
         return self.share <= 1
@@ -109,25 +110,35 @@ class WorstDisturbance(BaseModel):
 
 
 @dataclass(frozen=True, eq=False)
-class DisturbanceStudy:
+class DisturbanceStudy(Study[WorstDisturbance]):
     """Search for the worst disturbance of each law of a case.
 
     Attributes:
         disturbance: What is known of the disturbance.
         requirement: Key of the requirements that are to be missed; empty for all of the task.
         pieces: Number of pieces to begin with.
+        bounded: Whether the largest bound is searched, too.
         threads: Threads of the runs; 0 for all cores.
     """
+
+    kind: ClassVar[str] = "disturbance"
+    row: ClassVar[type[BaseModel]] = WorstDisturbance
 
     disturbance: BoundedDisturbance
     requirement: str = ""
     pieces: int = 40
+    bounded: bool = False
     threads: int = 0
 
     @property
     def experiment(self) -> Experiment:
         """The case without the disturbance."""
         return self.disturbance.experiment
+
+    @property
+    def case(self) -> Experiment:
+        """The experiment."""
+        return self.experiment
 
     @property
     def plant(self) -> PlantName:
@@ -174,6 +185,37 @@ class DisturbanceStudy:
             "pieces": self.pieces,
             "plant": self.plant,
         }
+
+    def cells(self) -> list[StudyCell[WorstDisturbance]]:
+        """Return a cell for each law, without its largest bound."""
+        condition = Condition(UNDER_LOAD, self.experiment.title, self.experiment)
+        depends_on = dependencies(self.configuration(), [condition])
+        return [
+            StudyCell(law, (law, False), depends_on, partial(self.find, law))
+            for law in self.experiment.controllers
+        ]
+
+    def rows(
+        self,
+        cells: Sequence[StudyCell[WorstDisturbance]],
+        stored: StoredRows[WorstDisturbance],
+        progress: Progress,
+        notice: Notice,
+    ) -> Iterator[WorstDisturbance]:
+        """Yield the row of each law; with its largest bound it is a row of its own."""
+        worsts = super().rows(cells, stored, progress, notice)
+        if not self.bounded:
+            yield from worsts
+            return
+
+        for cell, worst in zip(cells, worsts, strict=True):
+            bound = replace(cell, key=(worst.law, True), measure=partial(self._with_bound, worst))
+            yield stored.row(bound, lambda text: progress(text, 0))
+
+    def _with_bound(self, worst: WorstDisturbance, advance: Advance) -> WorstDisturbance:
+        """Return a row with the largest bound."""
+        largest = self.largest(worst.law, advance)
+        return worst.model_copy(update={"largest": largest})
 
     # -- runs --------------------------------------------------------------------------------------
 
@@ -354,6 +396,7 @@ def disturbance_study(
     starts: Sequence[str] = (),
     requirement: str = "",
     pieces: int = 40,
+    bounded: bool = False,
 ) -> DisturbanceStudy:
     """Return the study of a target: of a system it is the case of its bench.
 
@@ -365,8 +408,9 @@ def disturbance_study(
         axis: Axis of a force or torque.
         slew: Largest rate with its unit.
         starts: Bounds of the start.
-        requirement: See ``DisturbanceStudy``, as for ``pieces``.
+        requirement: See ``DisturbanceStudy``, as for ``pieces`` and ``bounded``.
         pieces: Number of pieces to begin with.
+        bounded: Whether the largest bound is searched, too.
 
     Raises:
         ArgumentError: If something does not fit.
@@ -377,10 +421,5 @@ def disturbance_study(
     disturbance = bounded_disturbance(experiment, on, bound, axis=axis, slew=slew, starts=starts)
     if requirement:
         require_known("requirement", requirement, [kind.key for kind in KINDS])
-    return DisturbanceStudy(disturbance, requirement, pieces).with_required_laws(laws)
-
-
-def cells_of(study: DisturbanceStudy, folder: Path) -> Cells[WorstDisturbance]:
-    """Return the finished laws of a study in a folder."""
-    condition = Condition(UNDER_LOAD, study.experiment.title, study.experiment)
-    return Cells(folder, WorstDisturbance, study_key(study.configuration(), [condition]))
+    study = DisturbanceStudy(disturbance, requirement, pieces, bounded)
+    return study.with_required_laws(laws)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
@@ -22,7 +22,6 @@ from grosmc_mj.experiments.measured import MEASURED, measured_results
 from grosmc_mj.requirements.judging import judge_run, margins_of, of_laws
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.tables import number
-from grosmc_mj.studies.cells import Cells, study_key
 from grosmc_mj.studies.rungs import Rung, rungs_of, varied_rungs
 from grosmc_mj.studies.studied import (
     MACHINE,
@@ -35,6 +34,7 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
 )
+from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
 # Stands for the requirement that breaks first of a run that ended early.
@@ -102,11 +102,6 @@ class RungResult(BaseModel):
         return self.share_of_the_tightest_limit <= 1 and not self.impossible
 
     @property
-    def key(self) -> tuple[str, str, str, bool]:
-        """Key among all rows: law, rung, condition, together."""
-        return self.law, self.rung, self.condition, self.together
-
-    @property
     def partly(self) -> bool:
         """Whether some draws keep all requirements, and others do not."""
         return 0 < self.kept_draws < self.draws
@@ -161,7 +156,7 @@ class RungResult(BaseModel):
 
 
 @dataclass(frozen=True, eq=False)
-class Ladder:
+class Ladder(Study[RungResult]):
     """A target, ready to be climbed.
 
     Attributes:
@@ -175,6 +170,10 @@ class Ladder:
         varied: What becomes of a rung by each assumed number, alone, by the rung's name.
         statements: Statements of the chapter, by the ids of the file's claims.
     """
+
+    kind: ClassVar[str] = "ladder"
+    row: ClassVar[type[BaseModel]] = RungResult
+    unit: ClassVar[str] = "rungs"
 
     experiment: Experiment
     machine: Experiment
@@ -195,6 +194,40 @@ class Ladder:
                 if condition is self.conditions[0]:
                     for rung in self.alone:
                         yield law, rung, condition, False
+
+    @property
+    def case(self) -> Experiment:
+        """The machine."""
+        return self.machine
+
+    def cells(self) -> list[StudyCell[RungResult]]:
+        """Return a cell for each run; it depends on its own condition alone."""
+        configuration = self.configuration()
+        depends_on = {
+            condition.name: dependencies(configuration, [condition])
+            for condition in self.conditions
+        }
+        cells = []
+        for law, rung, condition, together in self.steps():
+            cell = StudyCell(
+                name=law.name,
+                key=(law.name, rung.name, condition.name, together),
+                depends_on=depends_on[condition.name],
+                measure=partial(self._measure, law, rung, condition, together),
+            )
+            cells.append(cell)
+        return cells
+
+    def _measure(
+        self,
+        law: StudiedLaw,
+        rung: Rung,
+        condition: Condition,
+        together: bool,
+        _: Advance,
+    ) -> RungResult:
+        """Return the row of a step; it is too short to tell how far it is."""
+        return run_rung(self, law, rung, condition, together=together)
 
     def draws_of(self, rung: Rung) -> range:
         """Return the numbers of the draws of a rung: one where nothing is drawn."""
@@ -282,11 +315,6 @@ def ladder(
         draws=draws,
         varied=varied_rungs(machine),
     )
-
-
-def cells_of(studied: Ladder, condition: Condition, folder: Path) -> Cells[RungResult]:
-    """Return the finished rows of a ladder under a condition, in a folder."""
-    return Cells(folder, RungResult, study_key(studied.configuration(), [condition]))
 
 
 # Runs: each gives a row

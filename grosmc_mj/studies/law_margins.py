@@ -1,25 +1,18 @@
-"""Margins of one law in one loop: by its task's requirements, and by its sensitivity."""
+"""Margins of one law in one loop as a row: by its task's requirements, and by its sensitivity."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
-from grosmc_mj.margins.chatter import Chatter, chatter
+from grosmc_mj.margins.chatter import Chatter
 from grosmc_mj.margins.frequency_response import Margins
-from grosmc_mj.margins.sensitivity import FEWEST, LEAVES, Place, RunningLoop
+from grosmc_mj.margins.sensitivity import FEWEST
 from grosmc_mj.margins.task import TaskMargin
 from grosmc_mj.margins.together import disk_together
-from grosmc_mj.margins.trust import measure_with_tests
-from grosmc_mj.results.tables import number
-from grosmc_mj.studies.cells import Cells, study_key
-from grosmc_mj.studies.margins import SHARE, MarginStudy, Setup
-from grosmc_mj.studies.studied import StudiedLaw
 
 # Sizes of the injections, over the largest: half decades.
 LEVELS = 10 ** np.linspace(-2, 0, 5)
@@ -85,11 +78,6 @@ class LawMargins(BaseModel):
     chatter: Chatter | None = None
     levels: list[Level] = []
 
-    @property
-    def key(self) -> tuple[str, str]:
-        """Key among all rows."""
-        return self.setup, self.law
-
     def worst_of_task(self, kind: str) -> TaskMargin | None:
         """Return the least margin of a kind over the conditions; None of a task not kept."""
         of_kind = [margin for margin in self.task if margin.kind == kind]
@@ -149,97 +137,3 @@ def together(levels: Sequence[Level]) -> float | None:
         shared = [frequency in common for frequency in level.frequency]
         columns.append(level.column[shared])
     return disk_together(np.stack(columns, axis=2))
-
-
-# -- search and measurement ------------------------------------------------------------------------
-
-
-def cells_of(studied: MarginStudy, folder: Path) -> Cells[LawMargins]:
-    """Return the finished rows of a study in a folder."""
-    conditions = [condition for setup in studied.setups for condition in setup.conditions]
-    return Cells(folder, LawMargins, study_key(studied.configuration(), conditions))
-
-
-def law_margins(
-    studied: MarginStudy,
-    setup: Setup,
-    law: StudiedLaw,
-    advance: Callable[[str], object] = lambda _: None,
-) -> LawMargins:
-    """Search the margins of a law's task, and measure S at all places.
-
-    Args:
-        studied: The study.
-        setup: One of its setups.
-        law: One of its laws.
-        advance: Told what is measured now.
-
-    Raises:
-        SetupError: If the computer, not the law, is at fault.
-        ArgumentError: If an injection cannot be sized, or the loop leaves its region under each.
-    """
-    row = LawMargins(setup=setup.name, law=law.name)
-    places = studied.places(setup)
-    try:
-        running = setup.running(law, setup.loop)
-    except SetupError:
-        raise
-    except GrosmcError as error:
-        return row.model_copy(update={"impossible": str(error)})
-
-    refused: dict[str, str] = {}
-    margins: list[TaskMargin] = []
-    for condition in setup.conditions:
-        advance(f"{condition.name}: task")
-        task = setup.task(law, condition)
-        (breaks,) = task.breaking([task.loop])
-        if breaks:
-            refused[condition.name] = breaks
-        else:
-            margins += task.margins()
-
-    period = studied.period or setup.nominal.duration
-    begins = None
-    if law.controller.designed.switching:
-        advance("chatter")
-        place, largest = next(iter(places.items()))
-        size = largest / SHARE
-        begins = chatter(lambda loop: setup.running(law, loop), setup.loop, place, size, period)
-
-    levels: list[Level] = []
-    for place, largest in places.items():
-        for rms in largest * LEVELS:
-            advance(f"S at {place.name}, {number(rms)} rms")
-            levels.append(_level(running, place, period, rms))
-        if studied.injection and not place.output and LEAVES in levels[-1].doubt:
-            raise ArgumentError(
-                f"{setup.name}: the loop with {law.name} leaves its region under an injection of "
-                f"{number(largest)} {levels[-1].unit} rms: give a smaller --injection"
-            )
-    update = {"refused": refused, "task": margins, "chatter": begins, "levels": levels}
-    return row.model_copy(update=update)
-
-
-def _level(running: RunningLoop, place: Place, period: float, rms: float) -> Level:
-    """S at a place at one amplitude."""
-    measured, doubt = measure_with_tests(running, place, period, rms, SEED)
-    system = running.plant.system
-    signals = system.states if place.output else system.inputs
-    counting = np.zeros(len(measured.multisine.lines), bool)
-    column = np.zeros((len(counting), len(signals)), np.complex128)
-    if measured.usable:
-        counting = measured.counting
-        column = measured.column
-    return Level(
-        place=place.name,
-        output=place.output,
-        rms=rms,
-        unit=signals[measured.index].unit,
-        margins=measured.margins,
-        errors=measured.errors,
-        doubt=doubt,
-        frequency=measured.multisine.frequencies[counting].tolist(),
-        real=column[counting].real.tolist(),
-        imaginary=column[counting].imag.tolist(),
-        index=measured.index,
-    )

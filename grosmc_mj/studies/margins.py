@@ -1,24 +1,30 @@
-"""Loops and machines in which the margins of laws are searched and measured."""
+"""Margins of laws in loops and on machines: searched on the task, measured by small signals."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.user_code import is_named, sources
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
-from grosmc_mj.margins.sensitivity import REALIZATIONS, Place, RunningLoop
-from grosmc_mj.margins.task import Task
+from grosmc_mj.margins.chatter import chatter
+from grosmc_mj.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
+from grosmc_mj.margins.task import Task, TaskMargin
+from grosmc_mj.margins.trust import measure_with_tests
+from grosmc_mj.results.tables import number
 from grosmc_mj.simulation.disturbances import Table as Injected
+from grosmc_mj.studies.law_margins import LEVELS, SEED, LawMargins, Level
 from grosmc_mj.studies.studied import (
     BENCH,
     MACHINE,
@@ -31,6 +37,7 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
+from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.units import number_in
 
 IDEAL = "ideal loop"
@@ -118,7 +125,7 @@ class Setup:
 
 
 @dataclass(frozen=True, eq=False)
-class MarginStudy:
+class MarginStudy(Study[LawMargins]):
     """A target, ready to be studied.
 
     Attributes:
@@ -128,15 +135,34 @@ class MarginStudy:
         period: Period of the injections [s]; 0 for the length of the task.
     """
 
+    kind: ClassVar[str] = "margins"
+    row: ClassVar[type[BaseModel]] = LawMargins
+
     target: str
     setups: Sequence[Setup]
     injection: float = 0.0
     period: float = 0.0
 
     @property
-    def steps(self) -> list[tuple[Setup, StudiedLaw]]:
-        """All setups with their laws."""
-        return [(setup, law) for setup in self.setups for law in setup.laws]
+    def case(self) -> Experiment:
+        """The case of the first setup."""
+        return self.setups[0].case
+
+    def cells(self) -> list[StudyCell[LawMargins]]:
+        """Return a cell for each law in each setup."""
+        conditions = [condition for setup in self.setups for condition in setup.conditions]
+        depends_on = dependencies(self.configuration(), conditions)
+        cells = []
+        for setup in self.setups:
+            for law in setup.laws:
+                cell = StudyCell(
+                    name=f"{setup.name}: {law.name}",
+                    key=(setup.name, law.name),
+                    depends_on=depends_on,
+                    measure=partial(law_margins, self, setup, law),
+                )
+                cells.append(cell)
+        return cells
 
     def places(self, setup: Setup) -> dict[Place, float]:
         """Return the largest injection at each place: inputs, then measured states.
@@ -198,6 +224,92 @@ def _ranges(setup: Setup) -> Array:
     started = replace(loop, x0=np.array(setup.nominal.x0))
     run = started.run(place, nothing, 0, setup.nominal.duration)
     return np.ptp(run.state[0], axis=0)
+
+
+def law_margins(
+    studied: MarginStudy,
+    setup: Setup,
+    law: StudiedLaw,
+    advance: Advance = lambda _: None,
+) -> LawMargins:
+    """Search the margins of a law's task, and measure S at all places.
+
+    Args:
+        studied: The study.
+        setup: One of its setups.
+        law: One of its laws.
+        advance: Told what is measured now.
+
+    Raises:
+        SetupError: If the computer, not the law, is at fault.
+        ArgumentError: If an injection cannot be sized, or the loop leaves its region under each.
+    """
+    name = f"{setup.name}: {law.name}"
+    row = LawMargins(setup=setup.name, law=law.name)
+    places = studied.places(setup)
+    try:
+        running = setup.running(law, setup.loop)
+    except SetupError:
+        raise
+    except GrosmcError as error:
+        return row.model_copy(update={"impossible": str(error)})
+
+    refused: dict[str, str] = {}
+    margins: list[TaskMargin] = []
+    for condition in setup.conditions:
+        advance(f"{name}: {condition.name}: task")
+        task = setup.task(law, condition)
+        (breaks,) = task.breaking([task.loop])
+        if breaks:
+            refused[condition.name] = breaks
+        else:
+            margins += task.margins()
+
+    period = studied.period or setup.nominal.duration
+    begins = None
+    if law.controller.designed.switching:
+        advance(f"{name}: chatter")
+        place, largest = next(iter(places.items()))
+        size = largest / SHARE
+        begins = chatter(lambda loop: setup.running(law, loop), setup.loop, place, size, period)
+
+    levels: list[Level] = []
+    for place, largest in places.items():
+        for rms in largest * LEVELS:
+            advance(f"{name}: S at {place.name}, {number(rms)} rms")
+            levels.append(_level(running, place, period, rms))
+        if studied.injection and not place.output and LEAVES in levels[-1].doubt:
+            raise ArgumentError(
+                f"{setup.name}: the loop with {law.name} leaves its region under an injection of "
+                f"{number(largest)} {levels[-1].unit} rms: give a smaller --injection"
+            )
+    update = {"refused": refused, "task": margins, "chatter": begins, "levels": levels}
+    return row.model_copy(update=update)
+
+
+def _level(running: RunningLoop, place: Place, period: float, rms: float) -> Level:
+    """S at a place at one amplitude."""
+    measured, doubt = measure_with_tests(running, place, period, rms, SEED)
+    system = running.plant.system
+    signals = system.states if place.output else system.inputs
+    counting = np.zeros(len(measured.multisine.lines), bool)
+    column = np.zeros((len(counting), len(signals)), np.complex128)
+    if measured.usable:
+        counting = measured.counting
+        column = measured.column
+    return Level(
+        place=place.name,
+        output=place.output,
+        rms=rms,
+        unit=signals[measured.index].unit,
+        margins=measured.margins,
+        errors=measured.errors,
+        doubt=doubt,
+        frequency=measured.multisine.frequencies[counting].tolist(),
+        real=column[counting].real.tolist(),
+        imaginary=column[counting].imag.tolist(),
+        index=measured.index,
+    )
 
 
 def margin_study(

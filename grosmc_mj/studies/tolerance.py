@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.executors import Executor, Notice
+from grosmc_mj.executors import Notice, executor_for
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Loop
 from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.studies.cells import Cells, study_key
-from grosmc_mj.studies.imperfections import Imperfection, LongerPeriod, imperfections
+from grosmc_mj.studies.imperfections import (
+    LEAST,
+    MOST,
+    Imperfection,
+    LongerPeriod,
+    imperfections,
+)
 from grosmc_mj.studies.studied import (
     BENCH,
     Condition,
@@ -32,6 +36,14 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
     of_system,
+)
+from grosmc_mj.studies.study import (
+    Advance,
+    Progress,
+    StoredRows,
+    Study,
+    StudyCell,
+    dependencies,
 )
 from grosmc_mj.sweep.confirmation import MarginConfirmation, drawn_at_random
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
@@ -44,100 +56,6 @@ PER_OCTAVE = 4
 BEYOND = 2.0**5
 # Ratio of the smallest factor that fails to the largest that is kept, at which a search ends.
 RESOLUTION = 2.0**0.125
-
-
-@dataclass(frozen=True, eq=False)
-class ToleranceStudy:
-    """A target, ready to be studied.
-
-    Attributes:
-        experiment: Experiment of the target, without a loop.
-        bench: The loop whose numbers are the units.
-        bench_of: SYSTEM/CASE of the bench.
-        laws: The laws.
-        imperfections: Imperfections of the loop.
-        conditions: Plants and loads, the nominal one first.
-        named: The target on the command line.
-    """
-
-    experiment: Experiment
-    bench: Loop
-    bench_of: str
-    laws: Sequence[StudiedLaw]
-    imperfections: Sequence[Imperfection]
-    conditions: Sequence[Condition]
-    named: str
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Another process reads the target anew."""
-        longer_period = any(isinstance(kind, LongerPeriod) for kind in self.imperfections)
-        read = partial(tolerance_study, longer_period=longer_period)
-        return read, (self.named, [law.name for law in self.laws])
-
-    @property
-    def target(self) -> str:
-        """SYSTEM/CASE."""
-        return self.experiment.target
-
-    @property
-    def plants(self) -> list[PlantName]:
-        """The equations, if the target has any, and physics, if it has it."""
-        return [name for name in self.experiment.nominal.names if name != "printed"]
-
-    def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Requirement, ...]:
-        """Return the limits that a law must keep, whichever laws the file names."""
-        return limits_in(self.experiment.file.requirement, law, condition, self.plants)
-
-
-def tolerance_study(
-    target: str,
-    chosen: Sequence[str] = (),
-    *,
-    rivals: bool = False,
-    longer_period: bool = False,
-) -> ToleranceStudy:
-    """Return a target with its bench, conditions and laws.
-
-    Args:
-        target: A system, which means its bench, ``SYSTEM/CASE``, or the path of a case file.
-        chosen: Names of laws; all by default.
-        rivals: Whether the default includes the rivals.
-        longer_period: Whether a longer control period is one of the imperfections.
-
-    Raises:
-        ArgumentError: If there is no such target or law, no loop, or nothing is required.
-    """
-    experiment = case_for(target, BENCH)
-    owner: Experiment | None = experiment
-    if not experiment.loop:
-        owner = of_system(experiment, BENCH)
-    if owner is None or owner.loop is None:
-        raise ArgumentError(
-            f"{experiment.path}: there is no loop to take the amounts of imperfections from: give "
-            "the file a [computing], a [[sensor]] or an [[actuator]]"
-        )
-
-    timestep = min(experiment.settings.timestep, owner.settings.timestep)
-    bare = experiment.varied(loop=None).with_settings(timestep=timestep)
-    kinds = imperfections(
-        owner.loop,
-        bare.nominal.system,
-        timestep,
-        bare.settings.control_period,
-        longer_period=longer_period,
-    )
-    return ToleranceStudy(
-        experiment=bare,
-        bench=owner.loop,
-        bench_of=owner.target,
-        laws=chosen_laws(bare, chosen, rivals=rivals),
-        imperfections=kinds,
-        conditions=conditions_of(bare),
-        named=target,
-    )
-
-
-# A search of each answer
 
 
 @dataclass(frozen=True)
@@ -252,11 +170,6 @@ class LawTolerances(BaseModel):
     law: str
     answers: tuple[dict[str, Any], ...]
 
-    @property
-    def key(self) -> tuple[str]:
-        """Key among all laws of the study."""
-        return (self.law,)
-
     @classmethod
     def of(cls, rows: Sequence[Tolerance]) -> LawTolerances:
         """Return the answers of one law, to be stored."""
@@ -272,10 +185,180 @@ class LawTolerances(BaseModel):
         ]
 
 
-def cells_of(studied: ToleranceStudy, draws: int, folder: Path) -> Cells[LawTolerances]:
-    """Return the finished laws of a study in a folder."""
-    configuration = [studied.bench_of, asdict(studied.bench), draws]
-    return Cells(folder, LawTolerances, study_key(configuration, studied.conditions))
+@dataclass(frozen=True, eq=False)
+class ToleranceStudy(Study[LawTolerances]):
+    """A target, ready to be studied.
+
+    Attributes:
+        experiment: Experiment of the target, without a loop.
+        bench: The loop whose numbers are the units.
+        bench_of: SYSTEM/CASE of the bench.
+        laws: The laws.
+        imperfections: Imperfections of the loop.
+        conditions: Plants and loads, the nominal one first.
+        named: The target on the command line.
+        draws: Runs of a loop in which something is drawn.
+    """
+
+    kind: ClassVar[str] = "tolerance"
+    row: ClassVar[type[BaseModel]] = LawTolerances
+
+    experiment: Experiment
+    bench: Loop
+    bench_of: str
+    laws: Sequence[StudiedLaw]
+    imperfections: Sequence[Imperfection]
+    conditions: Sequence[Condition]
+    named: str
+    draws: int = 1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process reads the target anew."""
+        longer_period = any(isinstance(kind, LongerPeriod) for kind in self.imperfections)
+        read = partial(tolerance_study, longer_period=longer_period, draws=self.draws)
+        return read, (self.named, [law.name for law in self.laws])
+
+    @property
+    def target(self) -> str:
+        """SYSTEM/CASE."""
+        return self.experiment.target
+
+    @property
+    def plants(self) -> list[PlantName]:
+        """The equations, if the target has any, and physics, if it has it."""
+        return [name for name in self.experiment.nominal.names if name != "printed"]
+
+    @property
+    def case(self) -> Experiment:
+        """The experiment."""
+        return self.experiment
+
+    def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Requirement, ...]:
+        """Return the limits that a law must keep, whichever laws the file names."""
+        return limits_in(self.experiment.file.requirement, law, condition, self.plants)
+
+    def configuration(self) -> dict[str, Any]:
+        """Return the configuration as the result has it."""
+        settings = self.experiment.settings
+        return {
+            "target": self.target,
+            "bench": self.bench_of,
+            "control_period": {"value": settings.control_period, "unit": "s"},
+            "timestep": {"value": settings.timestep, "unit": "s"},
+            "draws": self.draws,
+            "factors": {
+                "least": LEAST,
+                "most": MOST,
+                "grid": 2.0 ** (1 / PER_OCTAVE),
+                "beyond_the_last_kept": BEYOND,
+                "resolution": RESOLUTION,
+            },
+        }
+
+    def cells(self) -> list[StudyCell[LawTolerances]]:
+        """Return a cell for each law."""
+        names = [kind.name for kind in self.imperfections]
+        configuration = [self.configuration(), names, asdict(self.bench)]
+        depends_on = dependencies(configuration, self.conditions)
+        return [
+            StudyCell(law.name, (law.name,), depends_on, partial(self._measure, index))
+            for index, law in enumerate(self.laws)
+        ]
+
+    def _measure(self, index: int, _: Advance | None = None, *, threads: int = 0) -> LawTolerances:
+        """Return the row of a law, in this process or in another one."""
+        return LawTolerances.of(tolerances(self, index, threads=threads))
+
+    def rows(
+        self,
+        cells: Sequence[StudyCell[LawTolerances]],
+        stored: StoredRows[LawTolerances],
+        progress: Progress,
+        notice: Notice,
+    ) -> Iterator[LawTolerances]:
+        """Yield the stored rows; then the others, in the order in which processes finish them."""
+        missing = []
+        for index, cell in enumerate(cells):
+            row = stored.read(cell)
+            if row is None:
+                missing.append(index)
+            else:
+                progress(cell.name)
+                yield row
+        if not missing:
+            return
+
+        executor = executor_for(len(missing))
+        study_law = partial(self._measure, threads=executor.threads_per_worker)
+        with closing(executor.run(study_law, missing, notice)) as parts:
+            for part in parts:
+                cell = cells[part.index]
+                stored.write(cell, part.report)
+                progress(cell.name)
+                yield part.report
+
+    def tolerances(self, rows: Iterable[LawTolerances]) -> list[Tolerance]:
+        """Return the answers of finished rows, law by law."""
+        by_law = {row.law: row for row in rows}
+        answers: list[Tolerance] = []
+        for law in self.laws:
+            if law.name in by_law:
+                answers += by_law[law.name].rows(self)
+        return answers
+
+
+def tolerance_study(
+    target: str,
+    chosen: Sequence[str] = (),
+    *,
+    rivals: bool = False,
+    longer_period: bool = False,
+    draws: int = 1,
+) -> ToleranceStudy:
+    """Return a target with its bench, conditions and laws.
+
+    Args:
+        target: A system, which means its bench, ``SYSTEM/CASE``, or the path of a case file.
+        chosen: Names of laws; all by default.
+        rivals: Whether the default includes the rivals.
+        longer_period: Whether a longer control period is one of the imperfections.
+        draws: Runs of a loop in which something is drawn.
+
+    Raises:
+        ArgumentError: If there is no such target or law, no loop, or nothing is required.
+    """
+    experiment = case_for(target, BENCH)
+    owner: Experiment | None = experiment
+    if not experiment.loop:
+        owner = of_system(experiment, BENCH)
+    if owner is None or owner.loop is None:
+        raise ArgumentError(
+            f"{experiment.path}: there is no loop to take the amounts of imperfections from: give "
+            "the file a [computing], a [[sensor]] or an [[actuator]]"
+        )
+
+    timestep = min(experiment.settings.timestep, owner.settings.timestep)
+    bare = experiment.varied(loop=None).with_settings(timestep=timestep)
+    kinds = imperfections(
+        owner.loop,
+        bare.nominal.system,
+        timestep,
+        bare.settings.control_period,
+        longer_period=longer_period,
+    )
+    return ToleranceStudy(
+        experiment=bare,
+        bench=owner.loop,
+        bench_of=owner.target,
+        laws=chosen_laws(bare, chosen, rivals=rivals),
+        imperfections=kinds,
+        conditions=conditions_of(bare),
+        named=target,
+        draws=draws,
+    )
+
+
+# The search of each answer
 
 
 class Trial(NamedTuple):
@@ -514,31 +597,7 @@ class ToleranceSearch(Search):
         )
 
 
-def tolerances_of_laws(
-    studied: ToleranceStudy,
-    laws: Sequence[int],
-    draws: int,
-    executor: Executor,
-    notice: Notice = lambda _: None,
-) -> Iterator[tuple[int, list[Tolerance]]]:
-    """Yield the tolerances of laws, by their number, in the order in which they finish.
-
-    Args:
-        studied: The target.
-        laws: Numbers of the laws.
-        draws: Runs of a loop in which something is drawn.
-        executor: Executor of the processes; each reads the target again.
-        notice: Called if a worker died and was replaced.
-    """
-    study_law = partial(tolerances, studied, draws=draws, threads=executor.threads_per_worker)
-    with closing(executor.run(study_law, laws, notice)) as answers:
-        for answer in answers:
-            yield answer.index, answer.report
-
-
-def tolerances(
-    studied: ToleranceStudy, index: int, draws: int, threads: int = 0
-) -> list[Tolerance]:
+def tolerances(studied: ToleranceStudy, index: int, threads: int = 0) -> list[Tolerance]:
     """Return the tolerances of a law to each imperfection under each condition.
 
     MuJoCo runs at both ends of those answers of the equations that matter: of the least one over
@@ -548,13 +607,13 @@ def tolerances(
     Args:
         studied: The target.
         index: Number of one of its laws.
-        draws: Runs of a loop in which something is drawn.
         threads: Threads of its runs; 0 for all cores.
     """
     law = studied.laws[index]
     limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
     equations, *physics = (
-        Trials(law, plant, limits, studied.bench, draws, threads) for plant in studied.plants
+        Trials(law, plant, limits, studied.bench, studied.draws, threads)
+        for plant in studied.plants
     )
     searches = [
         ToleranceSearch(imperfection, condition)

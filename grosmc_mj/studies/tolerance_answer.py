@@ -19,10 +19,10 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.studies.imperfections import ALL, LEAST, MOST, Imperfection
+from grosmc_mj.studies.imperfections import ALL, Imperfection
 from grosmc_mj.studies.matrix import Cell, conditions_document, law_document, verdict_chart
 from grosmc_mj.studies.studied import StudiedLaw
-from grosmc_mj.studies.tolerance import BEYOND, PER_OCTAVE, RESOLUTION, Tolerance, ToleranceStudy
+from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
 
 LEGEND = (
     "The largest amount up to which all is kept, found to 9 %, of the first part. no: not kept "
@@ -191,14 +191,13 @@ def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
 
 
 def tolerance_result(
-    studied: ToleranceStudy, rows: Sequence[Tolerance], draws: int, *, complete: bool
+    studied: ToleranceStudy, rows: Sequence[Tolerance], *, complete: bool
 ) -> Result:
     """Return the result of a study of tolerances.
 
     Args:
         studied: The target.
         rows: Its tolerances.
-        draws: Runs where something is drawn.
         complete: Whether nothing was interrupted.
     """
     target = studied.target
@@ -213,7 +212,7 @@ def tolerance_result(
         remarks.append(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
     return result(
         "tolerance",
-        _configuration(studied, draws),
+        studied.configuration(),
         seed=studied.bench.seed,
         complete=complete,
         answers=[_document_answer(target, rows, complete=complete)],
@@ -228,24 +227,6 @@ def tolerance_result(
         physics={"answers_checked": checked, "answers_that_differ": differing},
         tolerances=[row.document() for row in rows],
     )
-
-
-def _configuration(studied: ToleranceStudy, draws: int) -> dict[str, Any]:
-    settings = studied.experiment.settings
-    return {
-        "target": studied.target,
-        "bench": studied.bench_of,
-        "control_period": {"value": settings.control_period, "unit": "s"},
-        "timestep": {"value": settings.timestep, "unit": "s"},
-        "draws": draws,
-        "factors": {
-            "least": LEAST,
-            "most": MOST,
-            "grid": 2.0 ** (1 / PER_OCTAVE),
-            "beyond_the_last_kept": BEYOND,
-            "resolution": RESOLUTION,
-        },
-    }
 
 
 def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Answer:

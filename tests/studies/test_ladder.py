@@ -30,13 +30,13 @@ from grosmc_mj.loop.sensors import quantized
 from grosmc_mj.machine import Transmission
 from grosmc_mj.physics.edits import BodyEdit
 from grosmc_mj.results.document import json_text
-from grosmc_mj.studies import cells as finished
 from grosmc_mj.studies import ladder as study
 from grosmc_mj.studies import ladder_answer as answer
 from grosmc_mj.studies import ladder_pages as pages
-from grosmc_mj.studies.cells import Cells
+from grosmc_mj.studies import study as cells
 from grosmc_mj.studies.ladder import ENDED, RungResult, ladder, run_rung
 from grosmc_mj.studies.rungs import Rung, rungs_of
+from grosmc_mj.studies.study import StoredRows, StudyCell
 
 TIME: Array = 1e-3 * np.arange(10_000)
 SERVO = """
@@ -747,10 +747,16 @@ def test_a_ladder_of_another_version_is_climbed_anew(
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
     assert run(*command) == cli.DONE
     everything = climber.ran[:]
-    monkeypatch.setattr(finished, name, lambda: other)
+    monkeypatch.setattr(cells, name, lambda: other)
     climber.ran.clear()
     assert run(*command, "--resume") == cli.DONE
     assert climber.ran == everything
+
+
+def cell_of(stored: RungResult) -> StudyCell[RungResult]:
+    """Return the cell of a row, among those of a ladder."""
+    key = (stored.law, stored.rung, stored.condition, stored.together)
+    return StudyCell("", key, "a ladder", lambda _: stored)
 
 
 @pytest.mark.parametrize(
@@ -760,13 +766,14 @@ def test_a_ladder_of_another_version_is_climbed_anew(
 )
 def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_path: Path) -> None:
     """As are those of two laws, of two rungs, and of a rung alone and with those below."""
-    cells = Cells(tmp_path, RungResult, "a ladder")
-    first = row(**{"rung": "sensors", "used": 0.5, "condition": "case1"})
-    second = row(**{"rung": "sensors", "used": 2.0, "condition": "case1"} | other)
-    cells.write(first)
-    cells.write(second)
-    assert cells.read(*first.key) == first
-    assert cells.read(*second.key) == second
+    stored = StoredRows(tmp_path, RungResult)
+    place: dict[str, Any] = {"rung": "sensors", "condition": "case1"}
+    first = row(used=0.5, **place)
+    second = row(used=2.0, **place | other)
+    stored.write(cell_of(first), first)
+    stored.write(cell_of(second), second)
+    assert stored.read(cell_of(first)) == first
+    assert stored.read(cell_of(second)) == second
 
 
 def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
@@ -776,16 +783,23 @@ def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
     assert names[0] == "servo/machine case1 lqr, up to sensors"
 
 
-def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes(tmp_path: Path) -> None:
+def depends_on(studied: study.Ladder) -> dict[str | bool, str]:
+    """Return all that the rows of a ladder depend on, by condition."""
+    return {cell.key[2]: cell.depends_on for cell in studied.cells()}
+
+
+def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes() -> None:
     """The load of case1 stands in no file of the ladder's own."""
-    studied = ladder("servo", ["lqr"])
-    load = studied.conditions[-1]
-    cells = study.cells_of(studied, load, tmp_path)
-    assert study.cells_of(studied, load, tmp_path) == cells
+    studied = ladder("servo", ["lqr"], loaded=True)
+    *others, load = studied.conditions
+    before = depends_on(studied)
+    assert depends_on(studied) == before
 
     heavier = load.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
-    changed = replace(load, experiment=heavier)
-    assert study.cells_of(studied, changed, tmp_path) != cells
+    changed = replace(studied, conditions=[*others, replace(load, experiment=heavier)])
+    after = depends_on(changed)
+    assert after.pop(load.name) != before.pop(load.name)
+    assert after == before
 
 
 def test_rows_depend_on_the_code_of_a_law_of_one_s_own(tmp_path: Path) -> None:
@@ -910,11 +924,9 @@ def test_a_law_that_cannot_be_designed_has_its_reason(
 
 def test_rows_of_two_conditions_have_keys_of_their_own() -> None:
     """Case 1 and case 2 of a law on a rung are stored beside each other."""
-    rows = [
-        RungResult(law="lqr", rung="physics", together=True, condition=condition)
-        for condition in ("nominal", "case1", "case2")
-    ]
-    assert len({row.key for row in rows}) == 3
+    studied = ladder("servo", ["lqr"], loaded=True)
+    keys = [cell.key for cell in studied.cells()]
+    assert len(set(keys)) == len(keys) == 3 * 13 + 10
 
 
 MEASURED_CASE = """

@@ -22,9 +22,10 @@ from grosmc_mj.margins.task import TaskMargin
 from grosmc_mj.results.result import Result
 from grosmc_mj.studies import law_margins as rows_of_laws
 from grosmc_mj.studies import margins_figure
-from grosmc_mj.studies.law_margins import LEVELS, LawMargins, Level, law_margins
-from grosmc_mj.studies.margins import MarginStudy, margin_study
+from grosmc_mj.studies.law_margins import LEVELS, LawMargins, Level
+from grosmc_mj.studies.margins import MarginStudy, law_margins, margin_study
 from grosmc_mj.studies.margins_answer import margin_table, notes
+from grosmc_mj.studies.study import StoredRows
 
 REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
 LIMITED = 'actuator = [{ of = "current", limit = "4 A" }]'
@@ -127,14 +128,15 @@ def test_a_small_injection_into_a_chattering_loop_is_not_trusted() -> None:
 
 
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
-    cells = rows_of_laws.cells_of(servo(), tmp_path)
+    *_, lqr, sign = servo().cells()
+    stored = StoredRows(tmp_path, LawMargins)
     wanted = measured(1, 0)
-    cells.write(wanted)
-    found = cells.read(*wanted.key)
+    stored.write(lqr, wanted)
+    found = stored.read(lqr)
     assert found is not None
     assert found.task == wanted.task
     assert found.levels[0].column.tolist() == wanted.levels[0].column.tolist()
-    assert cells.read("servo/bench", "implicit") is None
+    assert stored.read(sign) is None
 
 
 @pytest.mark.parametrize(

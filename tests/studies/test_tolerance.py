@@ -21,7 +21,7 @@ import pytest
 from commands import run
 from conftest import Stored
 
-from grosmc_mj import cli, executors
+from grosmc_mj import cli
 from grosmc_mj.executors import Batch
 from grosmc_mj.loop import Loop
 from grosmc_mj.results.document import json_text
@@ -29,7 +29,9 @@ from grosmc_mj.studies import imperfections, tolerance
 from grosmc_mj.studies import tolerance_answer as answer
 from grosmc_mj.studies.imperfections import Imperfection
 from grosmc_mj.studies.studied import judgeable_in
+from grosmc_mj.studies.study import StoredRows
 from grosmc_mj.studies.tolerance import (
+    LawTolerances,
     Tolerance,
     ToleranceStudy,
     geometric_mean,
@@ -293,12 +295,27 @@ def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path)
         )
         for kind in studied.imperfections
     ]
-    cells = tolerance.cells_of(studied, 10, tmp_path)
-    cells.write(tolerance.LawTolerances.of(rows))
-    finished = cells.read("lqr")
+    stored = StoredRows(tmp_path, LawTolerances)
+    (cell,) = studied.cells()
+    stored.write(cell, LawTolerances.of(rows))
+    finished = stored.read(cell)
     assert finished is not None
-    assert [row.document() for row in finished.rows(studied)] == [row.document() for row in rows]
-    assert tolerance.cells_of(studied, 20, tmp_path).read("lqr") is None
+    documents = [row.document() for row in studied.tolerances([finished])]
+    assert documents == [row.document() for row in rows]
+    (more_draws,) = replace(studied, draws=20).cells()
+    assert stored.read(more_draws) is None
+
+
+def test_answers_without_a_longer_period_are_not_read_for_a_study_with_it() -> None:
+    (without,) = tolerance_study("servo", ["lqr"]).cells()
+    (with_it,) = tolerance_study("servo", ["lqr"], longer_period=True).cells()
+    assert without.depends_on != with_it.depends_on
+
+
+def test_a_process_reads_the_same_study() -> None:
+    studied = tolerance_study("servo", ["lqr"], longer_period=True, draws=3)
+    read = pickle.loads(pickle.dumps(studied))
+    assert read.cells()[0].depends_on == studied.cells()[0].depends_on
 
 
 @pytest.mark.parametrize("failing", [None, 0, 1, 3])
@@ -336,7 +353,7 @@ def checked(studied: ToleranceStudy) -> list[Tolerance]:
     """The tolerances that are looked at in physics, none of them at random."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(tolerance, "drawn_at_random", none_at_random)
-        rows = tolerances(studied, 0, 1)
+        rows = tolerances(studied, 0)
     return [row for row in rows if row.physics_agrees is not None]
 
 
@@ -439,7 +456,7 @@ def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_pa
     studied = replace(
         studied, imperfections=[kinds["control period"]], conditions=studied.conditions[:1]
     )
-    (found,) = tolerances(studied, 0, draws=1)
+    (found,) = tolerances(studied, 0)
     assert found.physics_agrees
     assert found.smallest_failed is not None
     # A growth by less than half in fifty seconds is not told from none.
@@ -548,7 +565,7 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     # The other law was interrupted after its first answer.
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit")
     rows = [*rows_of(studied), *weaker, *never, endless]
-    content = answer.tolerance_result(studied, rows, 4, complete=False)
+    content = answer.tolerance_result(studied, rows, complete=False)
     document = json.loads(json_text(content))
     lines = answer.tolerances_text([document]).splitlines()
     header, lqr, implicit = (
@@ -576,7 +593,7 @@ def study_of_first_law(laws: list[str], folder: Path) -> Stored:
     """The command about these laws, with made-up tolerances."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(tolerance, "tolerances", answer_first_law)
-        monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
+        monkeypatch.setattr(tolerance, "executor_for", lambda _: Batch())
         with contextlib.redirect_stdout(io.StringIO()) as output:
             code = run("study", "tolerance", "arm", "--laws", *laws, "--out", folder)
     return Stored(code, output.getvalue(), folder)
@@ -623,7 +640,7 @@ def test_a_law_that_keeps_everything_under_no_condition_is_a_verdict(
         return rows_of(studied, kept_ideally=False)
 
     monkeypatch.setattr(tolerance, "tolerances", never_kept)
-    monkeypatch.setattr(executors, "executor_for", lambda _: Batch())
+    monkeypatch.setattr(tolerance, "executor_for", lambda _: Batch())
     assert run("study", "tolerance", "arm", "--laws", "lqr", "--out", tmp_path) == cli.DIFFERS
 
 

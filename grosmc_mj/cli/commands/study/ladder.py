@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import (
-    OUTPUT,
-    Command,
-    Flag,
-    Out,
-    StudiedLaws,
-    Target,
-    WholeNumber,
-    command,
-)
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.cli.targets import result_name
+from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
+from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.cells import Cells
+    from grosmc_mj.films.film import Film
+    from grosmc_mj.results.result import Result
     from grosmc_mj.studies.ladder import Ladder, RungResult
-    from grosmc_mj.studies.studied import StudiedLaw
 
 
 @command
-class LadderCommand(Command):
+class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
     """Find where each law breaks on the way from its equations to the machine as built.
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
@@ -56,11 +43,7 @@ class LadderCommand(Command):
         loaded: Climb under every condition: nominal, the file's own or the system's other cases.
         draws: Runs of a rung with an encoder, noise, jitter or missed samples: each has random
             numbers of its own and other phases of the encoders, and all must keep it.
-        resume: Run only what is missing in ladder_NAME, the folder in --out to which every finished
-            run is written, of the same file and versions.
         film: A law to film around where it breaks.
-        gif: Write the film as a GIF, too.
-        out: Folder for ladder_NAME.json and the figure.
     """
 
     target: Target
@@ -69,111 +52,59 @@ class LadderCommand(Command):
     rivals: Flag = False
     loaded: Flag = False
     draws: WholeNumber = 10
-    resume: Flag = False
-    film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
-    gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
-    out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Climb with each law, write, draw and print where it breaks."""
+    def study(self) -> Ladder:
+        """Return the ladder of the target, with the sentences of the claims that its file cites."""
         from grosmc_mj.arguments import require_known
-        from grosmc_mj.studies.ladder import cells_of
-        from grosmc_mj.studies.ladder_answer import ladder_result
+        from grosmc_mj.chapter.claims.cited import cited_claims
+        from grosmc_mj.studies.ladder import ladder
         from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
-        studied = self._studied()
-        laws = {law.name: law for law in studied.laws}
-        if self.film:
-            require_known("law", self.film, laws)
-        folder = self._path(studied).with_suffix("")
-        cells = {load.name: cells_of(studied, load, folder) for load in studied.conditions}
-
-        rows: list[RungResult] = []
-        with screen.answered(
-            self._path(studied),
-            lambda complete: ladder_result(studied, rows, complete=complete),
-            rows,
-            lambda: self._draw(studied, rows),
-            full=self.verbose,
-            advice=screen.RESUME,
-        ):
-            self._climb(studied, cells, rows)
-        if self.film:
-            screen.say_files(screen.console(), self._film(studied, laws[self.film], rows))
-        keeping = {row.law for row in rows if row.kept}
-        return DONE if keeping.issuperset(laws) else DIFFERS
-
-    def _studied(self) -> Ladder:
-        """Return the ladder of the target, with the sentences of the claims that its file cites."""
-        from grosmc_mj.chapter.claims.cited import cited_claims
-        from grosmc_mj.studies.ladder import ladder
-
-        studied = ladder(
+        study = ladder(
             self.target,
             self.laws,
             loaded=self.loaded,
             rivals=self.rivals,
             draws=self.draws,
         )
-        claims = cited_claims(studied.machine)
+        if self.film:
+            require_known("law", self.film, [law.name for law in study.laws])
+        claims = cited_claims(study.machine)
         statements = {name: claim.statement for name, claim in claims.items()}
-        return replace(studied, statements=statements)
+        return replace(study, statements=statements)
 
-    def _climb(
-        self,
-        studied: Ladder,
-        cells: Mapping[str, Cells[RungResult]],
-        rows: list[RungResult],
-    ) -> None:
-        """Run every rung, or read it if it is finished and --resume is given.
+    def measure(self, study: Ladder, rows: list[RungResult], folder: Path) -> None:
+        """Climb with each law; the logs of the real machine come last, if all can be read."""
+        from grosmc_mj.studies.ladder import measured_rows
 
-        Args:
-            studied: The ladder.
-            cells: Files of the finished rungs, by condition.
-            rows: Filled rung by rung: an interrupt leaves the first ones.
-        """
-        from grosmc_mj.studies.ladder import measured_rows, run_rung
-
-        measured = measured_rows(studied)
-        steps = list(studied.steps())
-        with screen.progress(len(steps), "rungs") as advance:
-            for law, rung, condition, together in steps:
-                advance(law.name, 0)
-                row = None
-                if self.resume:
-                    row = cells[condition.name].read(law.name, rung.name, condition.name, together)
-                if row is None:
-                    row = run_rung(studied, law, rung, condition, together=together)
-                    cells[condition.name].write(row)
-                rows.append(row)
-                advance(law.name, 1)
+        measured = measured_rows(study)
+        super().measure(study, rows, folder)
         rows.extend(measured)
 
-    def _path(self, studied: Ladder) -> Path:
-        """Return the path of the result."""
-        return self.out / f"ladder_{result_name(studied.machine.path)}.json"
+    def result(self, study: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Result:
+        """Return the result of a ladder."""
+        from grosmc_mj.studies.ladder_answer import ladder_result
 
-    def _draw(self, studied: Ladder, rows: list[RungResult]) -> tuple[Path, ...]:
-        """Draw the figures; returns their paths."""
+        return ladder_result(study, rows, complete=complete)
+
+    def draw(self, study: Ladder, rows: Sequence[RungResult], path: Path) -> Sequence[Path]:
+        """Draw a figure for each condition."""
         from grosmc_mj.studies.ladder_answer import charts
         from grosmc_mj.studies.matrix import NOTE, write_charts
 
-        title = f"{studied.target}: where each law fails"
-        return write_charts(self._path(studied), title, charts(studied, rows), NOTE)
+        title = f"{study.target}: where each law fails"
+        return write_charts(path, title, charts(study, rows), NOTE)
 
-    def _film(
-        self,
-        studied: Ladder,
-        law: StudiedLaw,
-        rows: list[RungResult],
-    ) -> Path:
-        """Write the film; returns its path."""
-        from grosmc_mj.experiments.films import SMALL, write_case_film
+    def keeps(self, study: Ladder, rows: Sequence[RungResult]) -> bool:
+        """Whether each law keeps everything on some rung."""
+        keeping = {row.law for row in rows if row.kept}
+        return all(law.name in keeping for law in study.laws)
+
+    def film_of(self, study: Ladder, rows: Sequence[RungResult]) -> Film:
+        """Return the film of the law around where it breaks."""
+        from grosmc_mj.experiments.films import SMALL
         from grosmc_mj.studies.ladder_answer import ladder_film
 
-        path = self.out / f"ladder_{result_name(studied.machine.path)}_film.mp4"
-        film = ladder_film(studied, law, rows, replace(SMALL, fps=8))
-        settings = studied.experiment.settings
-        written = write_case_film(studied.machine, film, path, settings=settings, gif=self.gif)
-        return written.film
+        (law,) = [law for law in study.laws if law.name == self.film]
+        return ladder_film(study, law, rows, replace(SMALL, fps=8))

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out, StudiedLaws, Target, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.cli.targets import result_name
+from grosmc_mj.cli.command import Flag, StudiedLaws, Target, command
+from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
+    from grosmc_mj.results.result import Result
     from grosmc_mj.studies.law_margins import LawMargins
     from grosmc_mj.studies.margins import MarginStudy
 
 
 @command
-class MarginsCommand(Command):
+class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
     """Find how much gain and delay each law tolerates in the loop as it is built.
 
     On the task: the gain of the actuators falls or grows, or a delay is added, until something
@@ -44,9 +44,6 @@ class MarginsCommand(Command):
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         injection: Largest injection at an input, rms, such as "1 A".
         period: Period of the injected signals, such as "10 s".
-        resume: Run only what is missing in margins_NAME, the folder in --out to which every
-            finished law is written, of the same file and versions.
-        out: Folder for margins_NAME.json and the figure.
     """
 
     target: Target
@@ -57,65 +54,35 @@ class MarginsCommand(Command):
         ""
     )
     period: Annotated[str, Parameter(metavar="TIME", show_default="the length of the task")] = ""
-    resume: Flag = False
-    out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Measure each law, write, draw and print the margins."""
+    def study(self) -> MarginStudy:
+        """Return the loops and machines of the target."""
         from grosmc_mj.studies.margins import margin_study
-        from grosmc_mj.studies.margins_answer import margins_result
 
-        studied = margin_study(
+        return margin_study(
             self.target,
             self.laws,
             rivals=self.rivals,
             injection=self.injection,
             period=self.period,
         )
-        rows: list[LawMargins] = []
-        with screen.answered(
-            self._path(studied),
-            lambda complete: margins_result(studied, rows, complete=complete),
-            rows,
-            lambda: self._draw(studied, rows),
-            full=self.verbose,
-            advice=screen.RESUME,
-        ):
-            self._measure(studied, rows)
-        return DONE if all(row.task for row in rows) else DIFFERS
 
-    def _measure(self, studied: MarginStudy, rows: list[LawMargins]) -> None:
-        """Measure each law, or read it if it is finished and --resume is given.
+    def result(self, study: MarginStudy, rows: Sequence[LawMargins], *, complete: bool) -> Result:
+        """Return the result of a study of margins."""
+        from grosmc_mj.studies.margins_answer import margins_result
 
-        Args:
-            studied: The study.
-            rows: Filled law by law: an interrupt leaves the first ones.
-        """
-        from grosmc_mj.studies.law_margins import cells_of, law_margins
+        return margins_result(study, rows, complete=complete)
 
-        cells = cells_of(studied, self._path(studied).with_suffix(""))
-        with screen.progress(len(studied.steps), "laws") as advance:
-            for setup, law in studied.steps:
-                name = f"{setup.name}: {law.name}"
-                row = cells.read(setup.name, law.name) if self.resume else None
-                if row is None:
-                    row = law_margins(
-                        studied, setup, law, lambda text, name=name: advance(f"{name}: {text}", 0)
-                    )
-                    cells.write(row)
-                rows.append(row)
-                advance(name, 1)
-
-    def _path(self, studied: MarginStudy) -> Path:
-        """Return the path of the result."""
-        return self.out / f"margins_{result_name(studied.setups[0].case.path)}.json"
-
-    def _draw(self, studied: MarginStudy, rows: list[LawMargins]) -> tuple[Path, ...]:
-        """Draw the figure; returns its path."""
+    def draw(self, study: MarginStudy, rows: Sequence[LawMargins], path: Path) -> Sequence[Path]:
+        """Draw the figure, a row of charts for each setup."""
         from grosmc_mj.results.charts import write_panels
         from grosmc_mj.studies.margins_answer import by_setup
         from grosmc_mj.studies.margins_figure import charts
 
-        panels = [charts(setup, of_setup) for setup, of_setup in by_setup(studied, rows)]
-        title = f"{studied.target}: L at the plant's input, and its delay margin"
-        return (write_panels(self._path(studied).with_suffix(".png"), title, panels),)
+        panels = [charts(setup, of_setup) for setup, of_setup in by_setup(study, rows)]
+        title = f"{study.target}: L at the plant's input, and its delay margin"
+        return (write_panels(path.with_suffix(".png"), title, panels),)
+
+    def keeps(self, study: MarginStudy, rows: Sequence[LawMargins]) -> bool:
+        """Whether each law keeps the task under some condition."""
+        return all(row.task for row in rows)

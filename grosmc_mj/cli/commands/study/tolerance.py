@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out, StudiedLaws, Target, WholeNumber, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.cli.targets import result_name
+from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
+from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
+    from grosmc_mj.results.result import Result
+    from grosmc_mj.studies.tolerance import LawTolerances, ToleranceStudy
 
 
 @command
-class ToleranceCommand(Command):
+class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
     """Find how much of each imperfection of the loop each law stands.
 
     For each law and each number of the bench's loop alone (delay, resolution, lag and so on), and
@@ -41,9 +40,6 @@ class ToleranceCommand(Command):
         control_period: Search the longest control period too, in an otherwise ideal loop.
         draws: Runs of a loop with an encoder, noise, jitter or missed samples: each has random
             numbers of its own and other phases of the encoders, and all must keep it.
-        resume: Search only the laws that are missing in tolerance_NAME, the folder in --out to
-            which every finished law is written, of the same file and versions.
-        out: Folder for tolerance_NAME.json and the figure.
     """
 
     target: Target
@@ -52,83 +48,41 @@ class ToleranceCommand(Command):
     rivals: Flag = False
     control_period: Flag = False
     draws: WholeNumber = 10
-    resume: Flag = False
-    out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Search the tolerances, write, draw and print them."""
+    def study(self) -> ToleranceStudy:
+        """Return the target with its bench, conditions and laws."""
         from grosmc_mj.studies.tolerance import tolerance_study
-        from grosmc_mj.studies.tolerance_answer import tolerance_result
         from grosmc_mj.sweep.draws import require_draws
 
         require_draws(self.draws)
-        studied = tolerance_study(
-            self.target, self.laws, rivals=self.rivals, longer_period=self.control_period
+        return tolerance_study(
+            self.target,
+            self.laws,
+            rivals=self.rivals,
+            longer_period=self.control_period,
+            draws=self.draws,
         )
-        # Laws finish in any order.
-        by_law: dict[int, list[Tolerance]] = {}
-        with screen.answered(
-            self._path(studied),
-            lambda complete: tolerance_result(
-                studied, _in_order(by_law), self.draws, complete=complete
-            ),
-            by_law,
-            lambda: self._draw(studied, _in_order(by_law)),
-            full=self.verbose,
-            advice=screen.RESUME,
-        ):
-            self._search(studied, by_law)
 
-        rows = _in_order(by_law)
-        keeping = {row.law for row in rows if row.kept_ideally}
-        return DONE if all(row.law in keeping for row in rows) else DIFFERS
+    def result(
+        self, study: ToleranceStudy, rows: Sequence[LawTolerances], *, complete: bool
+    ) -> Result:
+        """Return the result of a study of tolerances."""
+        from grosmc_mj.studies.tolerance_answer import tolerance_result
 
-    def _search(self, studied: ToleranceStudy, by_law: dict[int, list[Tolerance]]) -> None:
-        """Search the tolerances of each law; with --resume read those that are finished.
+        return tolerance_result(study, study.tolerances(rows), complete=complete)
 
-        Args:
-            studied: The study.
-            by_law: Filled law by law: an interrupt leaves the finished ones.
-        """
-        from grosmc_mj.executors import executor_for
-        from grosmc_mj.studies.tolerance import LawTolerances, cells_of, tolerances_of_laws
-
-        cells = cells_of(studied, self.draws, self._path(studied).with_suffix(""))
-        missing = []
-        for index, law in enumerate(studied.laws):
-            finished = cells.read(law.name) if self.resume else None
-            if finished is None:
-                missing.append(index)
-            else:
-                by_law[index] = finished.rows(studied)
-
-        if not missing:
-            return
-        answers = len(studied.imperfections) * len(studied.conditions)
-        with screen.progress(len(missing) * answers, "answers") as advance:
-            executor = executor_for(len(missing))
-            found = tolerances_of_laws(studied, missing, self.draws, executor, screen.notice)
-            for index, rows in found:
-                cells.write(LawTolerances.of(rows))
-                by_law[index] = rows
-                advance(studied.laws[index].name, answers)
-
-    def _path(self, studied: ToleranceStudy) -> Path:
-        """Return the path of the result."""
-        return self.out / f"tolerance_{result_name(studied.experiment.path)}.json"
-
-    def _draw(self, studied: ToleranceStudy, rows: list[Tolerance]) -> tuple[Path, ...]:
-        """Draw the figures; returns their paths."""
+    def draw(
+        self, study: ToleranceStudy, rows: Sequence[LawTolerances], path: Path
+    ) -> Sequence[Path]:
+        """Draw a figure for each condition."""
         from grosmc_mj.studies.matrix import write_charts
         from grosmc_mj.studies.tolerance_answer import NOTE, charts
 
-        title = f"{studied.target}: what of its bench each law stands"
-        return write_charts(self._path(studied), title, charts(studied, rows), NOTE)
+        title = f"{study.target}: what of its bench each law stands"
+        return write_charts(path, title, charts(study, study.tolerances(rows)), NOTE)
 
-
-def _in_order(by_law: Mapping[int, list[Tolerance]]) -> list[Tolerance]:
-    """Return the rows of all finished laws, in the order of the laws."""
-    rows: list[Tolerance] = []
-    for index in sorted(by_law):
-        rows.extend(by_law[index])
-    return rows
+    def keeps(self, study: ToleranceStudy, rows: Sequence[LawTolerances]) -> bool:
+        """Whether each law keeps everything under some condition without any imperfection."""
+        answers = study.tolerances(rows)
+        keeping = {answer.law for answer in answers if answer.kept_ideally}
+        return all(answer.law in keeping for answer in answers)

@@ -1,0 +1,132 @@
+"""Base classes of the commands that measure the cells of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+
+from cyclopts import Parameter
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out
+from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.targets import result_name
+
+if TYPE_CHECKING:
+    from grosmc_mj.films.film import Film
+    from grosmc_mj.results.result import Result
+
+AnyStudy = TypeVar("AnyStudy", bound=Any)
+AnyRow = TypeVar("AnyRow")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyCommand(Command, Generic[AnyStudy, AnyRow]):
+    """Command that measures the cells of a study, and writes, draws and prints its answer.
+
+    Attributes:
+        resume: Measure only what is missing in the folder of the finished parts in --out, of the
+            same file and versions.
+        out: Folder for all that is written.
+    """
+
+    resume: Annotated[Flag, Parameter(group=OUTPUT)] = False
+    out: Out = Path("renders")
+
+    def study(self) -> AnyStudy:
+        """Return the study that the options describe.
+
+        Raises:
+            ArgumentError: If something does not fit.
+        """
+        raise NotImplementedError
+
+    def result(self, study: AnyStudy, rows: Sequence[AnyRow], *, complete: bool) -> Result:
+        """Return the result of finished rows; ``complete`` if nothing was interrupted."""
+        raise NotImplementedError
+
+    def draw(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> Sequence[Path]:
+        """Draw the figures beside the result; returns their paths."""
+        raise NotImplementedError
+
+    def keeps(self, study: AnyStudy, rows: Sequence[AnyRow]) -> bool:
+        """Whether the laws keep enough for exit code 0."""
+        raise NotImplementedError
+
+    def film_law(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> None:
+        """Write the film that is asked for, if any."""
+
+    def execute(self) -> int:
+        """Measure all cells or read them; write, draw, film and print the answer."""
+        study = self.study()
+        path = self.out / f"{study.kind}_{result_name(study.case.path)}.json"
+        rows: list[AnyRow] = []
+        with screen.answered(
+            path,
+            lambda complete: self.result(study, rows, complete=complete),
+            rows,
+            lambda: self.draw(study, rows, path),
+            full=self.verbose,
+            advice=screen.RESUME,
+        ):
+            self.measure(study, rows, path.with_suffix(""))
+
+        self.film_law(study, rows, path.with_name(f"{path.stem}_film.mp4"))
+        return DONE if self.keeps(study, rows) else DIFFERS
+
+    def measure(self, study: AnyStudy, rows: list[AnyRow], folder: Path) -> None:
+        """Measure the cells of a study; with --resume read those that are finished.
+
+        Args:
+            study: The study.
+            rows: List to which each row is added.
+            folder: Folder of the finished rows.
+        """
+        from grosmc_mj.studies.study import StoredRows
+
+        cells = study.cells()
+        stored = StoredRows(folder, study.row, self.resume)
+        with screen.progress(len(cells), study.unit) as progress:
+            # One by one: an interrupt leaves the first ones.
+            rows.extend(study.rows(cells, stored, progress, screen.notice))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmedStudyCommand(StudyCommand[AnyStudy, AnyRow]):
+    """Command of a study that films one of its laws.
+
+    Attributes:
+        film: A law to film.
+        gif: Write the film as a GIF, too.
+    """
+
+    film: Annotated[str, Parameter(metavar="NAME", show_default="none", group=OUTPUT)] = ""
+    gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
+
+    def film_of(self, study: AnyStudy, rows: Sequence[AnyRow]) -> Film:
+        """Return the film of the law.
+
+        Raises:
+            ArgumentError: If there can be none.
+        """
+        raise NotImplementedError
+
+    def film_law(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> None:
+        """Write the film that is asked for, if any, and print its path."""
+        from grosmc_mj.experiments.films import write_case_film
+
+        if not self.film:
+            return
+        film = self.film_of(study, rows)
+        with screen.progress(len(film.times), "frames") as progress:
+            write_case_film(
+                study.case,
+                film,
+                path,
+                settings=study.case.settings,
+                gif=self.gif,
+                advance=lambda: progress(path.name),
+            )
+        screen.say_files(screen.console(), path)

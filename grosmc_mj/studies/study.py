@@ -1,0 +1,167 @@
+"""A study is a set of cells; each is measured alone and stored, so that a killed study goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+from pydantic import BaseModel
+
+from grosmc_mj.executors import Notice
+from grosmc_mj.experiments.case_document import case_document
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.user_code import named_in, sources
+from grosmc_mj.files import atomic_write
+from grosmc_mj.results.document import json_text
+from grosmc_mj.studies.studied import Condition
+from grosmc_mj.versions import source_digest, versions
+
+AnyRow = TypeVar("AnyRow", bound=BaseModel)
+# Function that is told how far the measurement of a cell is.
+Advance = Callable[[str], object]
+
+
+class Progress(Protocol):
+    """Progress of a study."""
+
+    def __call__(self, text: str = "", by: int = 1) -> object:
+        """Count so many more cells as done, and show a text."""
+        ...
+
+
+@dataclass(frozen=True)
+class StudyCell(Generic[AnyRow]):
+    """Cell of a study: a law, at a step, under conditions.
+
+    Attributes:
+        name: Name for the progress.
+        key: Key among the cells of the study.
+        depends_on: Everything else that its row depends on, see ``dependencies``.
+        measure: Function that returns its row.
+    """
+
+    name: str
+    key: tuple[str | bool, ...]
+    depends_on: str
+    measure: Callable[[Advance], AnyRow]
+
+
+def dependencies(configuration: Any, conditions: Sequence[Condition]) -> str:
+    """Return all that the rows of a study depend on, as JSON: cases, versions and code.
+
+    Args:
+        configuration: Configuration of the study.
+        conditions: Its conditions: their loads stand in files of other cases.
+    """
+    cases = []
+    for condition in conditions:
+        experiment = condition.experiment
+        code = sources(named_in(experiment.file), experiment.path.parent)
+        cases.append([case_document(experiment), experiment.document(), code])
+    return json_text([configuration, cases, versions(), source_digest()])
+
+
+@dataclass(frozen=True)
+class StoredRows(Generic[AnyRow]):
+    """Rows of finished cells, a file each; its name is a hash of all that the row depends on.
+
+    Attributes:
+        folder: Folder of the files.
+        kind: Class of the rows.
+        resume: Whether rows that lie there are read; else all are measured.
+    """
+
+    folder: Path
+    kind: type[AnyRow]
+    resume: bool = True
+
+    def row(self, cell: StudyCell[AnyRow], advance: Advance) -> AnyRow:
+        """Return the row of a cell: read it, or measure and write it.
+
+        Args:
+            cell: The cell.
+            advance: Told how far the measurement is.
+
+        Raises:
+            GrosmcError: If it cannot be measured or written.
+        """
+        row = self.read(cell)
+        if row is None:
+            row = cell.measure(advance)
+            self.write(cell, row)
+        return row
+
+    def read(self, cell: StudyCell[AnyRow]) -> AnyRow | None:
+        """Return the row of a cell; None if it is missing or cannot be read."""
+        if not self.resume:
+            return None
+        try:
+            content = json.loads(self._path(cell).read_text(encoding="utf-8"))
+            return self.kind.model_validate(content)
+        except (OSError, ValueError):
+            return None
+
+    def write(self, cell: StudyCell[AnyRow], row: AnyRow) -> None:
+        """Write the row of a cell aside and rename it.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        with atomic_write(self._path(cell)) as part:
+            # Not by `json_text`, which writes infinite numbers as null.
+            part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
+
+    def _path(self, cell: StudyCell[AnyRow]) -> Path:
+        name = hashlib.sha256(json.dumps([cell.depends_on, cell.key]).encode()).hexdigest()
+        return self.folder / f"{name[:32]}.json"
+
+
+class Study(ABC, Generic[AnyRow]):
+    """A target, ready to be studied.
+
+    Attributes:
+        kind: Kind of its result, and first word of the names of its files.
+        row: Class of its rows.
+        unit: Name of its cells, in the plural.
+    """
+
+    kind: ClassVar[str]
+    row: ClassVar[type[BaseModel]]
+    unit: ClassVar[str] = "laws"
+
+    @property
+    @abstractmethod
+    def case(self) -> Experiment:
+        """Experiment whose name the results have."""
+
+    @abstractmethod
+    def cells(self) -> list[StudyCell[AnyRow]]:
+        """Return all cells, in the order in which they are measured."""
+
+    def rows(
+        self,
+        cells: Sequence[StudyCell[AnyRow]],
+        stored: StoredRows[AnyRow],
+        progress: Progress,
+        notice: Notice,
+    ) -> Iterator[AnyRow]:
+        """Yield the row of each cell, stored or measured.
+
+        Args:
+            cells: The cells.
+            stored: Rows of finished cells; those that are measured are added.
+            progress: Called for each cell that is done, and with the course of a measurement.
+            notice: Called with a line about a worker that died, if there are any.
+
+        Raises:
+            GrosmcError: If a cell cannot be measured or its row cannot be written.
+        """
+        for cell in cells:
+            progress(cell.name, 0)
+            yield stored.row(cell, lambda text: progress(text, 0))
+            progress(cell.name)
