@@ -24,7 +24,8 @@ from grosmc_mj.physics.mujoco_plant import Integrator
 from grosmc_mj.sweep.campaign import Campaign, specification_of
 from grosmc_mj.sweep.runs import measurements_of, prepare_run
 from grosmc_mj.sweep.screening import Batch
-from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import part_runner
 
 _PLANTS = 4096
 _STEPS = 800

@@ -15,12 +15,14 @@ from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.drivers import Sensitivity, driver_words, drivers_table, sensitivities
 from grosmc_mj.sweep.family import SCREENING
 from grosmc_mj.sweep.judges import ScreeningSummary, screening_sentences
+from grosmc_mj.sweep.manifest import result_of
 from grosmc_mj.sweep.margin_summary import MarginSummary, margin_summary, margins_table
 from grosmc_mj.sweep.paired import PairedDifference, paired, paired_table
 from grosmc_mj.sweep.pass_rates import PassRate, pass_rate, pass_rates_table, rate_shown
 from grosmc_mj.sweep.runs import COMPLETED, MARGIN
 from grosmc_mj.sweep.sampled import ALL, COMPLETES, SampledRuns
-from grosmc_mj.sweep.store import Folder, result_of, run_missing
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import run_missing
 
 RESULTS = "results.json"
 # How many of the worst runs are named.

@@ -37,7 +37,8 @@ from grosmc_mj.sweep.plant_file import (
 from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
 from grosmc_mj.sweep.screening import Batch, screening_of
-from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import part_runner
 from grosmc_mj.units import number_in
 
 STORED = [name for name, definition in DEFINITIONS.items() if definition.stored]

@@ -169,10 +169,11 @@ class CampaignCommand(Command):
         from grosmc_mj.executors import make_executor
         from grosmc_mj.sweep.campaign import Campaign
         from grosmc_mj.sweep.findings import RESULTS, campaign_result, findings, keeps_enough
+        from grosmc_mj.sweep.manifest import read_manifest, refuse_other_code
         from grosmc_mj.sweep.map import write_figures
         from grosmc_mj.sweep.radius import RADIUS, radius_result
         from grosmc_mj.sweep.sampled import ALL
-        from grosmc_mj.sweep.store import Folder, read_manifest, refuse_other_code
+        from grosmc_mj.sweep.store import Folder
         from grosmc_mj.sweep.worst import WORST, worst_result
 
         specification = self._specification()
