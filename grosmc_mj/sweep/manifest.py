@@ -13,7 +13,8 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.results.document import git_revision, machine_words
 from grosmc_mj.results.result import Result, result
-from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.specification import Specification
 from grosmc_mj.versions import DECISIVE, versions
 
 MANIFEST = "manifest.json"

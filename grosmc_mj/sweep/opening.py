@@ -12,7 +12,7 @@ from typing import Any
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.user_code import named_in
-from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.manifest import (
     differences,
     manifest_of,
@@ -20,6 +20,7 @@ from grosmc_mj.sweep.manifest import (
     read_manifest,
     refuse_other_code,
 )
+from grosmc_mj.sweep.specification import Specification
 
 # User modules that this process has imported for campaigns: folder and hash of each.
 _imported: dict[str, tuple[str, str]] = {}

@@ -9,11 +9,12 @@ from functools import partial
 from pathlib import Path
 
 from grosmc_mj.executors import Executor, Notice
-from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.manifest import read_manifest
 from grosmc_mj.sweep.opening import open_campaign
 from grosmc_mj.sweep.parts import part_table
 from grosmc_mj.sweep.screening import UNSCREENED, Screening, screened_all, screening_of
+from grosmc_mj.sweep.specification import Specification
 from grosmc_mj.sweep.store import Folder
 
 # Number of runs done and, by law, the share of these that keeps everything so far.

@@ -32,12 +32,12 @@ from commands import Patch
 
 from grosmc_mj.executors import make_executor
 from grosmc_mj.sweep import manifest
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import findings, run_campaign
 from grosmc_mj.sweep.manifest import manifest_of, read_manifest
 from grosmc_mj.sweep.opening import open_campaign, read_campaign
 from grosmc_mj.sweep.parts import checksum
-from grosmc_mj.sweep.screening import evaluate
 from grosmc_mj.sweep.store import Folder
 from grosmc_mj.sweep.work import run_missing, run_part
 

@@ -15,8 +15,8 @@ from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.sweep.campaign import Specification
     from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.specification import Specification
 
 # Options of --plant alone, and those that a campaign has, too.
 _FOR_PLANT = ("case_file",)
@@ -216,7 +216,7 @@ class CampaignCommand(Command):
         Raises:
             ArgumentError: If the target is a campaign's folder, or a number does not fit.
         """
-        from grosmc_mj.sweep.campaign import specification_of
+        from grosmc_mj.sweep.specification import specification_of
         from grosmc_mj.sweep.store import Folder
 
         if Folder(Path(self.target)).begun:
