@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -43,6 +43,7 @@ LARGEST_SCALE = 8.0
 _FINE = 1e-3
 # Owners of uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
 _OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
+_OF_LOOPS = tuple(LOOP_PARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,24 +120,46 @@ class Campaign:
         plant_of(nominal, self.plant)
         for requirement in self.requirements:
             requirement.refuse_start(self.laws[requirement.laws[0]], nominal.x0)
-        for owners in (_OF_MACHINES, LOOP_PARTS):
-            for values in _extremes(self.family, owners):
-                self._refuse_extreme(values, owners)
+        self._refuse_extremes(_OF_MACHINES, self._compile_machine)
+        self._refuse_extremes(_OF_LOOPS, self._make_loops)
         for law in self.laws.values():
             self._refuse_unmeasured(law)
 
-    def _refuse_extreme(self, values: Array, owners: Collection[str]) -> None:
-        """Refuse values (d,) with which there is no machine or no loop."""
-        try:
-            self._build(values, owners)
-        except GrosmcError as error:
-            pairs = zip(self.family.quantities, values.tolist(), strict=True)
-            words = [number.words(value) for number, value in pairs if number.owner in owners]
-            raise ArgumentError(
-                f"uncertain: {' and '.join(words)} can occur, where there is no such "
-                f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the ranges "
-                "or, where delays must be equal, let that of computing = true vary instead"
-            ) from error
+    def _refuse_extremes(self, owners: Collection[str], make: Callable[[Array], None]) -> None:
+        """Refuse ranges at whose ends there is no machine or no loop.
+
+        Args:
+            owners: Owners of the numbers that are at their ends.
+            make: Makes machine or loop with values (d,) of all numbers.
+        """
+        for values in _extremes(self.family, owners):
+            try:
+                make(values)
+            except GrosmcError as error:
+                pairs = zip(self.family.quantities, values.tolist(), strict=True)
+                words = [number.words(value) for number, value in pairs if number.owner in owners]
+                raise ArgumentError(
+                    f"uncertain: {' and '.join(words)} can occur, where there is no such "
+                    f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the "
+                    "ranges or, where delays must be equal, let that of computing = true vary "
+                    "instead"
+                ) from error
+
+    def _compile_machine(self, values: Array) -> None:
+        """Make a case with values (d,), and compile its machine, if it has parts as built."""
+        case = self.plant_sample(values)
+        if isinstance(self.plant, MujocoPlant) and self.plant.parts:
+            plant: Any = plant_of(case, self.plant)
+            _ = plant.undrawn_model
+
+    def _make_loops(self, values: Array) -> None:
+        """Make a case with values (d,), and put every law into its loop, if it has one."""
+        case = self.plant_sample(values)
+        if case.loop is None:
+            return
+        for name, law in self.laws.items():
+            predict = self.experiment.predicts(name)
+            self.experiment.loop_around(law, case.loop, predict=predict)
 
     def _refuse_unmeasured(self, law: Controller) -> None:
         """Refuse a law that cannot be run or measured, and an error after the end of its run."""
@@ -159,17 +182,6 @@ class Campaign:
                 raise ArgumentError(
                     f"an error after {after:g} s: the last timestep of a run begins at {last:g} s"
                 )
-
-    def _build(self, values: Array, owners: Collection[str]) -> None:
-        """Compile a machine and put every law into its loop: shows whether there is such a run."""
-        sample = self.plant_sample(values)
-        if owners is LOOP_PARTS and sample.loop is not None:
-            for name, law in self.laws.items():
-                predict = self.experiment.predicts(name)
-                self.experiment.loop_around(law, sample.loop, predict=predict)
-        if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
-            plant: Any = plant_of(sample, self.plant)
-            _ = plant.undrawn_model
 
     @property
     def judged(self) -> list[str]:
@@ -198,7 +210,7 @@ class Campaign:
         """Whether there are machines at the ends of the ranges, scaled."""
         try:
             for values in _extremes(self.family, _OF_MACHINES):
-                self._build(self.family.scaled(values, scale), _OF_MACHINES)
+                self._compile_machine(self.family.scaled(values, scale))
         except GrosmcError:
             return False
         return True
