@@ -17,20 +17,10 @@ from grosmc_mj.plants import AnalyticPlant, Plant
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.runs import Outcomes, Row, plant_of, run_rows
 
-# Judges of a run.
-EQUATIONS = "equations"
-PHYSICS = "physics"
-
 
 @dataclass(frozen=True, eq=False)
 class Batch:
     """Plants that each controller meets; compiled once for all of them.
-
-    The outcomes of their runs have more columns: ``controller``, ``id``, the uncertain numbers and,
-    of screening, ``judged_by``, ``EQUATIONS`` or ``PHYSICS``; ``screened``, ``relative`` by the
-    equations of those that were screened, NaN of others; ``overturned``, how many verdicts MuJoCo
-    overturned; ``drawn``, 1 for a run that was confirmed in MuJoCo by chance alone; ``band``, how
-    near to its limit a screened margin is confirmed, in parts of the limit.
 
     Attributes:
         campaign: The campaign.
@@ -102,31 +92,12 @@ class Batch:
             numbers = rows.tolist()
 
         design = [self.row(controller, index, plants[index]) for index in numbers]
-        runs = run_rows(
+        return run_rows(
             self.campaign.experiment,
             design,
             self.campaign.requirements,
             unfailing=self.campaign.unfailing,
             threads=self.threads,
-        )
-        return self._with_columns(runs, controller, numbers, plants[0])
-
-    def _with_columns(
-        self, runs: Outcomes, controller: str, rows: list[int], plant: Plant
-    ) -> Outcomes:
-        """Runs of some rows with the columns of a part."""
-        count = len(rows)
-        judge = PHYSICS if plant.kind == "physics" else EQUATIONS
-        numbers = zip(self.campaign.family.names, self.values[rows].T, strict=True)
-        return runs.changed(
-            controller=np.array([controller] * count, object),
-            id=np.asarray(self.ids, np.int64)[rows],
-            **dict(numbers),
-            judged_by=np.array([judge] * count, object),
-            screened=np.full(count, np.nan),
-            overturned=np.zeros(count, np.int64),
-            drawn=np.zeros(count, np.int64),
-            band=np.zeros(count),
         )
 
 

@@ -47,20 +47,21 @@ def part_table(
         campaign: The campaign.
         bound_to: Hash of its manifest.
         index: Number of the part.
-        runs: Outcomes of its plants, for each controller.
+        runs: Outcomes of its plants under each controller, with the columns of ``SCREENING``.
     """
     schema = _schema(campaign)
-    tables = [_outcome_table(outcomes, schema) for outcomes in runs]
+    ids = np.array(campaign.specification.ids(index))
+    values = campaign.values(campaign.specification.ids(index))
+    of_plants = {"id": ids, **dict(zip(campaign.family.names, values.T, strict=True))}
+    tables = []
+    for law, outcomes in zip(campaign.laws, runs, strict=True):
+        columns = {**outcomes.columns, **of_plants, "controller": [law] * len(ids)}
+        arrays = [pa.array(columns[field.name], field.type) for field in schema]
+        tables.append(pa.Table.from_arrays(arrays, schema=schema))
     table = pa.concat_tables(tables)
     notes = _notes(campaign, bound_to, index)
     checked = {**notes, _CHECKSUM: checksum(table, notes)}
     return table.replace_schema_metadata({_METADATA: json.dumps(checked)})
-
-
-def _outcome_table(outcomes: Outcomes, schema: pa.Schema) -> pa.Table:
-    """The rows of one controller."""
-    arrays = [pa.array(outcomes[field.name], field.type) for field in schema]
-    return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def checksum(table: pa.Table, notes: Mapping[str, Any]) -> str:

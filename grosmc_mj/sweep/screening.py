@@ -19,6 +19,9 @@ from grosmc_mj.sweep.confirmation import FACTOR, RANDOM, MarginConfirmation, Mas
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.runs import Outcomes, plant_of
 
+# Judges of a run.
+EQUATIONS = "equations"
+PHYSICS = "physics"
 # Runs of the sample, and on how many of its plants accelerations are compared.
 SAMPLE = 32
 _PLANTS = 8
@@ -175,13 +178,34 @@ def screened_all(
         controllers: Names of the controllers.
         ids: Numbers of the runs, n of them.
         threads: Number of threads; 0 for all cores.
+
+    Returns:
+        The runs under each controller, with the columns of ``SCREENING``: ``judged_by``,
+        ``EQUATIONS`` or ``PHYSICS``; ``screened``, ``relative`` by the equations, NaN of runs that
+        were not screened; ``overturned``, the number of verdicts that MuJoCo overturned; ``drawn``,
+        1 for a run that was confirmed by chance alone; ``band``, how near to its limit a margin is
+        confirmed, in parts of the limit.
     """
     batch = Batch(campaign, campaign.values(ids), ids, threads)
     if not screening.bands or not batch.equations:
-        return [batch.run(controller) for controller in controllers]
+        return [_unscreened(batch, controller) for controller in controllers]
 
     by_chance = drawn_by_chance(campaign.specification.seed, ids)
     return [_screened(batch, screening, controller, by_chance) for controller in controllers]
+
+
+def _unscreened(batch: Batch, controller: str) -> Outcomes:
+    """Runs under one controller, in MuJoCo where there is a model."""
+    outcome = batch.run(controller)
+    count = len(batch.values)
+    judge = PHYSICS if batch.physics[0].kind == "physics" else EQUATIONS
+    return outcome.changed(
+        judged_by=np.full(count, judge, object),
+        screened=np.full(count, np.nan),
+        overturned=np.zeros(count, np.int64),
+        drawn=np.zeros(count, np.int64),
+        band=np.zeros(count),
+    )
 
 
 def _screened(batch: Batch, screening: Screening, controller: str, by_chance: Mask) -> Outcomes:
@@ -215,7 +239,8 @@ def _confirmed(
     while True:
         rows = confirmation.rows()
         if not len(rows):
-            return outcome
+            judged_by = np.where(confirmation.confirmed, PHYSICS, EQUATIONS)
+            return outcome.changed(judged_by=judged_by.astype(object))
 
         by_physics = batch.run(controller, rows)
         outcome = outcome.with_rows(rows, by_physics)

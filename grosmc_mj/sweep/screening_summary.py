@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.sweep.batch import EQUATIONS
 from grosmc_mj.sweep.confirmation import confirmation_words, wrong_at_most
+from grosmc_mj.sweep.screening import EQUATIONS
 
 # Runs that MuJoCo overturned are named, up to so many.
 _NAMED = 16

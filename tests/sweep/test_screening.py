@@ -14,7 +14,7 @@ from scipy import stats
 
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
-from grosmc_mj.sweep.batch import EQUATIONS, PHYSICS, Batch, evaluate
+from grosmc_mj.sweep.batch import Batch, evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.confirmation import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.family import random_points
@@ -28,6 +28,8 @@ from grosmc_mj.sweep.findings import (
 from grosmc_mj.sweep.plant_file import find_plant
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.screening import (
+    EQUATIONS,
+    PHYSICS,
     SAMPLE,
     Screening,
     drawn_by_chance,
