@@ -20,10 +20,11 @@ from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.file.content import Content, read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.sweep.campaign import Campaign, Specification
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.radius import RADIUS
 from grosmc_mj.sweep.screening import EQUATIONS
+from grosmc_mj.sweep.specification import Specification
 from grosmc_mj.sweep.store import Folder
 from grosmc_mj.sweep.worst import WORST
 

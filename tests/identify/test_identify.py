@@ -43,7 +43,8 @@ from grosmc_mj.logs.read import read_log
 from grosmc_mj.logs.table import LogTable
 from grosmc_mj.loop import Computing, Loop, Sensor
 from grosmc_mj.plants import find_system
-from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.specification import specification_of
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}

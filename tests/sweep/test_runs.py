@@ -15,9 +15,10 @@ from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.physics.files import load_model
 from grosmc_mj.requirements.judging import judge_runs
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.batch import Batch, evaluate
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.runs import Outcomes, Row, plant_of, run_rows
-from grosmc_mj.sweep.screening import Batch, evaluate
+from grosmc_mj.sweep.specification import specification_of
 
 RATIO = """
 [[requirement]]
