@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.experiments.experiment import Experiment, RunResult
-    from grosmc_mj.experiments.settings import Settings
     from grosmc_mj.films.film import Film
     from grosmc_mj.films.pool import RenderingPool
 
@@ -25,7 +24,6 @@ def write_with_progress(
     case: Experiment,
     film: Film,
     path: Path,
-    settings: Settings,
     *,
     pool: RenderingPool | None = None,
     workers: int | None = None,
@@ -38,7 +36,6 @@ def write_with_progress(
         case: The case.
         film: Film of its runs.
         path: The MP4.
-        settings: Settings of the runs.
         pool: Rendering processes, if they are open already.
         workers: Number of rendering processes otherwise; by default one a core.
         gif: True to write a small GIF too.
@@ -53,7 +50,6 @@ def write_with_progress(
             case,
             film,
             path,
-            settings=settings,
             workers=workers,
             pool=pool,
             gif=gif,
@@ -71,22 +67,18 @@ def write_with_progress(
     screen.say_files(console, *files)
 
 
-def film_results(
-    console: Console, results: Sequence[RunResult], settings: Settings, folder: Path
-) -> None:
+def film_results(console: Console, results: Sequence[RunResult], folder: Path) -> None:
     """Film every case of a validation, or say in one line why not; current films are kept."""
     from grosmc_mj.experiments.films import films_of
 
-    films: dict[Path, tuple[Experiment, Film]] = {}
+    films = {}
     for case, film in films_of(results):
         path = folder / FOLDER / f"{case.system}_{case.name}.mp4"
-        films[path] = (case, film)
-    _write_missing(console, films, settings)
+        films[path] = case, film
+    _write_missing(console, films)
 
 
-def film_runs(
-    console: Console, results: Sequence[RunResult], settings: Settings, path: Path
-) -> None:
+def film_runs(console: Console, results: Sequence[RunResult], path: Path) -> None:
     """Film runs side by side, in MuJoCo if there are some; a current film is kept.
 
     A line says why there is no film.
@@ -97,16 +89,10 @@ def film_runs(
     plants = [result.plant for result in results]
     plant = "physics" if "physics" in plants else plants[-1]
     filmed = [result for result in results if result.plant == plant][-MOST_TAKES:]
-    films: dict[Path, tuple[Experiment, Film]] = {}
-    films[path] = (filmed[0].case, film_of(filmed))
-    _write_missing(console, films, settings)
+    _write_missing(console, {path: (filmed[0].case, film_of(filmed))})
 
 
-def _write_missing(
-    console: Console,
-    films: Mapping[Path, tuple[Experiment, Film]],
-    settings: Settings,
-) -> None:
+def _write_missing(console: Console, films: Mapping[Path, tuple[Experiment, Film]]) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
     from grosmc_mj.films.pool import NO_GRAPHICS, open_pool
@@ -118,7 +104,7 @@ def _write_missing(
             pictures = any(film.model is not None for _, film in missing.values())
             with open_pool(None if pictures else NO_GRAPHICS) as pool:
                 for path, (case, film) in missing.items():
-                    write_with_progress(console, case, film, path, settings, pool=pool)
+                    write_with_progress(console, case, film, path, pool=pool)
     except SetupError as error:
         console.print(f"No films: {error}", style="yellow", soft_wrap=True)
 

@@ -651,7 +651,7 @@ class RunResult(MeasuredRun):
         from grosmc_mj.experiments.films import film_of, write_case_film
 
         film = film_of([self])
-        return write_case_film(self.case, film, Path(path), settings=self.case.settings).film
+        return write_case_film(self.case, film, Path(path)).film
 
     def __repr__(self) -> str:
         """Return case, end, metrics, costs and requirements in five lines."""

@@ -17,7 +17,6 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case_document import case_document, seed_of
-from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.films.film import Film, Format, Take
 from grosmc_mj.films.frames import Storyboard
 from grosmc_mj.films.frames import __file__ as drawing_code
@@ -173,8 +172,6 @@ def write_case_film(
     case: Any,
     film: Film,
     path: Path,
-    *,
-    settings: Settings,
     **rendering: Any,
 ) -> Written:
     """Write a film and, beside it, a JSON file with all that it was made from.
@@ -183,7 +180,6 @@ def write_case_film(
         case: Experiment of the film.
         film: Film of runs of the case.
         path: Path of the MP4.
-        settings: Simulation settings of the runs.
         rendering: Further arguments of ``write_film``.
 
     Raises:
@@ -191,7 +187,7 @@ def write_case_film(
     """
     written = write_film(film, path, **rendering)
     configuration = {
-        **asdict(settings),
+        **asdict(case.settings),
         "case": case_document(case),
         "controllers": [take.label for take in film.takes],
         "film": {**asdict(film.format), "camera": film.camera_name, "stop": film.stop},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from grosmc_mj.errors import GrosmcError
@@ -59,6 +59,17 @@ def assumed_numbers(machine: Experiment) -> Iterator[AssumedNumber]:
                     path = f"{kind}[{index + 1}].{name}"
                 value = getattr(parts_of_kind[index], name)
                 yield AssumedNumber(kind, path, _owner_of(table, kind), name, value)
+
+
+def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
+    """Yield the kind of each part, and its owner with the names of its numbers."""
+    names: dict[tuple[str, str, str], list[str]] = {}
+    for number in numbers:
+        # One owner may have two parts.
+        part = number.path.rpartition(".")[0]
+        names.setdefault((part, number.kind, number.owner), []).append(number.name)
+    for (_, kind, owner), of_part in names.items():
+        yield kind, f"{owner}: {', '.join(of_part)}"
 
 
 def _owner_of(table: Any, kind: str) -> str:

@@ -357,7 +357,7 @@ def run_rung(
     limits = judgeable_in(limits, rung.loop, studied.machine.loop)
     claims = _claims_about(studied.machine, law, condition, rung)
     try:
-        run = run_of(studied, law, rung, condition)
+        run = run_of(law, rung, condition)
         measured_limits = [*limits, *chain.from_iterable(claims.values())]
         further = _further_draws(studied, law, rung, condition, measured_limits)
     except SetupError:
@@ -365,17 +365,19 @@ def run_rung(
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
 
-    draws = [_judged_run(run, limits), *_judged_outcomes(further, limits)]
+    draws = _judged_draws(run, further, limits)
     worst = max(draws, key=lambda draw: draw.share)
+    claimed = {}
+    for name, limits_of_claim in claims.items():
+        judged = _judged_draws(run, further, limits_of_claim)
+        claimed[name] = max(draw.share for draw in judged)
     measured = {
         "draws": len(draws),
         "kept_draws": sum(draw.kept for draw in draws),
         "share_of_the_tightest_limit": worst.share,
         "tightest": worst.tightest,
         "shares": worst.shares,
-        "claims": {
-            name: _largest_share(run, further, of_claim) for name, of_claim in claims.items()
-        },
+        "claims": claimed,
     }
     if not run.ended:
         measured |= _shown(run, limits, worst)
@@ -396,16 +398,19 @@ def _judged(shares: dict[str, float], *, completed: bool = True) -> _Draw:
     return _Draw(shares.get(tightest, 0.0), tightest, shares)
 
 
-def _judged_run(run: RunResult, limits: Sequence[Requirement]) -> _Draw:
-    """Judge the recorded run, the first draw."""
+def _judged_draws(
+    run: RunResult, further: Outcomes | None, limits: Sequence[Requirement]
+) -> list[_Draw]:
+    """Judge the recorded run, which is the first draw, and the further ones, if there are any."""
     shares = {limit.name: judge_run(limit, run).share for limit in limits}
-    return _judged(shares, completed=not run.ended)
+    draws = [_judged(shares, completed=not run.ended)]
+    if further is not None:
+        draws += _judged_outcomes(further, limits)
+    return draws
 
 
-def _judged_outcomes(outcomes: Outcomes | None, limits: Sequence[Requirement]) -> list[_Draw]:
-    """Judge further draws, if there are any."""
-    if outcomes is None:
-        return []
+def _judged_outcomes(outcomes: Outcomes, limits: Sequence[Requirement]) -> list[_Draw]:
+    """Judge draws that are not recorded."""
     margins = margins_of(limits, outcomes.columns, outcomes.completed)
     draws = []
     for index, completed in enumerate(outcomes.completed):
@@ -415,15 +420,6 @@ def _judged_outcomes(outcomes: Outcomes | None, limits: Sequence[Requirement]) -
             shares[limit.name] = math.inf if math.isnan(share) else share
         draws.append(_judged(shares, completed=bool(completed)))
     return draws
-
-
-def _largest_share(
-    run: RunResult, further: Outcomes | None, limits: Sequence[Requirement]
-) -> float:
-    """Return the largest share of a claim's limits over all draws; infinite if one ended early."""
-    shares = [judge_run(limit, run).share for limit in limits]
-    shares += [draw.share for draw in _judged_outcomes(further, limits)]
-    return max(shares)
 
 
 def _shown(run: RunResult, limits: Sequence[Requirement], worst: _Draw) -> dict[str, float | None]:
@@ -492,12 +488,7 @@ def _designed(law: StudiedLaw, rung: Rung, condition: Condition) -> tuple[Experi
     return bare, bare.with_settings(**law.sampled).law(rung.plant, law.base)
 
 
-def run_of(
-    studied: Ladder,
-    law: StudiedLaw,
-    rung: Rung,
-    condition: Condition,
-) -> RunResult:
+def run_of(law: StudiedLaw, rung: Rung, condition: Condition) -> RunResult:
     """Run a law on a rung: the first draw, recorded.
 
     Raises:

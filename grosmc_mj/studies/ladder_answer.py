@@ -34,6 +34,7 @@ from grosmc_mj.results.tables import Table, names, number, numbers, table, text,
 from grosmc_mj.studies.ladder import ENDED, Ladder, RungResult, run_of
 from grosmc_mj.studies.matrix import (
     Cell,
+    charts_by_condition,
     conditions_document,
     law_document,
     verdict_chart,
@@ -307,14 +308,9 @@ def assumed_text(studied: Ladder) -> str:
 
 def charts(studied: Ladder, rows: Sequence[RungResult]) -> dict[str, CellChart]:
     """Return the chart of each condition: laws by rungs, one added on top of the other."""
-    found = {}
-    for condition in studied.conditions:
-        cells = [cell_of(row) for row in rows if row.condition == condition.name and row.together]
-        if cells:
-            headings = _headings(studied, together=True)
-            title = f"{condition.name}: {condition.title}"
-            found[condition.name] = verdict_chart(title, cells, headings, climbing=True)
-    return found
+    cells = [cell_of(row) for row in rows if row.together]
+    headings = _headings(studied, together=True)
+    return charts_by_condition(studied.conditions, cells, headings, climbing=True)
 
 
 def alone_chart(studied: Ladder, rows: Sequence[RungResult]) -> CellChart | None:
@@ -484,7 +480,7 @@ def ladder_film(
     # The ideal plant, the rung before the law breaks, that rung, and the complete machine.
     indices = sorted({0, max(breaks_at - 1, 0), breaks_at, last})
     chosen = [rungs[index] for index in indices[:MOST_TAKES]]
-    results = [_rigid(run_of(studied, law, rung, condition)) for rung in chosen]
+    results = [_rigid(run_of(law, rung, condition)) for rung in chosen]
     return film_of(results, form, [rung.name for rung in chosen])
 
 

@@ -50,7 +50,11 @@ class Cell(NamedTuple):
 
 
 def verdict_table(
-    title: str, cells: Iterable[Cell], headings: Mapping[str, str], legend: str = ""
+    title: str,
+    cells: Iterable[Cell],
+    headings: Mapping[str, str],
+    legend: str = "",
+    beside: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Table:
     """Return a table of laws by steps, with the number of each cell.
 
@@ -59,15 +63,18 @@ def verdict_table(
         cells: The cells, at most one of a law and a step.
         headings: Headings of the columns, by step.
         legend: Legend of the table.
+        beside: Columns beside the names of the laws: words by law, by heading.
     """
+    beside = beside or {}
     texts: dict[str, dict[str, str]] = {}
     for cell in cells:
         texts.setdefault(cell.law, {})[cell.step] = cell.text
 
     rows = []
     for law, of_law in texts.items():
-        rows.append([law, *(of_law.get(step, "") for step in headings)])
-    columns = [*words("law"), *numbers(*headings.values())]
+        about = [words_of[law] for words_of in beside.values()]
+        rows.append([law, *about, *(of_law.get(step, "") for step in headings)])
+    columns = [*words("law", *beside), *numbers(*headings.values())]
     return table(title, columns, rows, legend=legend)
 
 
@@ -100,6 +107,27 @@ def verdict_chart(
                 labels.append(cell.mark)
             placed[law, heading] = (_VALUES[cell.verdict], "\n".join(labels), cell.words)
     return CellChart.of(title, placed, 1.0)
+
+
+def charts_by_condition(
+    conditions: Iterable[Condition],
+    cells: Iterable[Cell],
+    headings: Mapping[str, str],
+    *,
+    climbing: bool,
+) -> dict[str, CellChart]:
+    """Return the chart of each condition that has cells, see ``verdict_chart``."""
+    cells_under: dict[str, list[Cell]] = {}
+    for cell in cells:
+        cells_under.setdefault(cell.condition, []).append(cell)
+
+    charts = {}
+    for condition in conditions:
+        if condition.name in cells_under:
+            title = f"{condition.name}: {condition.title}"
+            chart = verdict_chart(title, cells_under[condition.name], headings, climbing=climbing)
+            charts[condition.name] = chart
+    return charts
 
 
 def write_charts(

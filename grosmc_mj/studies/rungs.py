@@ -26,6 +26,7 @@ from grosmc_mj.machine import (
 from grosmc_mj.studies.assumed import (
     AssumedNumber,
     assumed_numbers,
+    in_words,
     require_timestep,
     with_other_numbers,
 )
@@ -131,14 +132,13 @@ def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
 def _assumed(numbers: Sequence[AssumedNumber], rung: str) -> Iterator[str]:
     """Yield the assumed numbers that a rung adds, by the part that has them."""
     kinds, keys = _TABLES[rung]
-    names: dict[tuple[str, str], list[str]] = {}
-    for number in numbers:
-        if number.kind in kinds and (keys is None or number.name in keys):
-            # One owner may have two parts.
-            part = number.path.rpartition(".")[0]
-            names.setdefault((part, number.owner), []).append(number.name)
-    for (_, owner), of_part in names.items():
-        yield f"{owner}: {', '.join(of_part)}"
+    added = [
+        number
+        for number in numbers
+        if number.kind in kinds and (keys is None or number.name in keys)
+    ]
+    for _, words in in_words(added):
+        yield words
 
 
 def varied_rungs(machine: Experiment) -> dict[str, dict[str, Rung]]:

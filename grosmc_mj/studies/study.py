@@ -52,7 +52,7 @@ class StudyCell(Generic[AnyRow]):
 
 
 def dependencies(configuration: Any, conditions: Sequence[Condition]) -> str:
-    """Return all that the rows of a study depend on, as JSON: cases, versions and code.
+    """Return all that the rows of a study depend on, as JSON: cases, models, versions and code.
 
     Args:
         configuration: Configuration of the study.
@@ -62,7 +62,8 @@ def dependencies(configuration: Any, conditions: Sequence[Condition]) -> str:
     for condition in conditions:
         experiment = condition.experiment
         code = sources(named_in(experiment.file), experiment.path.parent)
-        cases.append([case_document(experiment), experiment.document(), code])
+        plant = experiment.nominal.plant.digest
+        cases.append([case_document(experiment), experiment.document(), code, plant])
     return json_text([configuration, cases, versions(), source_digest()])
 
 

@@ -142,16 +142,11 @@ class Tolerance:
         if self.smallest_failed is not None:
             smallest_failed = self._level(self.smallest_failed)
         return {
-            "law": self.law,
-            "condition": self.condition,
-            "kept_ideally": self.kept_ideally,
+            **vars(self),
+            "imperfection": self.imperfection.name,
             "largest_kept": self._level(self.largest_kept),
             "smallest_failed": smallest_failed,
             "kept_again": [[self._level(low), self._level(high)] for low, high in self.kept_again],
-            "breaks": self.breaks,
-            "physics_agrees": self.physics_agrees,
-            "impossible": self.impossible,
-            "imperfection": self.imperfection.name,
         }
 
     def _level(self, factor: float) -> dict[str, float]:
@@ -490,7 +485,8 @@ def _judged(
     margins: list[tuple[float, str]] = []
     for limit in limits:
         margin = float(outcomes[MARGIN + limit.name][row] / limit.number)
-        margins.append((margin, limit.name))
+        # A value that cannot be measured is not kept.
+        margins.append((-math.inf if math.isnan(margin) else margin, limit.name))
     margin, worst = min(margins, default=(1.0, ""))
     return TrialResult(margin >= 0, margin, worst, number)
 

@@ -18,9 +18,15 @@ from grosmc_mj.results.result import (
     Value,
     result,
 )
-from grosmc_mj.results.tables import Table, number, numbers, table, words
+from grosmc_mj.results.tables import Table, number
 from grosmc_mj.studies.imperfections import ALL, Imperfection
-from grosmc_mj.studies.matrix import Cell, conditions_document, law_document, verdict_chart
+from grosmc_mj.studies.matrix import (
+    Cell,
+    charts_by_condition,
+    conditions_document,
+    law_document,
+    verdict_table,
+)
 from grosmc_mj.studies.studied import StudiedLaw
 from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
 
@@ -112,13 +118,12 @@ def least_table(rows: Sequence[Tolerance], title: str) -> Table:
     ordered = sorted(kinds, key=lambda kind: weakest.get(kind, 0.0))
     cells = []
     for law in sorted(kept, key=strength.__getitem__, reverse=True):
-        answers = [least.get((law, kind)) for kind in ordered]
-        texts = [answer.cell if answer else "" for answer in answers]
-        cells.append([law, ", ".join(kept[law]), *texts])
+        cells += [cell_of(least[law, kind]) for kind in ordered if (law, kind) in least]
 
-    headings = [in_lines(kinds[kind].heading, _LETTERS) for kind in ordered]
-    columns = [*words("law", "keeps ideally"), *numbers(*headings)]
-    return table(title, columns, cells, legend=LEGEND)
+    headings = [kinds[kind].heading for kind in ordered]
+    by_step = {heading: in_lines(heading, _LETTERS) for heading in headings}
+    ideally = {law: ", ".join(names) for law, names in kept.items()}
+    return verdict_table(title, cells, by_step, LEGEND, {"keeps ideally": ideally})
 
 
 def cell_of(row: Tolerance) -> Cell:
@@ -147,14 +152,8 @@ def cell_of(row: Tolerance) -> Cell:
 
 def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> dict[str, CellChart]:
     """Return the chart of each condition: laws by imperfections."""
-    found = {}
-    for condition in studied.conditions:
-        cells = [cell_of(row) for row in rows if row.condition == condition.name]
-        if cells:
-            title = f"{condition.name}: {condition.title}"
-            headings = {kind.heading: kind.name for kind in studied.imperfections}
-            found[condition.name] = verdict_chart(title, cells, headings, climbing=False)
-    return found
+    headings = {kind.heading: kind.name for kind in studied.imperfections}
+    return charts_by_condition(studied.conditions, map(cell_of, rows), headings, climbing=False)
 
 
 def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:

@@ -321,7 +321,7 @@ def tiny(backend: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A film of the servo's nominal case that is written."""
     path = tmp_path_factory.mktemp("current") / "tiny.mp4"
     case = find_case("servo", "nominal")
-    write_case_film(case, tiny_film(), path, settings=Settings(), backend=backend, workers=1)
+    write_case_film(case, tiny_film(), path, backend=backend, workers=1)
     return path
 
 

@@ -288,6 +288,16 @@ def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypa
     assert capsys.readouterr().out == first
 
 
+def test_a_finished_law_is_not_read_if_its_code_changes(tmp_path) -> None:
+    target = str(linear(tmp_path))
+    (before,) = disturbance_study(target, "u", "1 A").cells()
+    code = tmp_path / "third.py"
+    code.write_text(code.read_text().replace("return -x[0]", "return -2 * x[0]"))
+    (after,) = disturbance_study(target, "u", "1 A").cells()
+    assert before.key == after.key
+    assert before.depends_on != after.depends_on
+
+
 def test_resume_goes_on_between_the_worst_signal_and_the_largest_bound(
     tmp_path, capsys: Screen, monkeypatch
 ) -> None:

@@ -281,6 +281,14 @@ def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> N
     assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)
 
 
+def test_a_requirement_without_a_measurement_is_not_kept() -> None:
+    columns = {"margin effort": np.array([0.5]), "margin error": np.array([np.nan])}
+    outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
+    limits: Any = [SimpleNamespace(name=name, number=1.0) for name in ("effort", "error")]
+    judged = tolerance._judged(outcomes, 0, limits, 0)
+    assert (judged.kept, judged.worst) == (False, "error")
+
+
 def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path) -> None:
     studied = tolerance_study("servo", ["lqr"])
     rows = [

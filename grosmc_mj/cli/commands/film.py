@@ -119,7 +119,6 @@ class FilmCommand(Command):
             experiment,
             film_of(results, form, laws),
             path,
-            experiment.settings,
             workers=self.workers,
             gif=self.gif,
         )

@@ -12,7 +12,7 @@ from grosmc_mj.cli.command import Command, Target, command
 from grosmc_mj.cli.exit_codes import DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -166,68 +166,53 @@ def _axis_in_words(axis: Array) -> str:
     return f"({components})"
 
 
-class _Numbers:
-    """Numbers that are not zero as texts, by their owner."""
-
-    def __init__(self) -> None:
-        self._texts: dict[str, list[str]] = {}
-
-    def note(
-        self,
-        owner: str,
-        name: str,
-        values: Sequence[float],
-        unit: str,
-    ) -> None:
-        """Add the values of one quantity, unless all are zero."""
+def _nominal_numbers(plant: Plant) -> dict[str, str]:
+    """Return the numbers that are not zero, with their units, in a text for each owner."""
+    texts: dict[str, list[str]] = {}
+    for owner, name, values, unit in _numbers(plant):
         if any(values):
             written = ", ".join(f"{value:.5g}" for value in values)
-            self._texts.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
-
-    def by_owner(self) -> dict[str, str]:
-        """Return a text for each owner."""
-        return {owner: "; ".join(texts) for owner, texts in self._texts.items()}
+            texts.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
+    return {owner: "; ".join(numbers) for owner, numbers in texts.items()}
 
 
-def _nominal_numbers(plant: Plant) -> dict[str, str]:
-    """Return the numbers of the equations and of the model with their units, by their owner."""
-    numbers = _Numbers()
+def _numbers(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]:
+    """Yield owner, name, values and unit of the numbers of the equations and of the model."""
     if plant.kind != "physics" or plant.system.read_parameters is not None:
-        _note_parameters(numbers, plant)
+        yield from _parameters(plant)
     if plant.kind == "physics":
-        _note_model(numbers, plant)
-    return numbers.by_owner()
+        yield from _numbers_of_model(plant)
 
 
-def _note_parameters(numbers: _Numbers, plant: Plant) -> None:
-    """Note the parameters of the equations that are numbers with a unit."""
+def _parameters(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]:
+    """Yield the parameters of the equations that are numbers with a unit."""
     from grosmc_mj.fields import range_of
 
     parameters = plant.analytic().parameters
     for name, value in vars(parameters).items():
         bounds = range_of(type(parameters), name)
         if bounds is None:
-            numbers.note("equations", name, [value], "")
+            yield "equations", name, [value], ""
         elif bounds.unit:
-            numbers.note("equations", name, [value], bounds.unit)
+            yield "equations", name, [value], bounds.unit
 
 
-def _note_model(numbers: _Numbers, plant: Plant) -> None:
-    """Note the numbers of the bodies and joints of a model."""
+def _numbers_of_model(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]:
+    """Yield the numbers of the bodies and joints of a model."""
     model = plant.model
-    numbers.note("world", "gravity", model.opt.gravity, "m/s^2")
+    yield "world", "gravity", model.opt.gravity, "m/s^2"
     for index in range(1, model.nbody):
         body = model.body(index)
-        numbers.note(body.name, "mass", body.mass, "kg")
-        numbers.note(body.name, "principal inertia", body.inertia, "kg m^2")
-        numbers.note(body.name, "centre of mass", body.ipos, "m")
+        yield body.name, "mass", body.mass, "kg"
+        yield body.name, "principal inertia", body.inertia, "kg m^2"
+        yield body.name, "centre of mass", body.ipos, "m"
 
     for index in range(model.njnt):
         joint = model.joint(index)
         units = plant.system.joint_units(joint.name)
-        numbers.note(joint.name, "damping", joint.damping, units["damping"])
-        numbers.note(joint.name, "friction", joint.frictionloss, units["friction"])
-        numbers.note(joint.name, "armature", joint.armature, units["armature"])
+        yield joint.name, "damping", joint.damping, units["damping"]
+        yield joint.name, "friction", joint.frictionloss, units["friction"]
+        yield joint.name, "armature", joint.armature, units["armature"]
 
 
 def _say(console: Console, title: str, words: str) -> None:

@@ -140,7 +140,7 @@ class RunCommand(Command):
                 result.save(folder / f"{name}.{plant}.{law}.{self.save}")
             console.print(f"{len(results)} trajectories in {folder}", soft_wrap=True)
         if self.film:
-            film_runs(console, results, experiment.settings, self.out / FOLDER / f"{name}.mp4")
+            film_runs(console, results, self.out / FOLDER / f"{name}.mp4")
         return answer.kept
 
     def _measured(self, experiment: Experiment) -> Sequence[RunResult]:

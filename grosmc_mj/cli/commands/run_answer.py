@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from grosmc_mj.assumptions.audit import Audit
 from grosmc_mj.assumptions.notes import notes_on
@@ -18,6 +17,7 @@ from grosmc_mj.plants.system import Signal
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.results.result import Result
+from grosmc_mj.studies.assumed import assumed_numbers, in_words
 
 
 def answer_of_run(
@@ -122,11 +122,11 @@ def _loop_lines(experiment: Experiment) -> list[str]:
         "in its loop: y is the true state, u the input that is applied; s is computed from the "
         "measured state, J from the input that the law demands"
     ]
+    numbers = [number for number in assumed_numbers(experiment) if number.kind in LOOP_PARTS]
     assumed = []
-    for kind, table in _tables_of(experiment, LOOP_PARTS):
-        if table.assumed:
-            part = f"{kind} {getattr(table, 'of', '')}".strip()
-            assumed.append(f"{part}: {', '.join(table.assumed)}")
+    for kind, words in in_words(numbers):
+        # The computer is its own owner.
+        assumed.append(words if kind == "computing" else f"{kind} {words}")
     if assumed:
         lines.append(f"assumed of it: {'; '.join(assumed)}")
     lines.extend(loop.words(experiment.nominal.system))
@@ -140,7 +140,8 @@ def _machine_lines(experiment: Experiment) -> list[str]:
         return []
 
     lines = ["on its machine, in physics alone; no law knows of (* is assumed):"]
-    tables = _tables_of(experiment, MACHINE_PARTS)
+    file = experiment.file
+    tables = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
     for (kind, table), part in zip(tables, parts, strict=True):
         numbers = []
         for name in MACHINE_UNITS[kind]:
@@ -153,17 +154,6 @@ def _machine_lines(experiment: Experiment) -> list[str]:
             numbers.append(text)
         lines.append(f"{part.kind} of {part.of}: {', '.join(numbers)}")
     return lines
-
-
-def _tables_of(experiment: Experiment, kinds: Iterable[str]) -> Iterator[tuple[str, Any]]:
-    """Yield the tables of some kinds of parts in the file, each with its kind."""
-    for kind in kinds:
-        content = getattr(experiment.file, kind)
-        if isinstance(content, list):
-            for table in content:
-                yield kind, table
-        elif content:
-            yield kind, content
 
 
 def _rest_lines(experiment: Experiment) -> list[str]:

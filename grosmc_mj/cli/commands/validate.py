@@ -61,7 +61,6 @@ class ValidateCommand(Command):
         """Run the cases, compare them with the record, write and print the result."""
         from grosmc_mj.chapter.expected_results import record_expected
         from grosmc_mj.chapter.validation import Validation
-        from grosmc_mj.experiments.settings import Settings
 
         start = time.perf_counter()
         experiments = self._selected()
@@ -85,7 +84,7 @@ class ValidateCommand(Command):
         console = screen.console()
         console.print(f"{figures} figures; {seconds:.1f} s", style="dim")
         if self.films:
-            film_results(console, done.results, Settings(), self.out)
+            film_results(console, done.results, self.out)
         if self.report:
             report_on(console, [self.out], self.out / REPORT)
         return DIFFERS if done.differences else DONE

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.films import write_with_progress
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
@@ -114,19 +115,7 @@ class FilmedStudyCommand(StudyCommand[AnyStudy, AnyRow]):
         raise NotImplementedError
 
     def film_law(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> None:
-        """Write the film that is asked for, if any, and print its path."""
-        from grosmc_mj.experiments.films import write_case_film
-
-        if not self.film:
-            return
-        film = self.film_of(study, rows)
-        with screen.progress(len(film.times), "frames") as progress:
-            write_case_film(
-                study.case,
-                film,
-                path,
-                settings=study.case.settings,
-                gif=self.gif,
-                advance=lambda: progress(path.name),
-            )
-        screen.say_files(screen.console(), path)
+        """Write the film that is asked for, if any."""
+        if self.film:
+            film = self.film_of(study, rows)
+            write_with_progress(screen.console(), study.case, film, path, gif=self.gif)
