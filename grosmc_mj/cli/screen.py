@@ -184,9 +184,11 @@ def _say_tables(result: Result, *, full: bool, among: bool) -> None:
     for table in tables:
         # The verdict above stands for the title of a single table.
         shown = table.brief(most)
-        if len(tables) == 1:
-            shown = shown.model_copy(update={"title": ""})
-        console().print(shown)
+        title = "" if len(tables) == 1 else shown.title
+        console().print(shown.model_copy(update={"title": title, "legend": ""}))
+        # Below its table a legend would be as narrow.
+        if shown.legend:
+            console().print(shown.legend, style="dim", markup=False)
 
 
 class _Lines:
