@@ -21,10 +21,12 @@ from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.films.offscreen import without_graphics
 from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.batch import Batch
+from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.runs import measurements_of, prepare_run
-from grosmc_mj.sweep.screening import Batch
-from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.sweep.specification import specification_of
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import part_runner
 
 _PLANTS = 4096
 _STEPS = 800

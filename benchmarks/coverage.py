@@ -22,6 +22,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import parse_case_file
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.parameters import parameters_of
+from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.logs.log import Log
 
 # The shipped servo: inertia [kg m^2], torque constant [N m/A].
@@ -55,7 +56,7 @@ def case(folder: Path) -> Experiment:
     """Case that the machines are fitted to."""
     path = folder / "servo_to_identify.toml"
     path.write_text(CASE, encoding="utf-8")
-    return Experiment.of_file(parse_case_file(CASE, path), path)
+    return Experiment.of_file(parse_case_file(CASE, path), path).checked()
 
 
 def machine(number: int, counts: int = 0) -> tuple[Array, Log]:
@@ -127,7 +128,7 @@ def fitted(experiment: Experiment, log: Log) -> Fit:
     """Fit of a machine."""
     parameters = parameters_of(experiment, NAMES)
     plant = experiment.plant("physics")
-    return fit(parameters, log, plant, horizon=1.0, timestep=1e-3)
+    return fit(parameters, Predictor.of(log, horizon=1.0, timestep=1e-3), plant)
 
 
 def estimates(true: Array, found: Fit) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import os
 import re
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -88,6 +89,22 @@ def atomic_write(path: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def require_writable(path: Path) -> None:
+    """Refuse a path where no file can be written, before the work that is to fill it.
+
+    Raises:
+        SetupError: If the folder cannot be made or written, or the path is no regular file.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not path.is_file():
+            raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise cannot_write(path, error) from error
 
 
 def _is_from_writing(part: Path, error: OSError) -> bool:

@@ -11,8 +11,11 @@ import pytest
 from commands import run as run
 
 from grosmc_mj.errors import GrosmcError
-from grosmc_mj.sweep.campaign import Campaign, Specification
-from grosmc_mj.sweep.store import Folder, checksum, part_runner
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.parts import checksum
+from grosmc_mj.sweep.specification import Specification
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import part_runner
 
 PLANT = """
 [plant]

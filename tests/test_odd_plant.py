@@ -21,9 +21,9 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.studies.ladder import ladder, run_rung
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.runs import MARGIN
-from grosmc_mj.sweep.screening import evaluate
 
 MODEL = """
 <mujoco model="odd">

@@ -218,7 +218,7 @@ def _balances(
 ) -> Balance:
     """The balances at instants (N,), states (N, n) and errors (N, size) that move like that."""
     design = law.designed
-    by_model = nominal_law(design, law.parameters, t, x, z)
+    by_model = nominal_law(law, t, x, z)
     dz, pushes, R = by_model.reaching(motion)
 
     # A unit-vector law has one switch for the whole of s, any other law one for each entry.

@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from grosmc_mj.chapter import expected_results
+from grosmc_mj.chapter.agreement import Agreement, agreement_table, disagreements
 from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
@@ -31,7 +32,6 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, number, numbers, table, words
-from grosmc_mj.sweep.agreement import Agreement, agreement_table, disagreements
 
 # Columns of the table of results, and the metric in each.
 _COLUMNS = {

@@ -107,8 +107,10 @@ def answered(
         full: True to print all tables.
         advice: What to do after an interrupt; to start over by default.
     """
+    from grosmc_mj.files import require_writable
     from grosmc_mj.results.document import write_json
 
+    require_writable(path)
     try:
         yield
     except (Exception, KeyboardInterrupt) as end:

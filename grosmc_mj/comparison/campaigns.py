@@ -23,9 +23,9 @@ from grosmc_mj.comparison.intervals import (
     same_plants_rate,
 )
 from grosmc_mj.errors import ArgumentError, one_line
+from grosmc_mj.sweep.manifest import MANIFEST, read_manifest
 from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.sweep.sampled import SampledRuns
-from grosmc_mj.sweep.store import MANIFEST, read_manifest
 
 # Column of the least margin of each run.
 _LEAST_MARGIN = "relative"

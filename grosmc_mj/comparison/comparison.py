@@ -18,7 +18,7 @@ from grosmc_mj.errors import ArgumentError, one_line, value_text
 from grosmc_mj.page.reading import Document, read_results
 from grosmc_mj.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
 from grosmc_mj.results.tables import numbers, phrases, table, words
-from grosmc_mj.sweep.store import leaves
+from grosmc_mj.sweep.manifest import leaves
 
 # Fields of a document that say what it was made from.
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}

@@ -283,14 +283,21 @@ def _sliding(
     printed = AS_PRINTED.switching
     p = _surface_numbers(task, optimum, surface_matrix(G, optimum.B))
     law = partial(laws.grosmc, task.error, linearizing, regulating)
-    design = Design(
-        task.error,
-        optimum,
-        source=source,
-        sliding_unit=_sliding_unit(task.error, p.G, p.GB),
-        linearizing=linearizing,
-        switching=printed.name,
-        switched_law=law,
+    m, n = p.G.shape
+    controller = Controller(
+        "grosmc",
+        law(printed.reach),
+        p,
+        printed.new_memory(m, n),
+        Design(
+            task.error,
+            optimum,
+            source=source,
+            sliding_unit=_sliding_unit(task.error, p.G, p.GB),
+            linearizing=linearizing,
+            switching=printed.name,
+            switched_law=law,
+        ),
     )
 
     numbers: dict[str, float] = {}
@@ -298,21 +305,16 @@ def _sliding(
     if isinstance(gains, Mapping):
         numbers.update(gains)
     else:
-        switching_gains, declared = gains.gains(design, p, task.plant)
+        switching_gains, declared = gains.gains(controller, task.plant)
         numbers["eta"] = switching_gains.eta
         numbers["gamma0"] = switching_gains.gamma0
         numbers["gamma1"] = switching_gains.gamma1
     if np.isfinite(limit):
         numbers["limit"] = limit
 
-    m, n = p.G.shape
-    return Controller(
-        "grosmc",
-        law(printed.reach),
-        replace(p, **numbers),
-        printed.new_memory(m, n),
-        replace(design, gains=_feedback_gains(optimum) | numbers, declared=declared),
-    )
+    shown = _feedback_gains(optimum) | numbers
+    design = replace(controller.designed, gains=shown, declared=declared)
+    return replace(controller, parameters=replace(p, **numbers), design=design)
 
 
 def _surface_numbers(task: Task, optimum: LqrDesign, G: Array) -> GrosmcParameters:

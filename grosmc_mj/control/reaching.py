@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.base import OutputCoordinates
 from grosmc_mj.control.lqr import LqrDesign
 
@@ -74,23 +74,17 @@ class NominalLaw(NamedTuple):
         return Reaching(dz, push, R)
 
 
-def nominal_law(
-    design: Design,
-    p: Any,
-    t: Sequence[float],
-    x: Array,
-    z: Array,
-) -> NominalLaw:
+def nominal_law(law: Controller, t: Sequence[float], x: Array, z: Array) -> NominalLaw:
     """Law at many states by its own model: u_c = E^-1 (v_0 - alpha), or v_0 of a linear law.
 
     Args:
-        design: Its design.
-        p: Its parameters: those of GROSMC, or of a law without a surface, for which G is B+.
+        law: The law; G is B+ for one without a surface.
         t: Times [s], (N,).
         x: States, (N, n).
         z: Error states there, (N, size).
     """
-    optimum = design.lqr
+    optimum = law.designed.lqr
+    p = law.parameters
     G = p.G if hasattr(p, "G") else np.linalg.pinv(optimum.B)
     limit = getattr(p, "limit", math.inf)
     unlimited = -matrix_vector(p.K, z)
@@ -99,7 +93,7 @@ def nominal_law(
     GB = G @ optimum.B
     drift = matrix_vector(G @ optimum.closed_loop, z) + matrix_vector(GB, v_0 - unlimited)
 
-    u_c, E, GE = _inputs(design, p, t, x, v_0, G)
+    u_c, E, GE = _inputs(law, t, x, v_0, G)
     m = len(G)
     E = np.broadcast_to(E, (len(z), m, m))
     GE = np.broadcast_to(GE, (len(z), m, m))
@@ -107,14 +101,14 @@ def nominal_law(
 
 
 def _inputs(
-    design: Design,
-    p: Any,
+    law: Controller,
     t: Sequence[float],
     x: Array,
     v_0: Array,
     G: Array,
 ) -> tuple[Array, Array, Array]:
     """u_c (N, m), E and G_r E, (m, m) each or (N, m, m), at N states."""
+    design = law.designed
     error = design.error
     B = design.lqr.B
     GB = G @ B
@@ -125,7 +119,7 @@ def _inputs(
     if not design.linearizing:
         return v_0, B[rows], GB
 
-    alpha, E = error.dynamics_along(t, x, p)
+    alpha, E = error.dynamics_along(t, x, law.parameters)
     columns = np.linalg.solve(E, (v_0 - alpha)[..., None])
     return columns[..., 0], E, G[:, rows] @ E
 

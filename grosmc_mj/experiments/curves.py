@@ -97,7 +97,7 @@ def panels_of(results: Sequence[RunResult]) -> list[Panel]:
     on_last_plant = [run for run in simulated if run.plant == simulated[-1].plant]
     chattering_first = _chattering_first(on_last_plant)
     panels = _output_panels([*simulated, *measured])
-    panels.append(_deviation_panel(simulated, single=len(panels) == 1))
+    panels.append(_deviation_panel(simulated))
     panels += _state_panels([*simulated, *measured])
     if simulated[0].trajectory.seen is not None:
         panels.append(_measurement_error_panel(chattering_first))
@@ -125,7 +125,7 @@ def panel_of(results: Sequence[RunResult], quantity: str) -> Panel:
     with_surface = [run for run in results if run.trajectory.sliding is not None]
     panels = [
         *_output_panels(results),
-        _deviation_panel(results, single=len(results[0].comparison.outputs) == 1),
+        _deviation_panel(results),
         *_sliding_panels(results, with_surface),
         _input_panel(_chattering_first(results)),
     ]
@@ -171,10 +171,11 @@ def _output(run: RunResult, j: int) -> Array:
     return comparison.reference[:, j] + run.controller.designed.error.sign * error
 
 
-def _deviation_panel(results: Sequence[RunResult], *, single: bool) -> Panel:
+def _deviation_panel(results: Sequence[RunResult]) -> Panel:
     """Return the panel of the distance from the optimum, of a single output with its sign."""
     first = results[0]
     unit = first.controller.designed.error.units[first.comparison.outputs[0]]
+    single = len(first.comparison.outputs) == 1
     distance = "distance from y*" if single else "|y − y*|"
     return Panel(
         label=f"{distance} [{unit}]",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -31,6 +31,7 @@ from grosmc_mj.errors import (
     MistakesError,
     placed,
 )
+from grosmc_mj.experiments.consistency import refuse_inconsistent
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
     known_loop_of_file,
@@ -48,8 +49,7 @@ from grosmc_mj.experiments.laws import LawRequest, design
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import requirements_in
-from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.files import name_in_files
+from grosmc_mj.experiments.settings import Settings, settings_of_file
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.machine import MachinePart
@@ -63,7 +63,6 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.law_inputs import require_answer
-from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.units import in_units
@@ -81,11 +80,8 @@ _OF_FILE = (
     "run_number",
 )
 
-
-# Claims and campaigns ask for the same controllers thousands of times.
+# Claims and campaigns ask for the same loops thousands of times.
 _apply_loop = lru_cache(maxsize=512)(apply_loop)
-_realized = lru_cache(maxsize=512)(realized)
-_sampled = lru_cache(maxsize=512)(Controller.sampled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +162,7 @@ class Experiment:
         folder = path.parent
         nominal = nominal_plant(file, folder)
         system = nominal.system
-        settings = _settings_of(file, nominal)
+        settings = settings_of_file(file, nominal)
 
         mistakes = Mistakes()
         x0 = mistakes.attempt(state_of, file.run.start, system, "run: start", nominal.rest)
@@ -176,8 +172,9 @@ class Experiment:
         edits = mistakes.attempt(partial(edits_of, known=False), file, system)
         parts = mistakes.attempt(machine_of_file, file, system)
         mistakes.refuse()
+        refuse_inconsistent(file, nominal, loop, settings)
 
-        experiment = cls(
+        return cls(
             file=file,
             path=path,
             nominal=nominal,
@@ -194,8 +191,6 @@ class Experiment:
             run_number=run_of_file(file),
             _designs=_designs_for(file, system),
         )
-        _refuse_inconsistent(experiment)
-        return experiment
 
     @property
     def system(self) -> str:
@@ -393,7 +388,11 @@ class Experiment:
                 LawRequest(table, self.file, self.nominal, plant, self.path.parent, period)
             )
         controller = self._designs[key]
-        return _sampled(_realized(controller, self._realization_of(table, controller)), period)
+        realization = self._realization_of(table, controller)
+        realized_key = *key, period, realization
+        if realized_key not in self._designs:
+            self._designs[realized_key] = realized(controller, realization).sampled(period)
+        return self._designs[realized_key]
 
     def applied_loop(self, plant: PlantName, name: str) -> AppliedLoop | None:
         """Return the case's loop around a controller, see ``law``; None without a loop.
@@ -570,15 +569,15 @@ class Experiment:
         owners = {re.split(r"[.\[]", path)[0] for path in changes}
         tables = self.file.model_copy(update={owner: getattr(file, owner) for owner in owners})
         tables._content = content
+        settings = _different(before.settings, after.settings, vars(after.settings))
         changed = replace(
             self,
             file=tables,
-            settings=replace(self.settings, **_different(before.settings, after.settings)),
+            settings=replace(self.settings, **settings),
             _designs=after._designs,
         )
         # All else that was varied stays.
-        values = _different(before, after)
-        values = {name: values[name] for name in _OF_FILE if name in values}
+        values = _different(before, after, _OF_FILE)
         if owners & {"edit", "plant", "design"}:
             values["nominal"] = after.nominal
         return changed.varied(**values)
@@ -749,10 +748,10 @@ def judge(target: str | Path | Experiment) -> list[Judgement]:
     return judge_runs(experiment.limits, list(experiment.runs()))
 
 
-def _different(before: Any, after: Any) -> dict[str, Any]:
-    """Return the attributes of a value that are not those of another one, by name."""
-    values = vars(after)
-    return {name: values[name] for name in values if values[name] != getattr(before, name)}
+def _different(before: Any, after: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Return the attributes of these names that have changed, by name."""
+    values = {name: getattr(after, name) for name in names}
+    return {name: value for name, value in values.items() if value != getattr(before, name)}
 
 
 def _designs_for(file: CaseFile, system: System) -> dict[Any, Controller]:
@@ -761,55 +760,3 @@ def _designs_for(file: CaseFile, system: System) -> dict[Any, Controller]:
         return {}
     task = (file.plant.system, edits_of(file, system, known=True), file.task)
     return _shared_designs.setdefault(repr(task), {})
-
-
-def _settings_of(file: CaseFile, nominal: NominalPlant) -> Settings:
-    """Return the settings of a file, with defaults by its plant."""
-    run = file.run
-    timestep = run.timestep
-    if not timestep and file.plant.system is None:
-        timestep = nominal.plant.step_length
-    timestep = timestep or ANALYTIC_TIMESTEP
-    return Settings(
-        engine=run.engine,
-        control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),
-        timestep=timestep,
-        integrator=run.integrator or nominal.plant.stepped_by,
-    )
-
-
-def _refuse_inconsistent(experiment: Experiment) -> None:
-    """Refuse loops, controllers and plants that do not fit each other."""
-    file = experiment.file
-    nominal = experiment.nominal
-    loop = experiment.loop
-    settings = experiment.settings
-    mistakes = Mistakes()
-    with mistakes.gathered():
-        stride_of(settings.control_period, settings.timestep)
-    if loop is not None:
-        with mistakes.gathered():
-            loop.require_fits(nominal.system, settings.timestep, settings.control_period)
-    for table in file.controller:
-        if table.predict and loop is None:
-            mistakes.note(
-                f"controller {table.called}: predict: there is no loop that it could know: give "
-                "the file a [computing], a [[sensor]] or an [[actuator]]"
-            )
-        if experiment.controllers.count(table.called) > 1:
-            mistakes.note(f"two controllers are called {table.called!r}: give one another name")
-    by_file: dict[str, str] = {}
-    for name in dict.fromkeys(experiment.controllers):
-        other = by_file.setdefault(name_in_files(name), name)
-        if other != name:
-            mistakes.note(
-                f"controllers {other!r} and {name!r} would share the file of "
-                f"{name_in_files(name)}: give one another name"
-            )
-    predicting = [table for table in file.controller if file.law(table.called).predict]
-    if file.known_loop is not None and not predicting:
-        mistakes.note("known_loop: no controller has predict = true, so none knows its loop")
-    for name in file.plant.compare or ():
-        with mistakes.gathered("plant: compare: "):
-            require_known("plant", name, nominal.names)
-    mistakes.refuse()

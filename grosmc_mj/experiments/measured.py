@@ -61,30 +61,27 @@ class MeasuredResult(RunResult):
     @cached_property
     def requirements(self) -> list[Judgement]:
         """Judgements by the requirements that the log can decide."""
-        judged = [item for item in self._asked if not self._why_undecided(item)]
-        return judge_runs(judged, [self])
+        decided = [requirement for requirement, reason in self._limits if not reason]
+        return judge_runs(decided, [self])
 
     @property
     def not_judged(self) -> list[str]:
         """A line on each requirement that the log cannot decide, with the reason."""
-        lines = []
-        for requirement in self._asked:
-            reason = self._why_undecided(requirement)
-            if reason:
-                lines.append(f"not judged on {self.log.name}: {requirement.words}: {reason}")
-        return lines
+        return [
+            f"not judged on {self.log.name}: {requirement.words}: {reason}"
+            for requirement, reason in self._limits
+            if reason
+        ]
 
     @property
-    def _asked(self) -> list[Requirement]:
-        """Requirements of the case's truest plant, asked of the machine instead."""
-        truest = self.case.plant_names[-1]
-        limits = [limit for limit in self.case.limits if truest in limit.plants]
-        of_law = [limit for limit in limits if self.controller.name in limit.laws]
-        return [replace(limit, plants=(self.plant,)) for limit in of_law]
-
-    def _why_undecided(self, requirement: Requirement) -> str:
-        """Return why the log cannot decide a requirement, or nothing."""
-        return requirement.why_not_measured(self.controller, self.known)
+    def _limits(self) -> list[tuple[Requirement, str]]:
+        """Requirements on the truest plant, each with the reason why no log decides it, if any."""
+        limits = []
+        for limit in self.case.limits:
+            if self.case.plant_names[-1] in limit.plants and self.controller.name in limit.laws:
+                reason = limit.why_not_measured(self.controller, self.known)
+                limits.append((replace(limit, plants=(self.plant,)), reason))
+        return limits
 
 
 def measured_results(experiment: Experiment) -> list[MeasuredResult]:

@@ -77,7 +77,7 @@ class NominalPlant:
 
     @property
     def gears(self) -> Mapping[str, float]:
-        """Of each motor of a user's own model, the torque for a command of 1."""
+        """Torque of each motor of a user's own model for a command of 1, by its name."""
         return {} if self.robot is None else dict(self.robot.gears)
 
     @property

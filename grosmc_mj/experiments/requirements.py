@@ -65,14 +65,14 @@ def requirement_of(
     signal = table.state or ""
     if signal:
         _refuse_signal(kind, signal, error)
-    named = table.of or [law.name for law in laws]
     value = getattr(table, kind.key)
-    asked = [law for law in laws if law.name in named and kind.can_be_asked_of(law, value)]
+    named = [law for law in laws if not table.of or law.name in table.of]
+    asked = [law for law in named if kind.can_be_asked_of(law, value)]
     of = tuple(law.name for law in asked)
     kind.refuse_undefined(error, of, signal)
 
     options: dict[str, Any] = {}
-    output_unit = _unit_of("output", laws, named, signal)
+    output_unit = _unit_of("output", error, named, signal)
     if "band" in kind.options and table.band is not None:
         options["band"] = _positive("band", table.band, output_unit)
         options["band_written"] = str(table.band)
@@ -81,9 +81,9 @@ def requirement_of(
     if "periodic" in kind.options and table.periodic:
         _refuse_turn(output_unit, signal, error)
         options["periodic"] = True
-    unit = _unit_of(kind.quantity, laws, named, signal)
+    unit = _unit_of(kind.quantity, error, named, signal)
     if issubclass(kind, Always):
-        sliding_unit = _unit_of("sliding", laws, named, "")
+        sliding_unit = _unit_of("sliding", error, named, "")
         units = named_units(asked[0], sliding_unit)
         options = kind.options_in(dict(table), units, duration)
     else:
@@ -116,9 +116,8 @@ def _refuse_turn(unit: str, signal: str, error: Any) -> None:
         raise ArgumentError("periodic is for one angle: name one of the outputs as state")
 
 
-def _unit_of(quantity: str, laws: Sequence[Controller], named: Sequence[str], signal: str) -> str:
-    """Return the unit of a quantity; of s under the named laws, of ``output`` the signal's."""
-    error = laws[0].designed.error
+def _unit_of(quantity: str, error: Any, laws: Sequence[Controller], signal: str) -> str:
+    """Return the unit of a quantity; of s under these laws, of ``output`` the signal's."""
     if quantity == "output" and signal:
         return signal_units(error)[signal]
     if quantity == "output":
@@ -126,7 +125,7 @@ def _unit_of(quantity: str, laws: Sequence[Controller], named: Sequence[str], si
     if quantity == "input":
         return error.system.inputs[0].unit
     if quantity == "sliding":
-        units = [law.designed.sliding_unit for law in laws if law.name in named]
+        units = [law.designed.sliding_unit for law in laws]
         return next(filter(None, units), "")
     return quantity
 

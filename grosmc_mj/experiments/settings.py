@@ -8,7 +8,10 @@ from typing import Any, Literal, get_args
 from grosmc_mj.arguments import require_known
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.switching import SWITCHINGS
+from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.physics.mujoco_plant import Integrator
+from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.simulate import Engine
 
 Surface = Literal["printed", "discrete"]
@@ -50,3 +53,18 @@ class Settings:
         if getattr(law.law, "python_only", False):
             return "python"
         return self.engine
+
+
+def settings_of_file(file: CaseFile, nominal: NominalPlant) -> Settings:
+    """Return the settings of a file, with defaults by its plant."""
+    run = file.run
+    timestep = run.timestep
+    if not timestep and file.plant.system is None:
+        timestep = nominal.plant.step_length
+    timestep = timestep or ANALYTIC_TIMESTEP
+    return Settings(
+        engine=run.engine,
+        control_period=run.control_period or max(ANALYTIC_TIMESTEP, timestep),
+        timestep=timestep,
+        integrator=run.integrator or nominal.plant.stepped_by,
+    )

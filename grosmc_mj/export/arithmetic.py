@@ -87,8 +87,8 @@ def negation(number: Number) -> Number:
     return Number(f"!{number.within(UNARY)}", True, UNARY, 0, 1, number.effect)
 
 
-def binary_operation(op: ast.operator, a: Number, b: Number, real: str) -> Number:
-    """Return the result of an operator.
+def operation_in_c(op: ast.operator | ast.cmpop, a: Number, b: Number, real: str) -> Number:
+    """Return the result of an operator on two numbers, or of a comparison.
 
     Args:
         op: The operator, one of ``OPERATORS``.
@@ -99,6 +99,8 @@ def binary_operation(op: ast.operator, a: Number, b: Number, real: str) -> Numbe
     Raises:
         NoCError: If C has no such operator for these numbers.
     """
+    if isinstance(op, ast.cmpop):
+        return _comparison(op, a, b)
     whole = a.whole and b.whole
     if isinstance(op, ast.Pow):
         return Number(f"pow_({a.code}, {b.code})")
@@ -133,8 +135,8 @@ def _bounds(op: ast.operator, a: Number, b: Number) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def comparison(op: ast.cmpop, a: Number, b: Number) -> Number:
-    """Return a comparison, with one of ``OPERATORS``."""
+def _comparison(op: ast.cmpop, a: Number, b: Number) -> Number:
+    """A comparison."""
     sign, level, _ = OPERATORS[type(op)]
     code = f"{a.within(_COMPARED_OPERAND)} {sign} {b.within(_COMPARED_OPERAND)}"
     return Number(code, True, level, 0, 1)

@@ -18,15 +18,13 @@ from typing import Any
 
 from grosmc_mj.export.arithmetic import (
     OPERATORS,
-    binary_operation,
     choice,
-    comparison,
     junction,
     known_result,
     negation,
     negative,
+    operation_in_c,
 )
-from grosmc_mj.export.c_text import c_name
 from grosmc_mj.export.lines import Line
 from grosmc_mj.export.program import Program
 from grosmc_mj.export.syntax import NoCError, body_of, nodes_of, refusal
@@ -42,33 +40,28 @@ class Expressions(ast.NodeVisitor):
     Args:
         program: The C that the function is part of.
         function: The Python function.
+        variables: Kinds and bounds of the variables, as far as a writing before has told them.
 
     Attributes:
-        names: Values of parameters, of loops' variables, and of names that are bound once to
-            something else than a number.
-        variables: Kinds and bounds of the variables, as far as assignments have told them.
-        declared: Names of the variables that have a value.
+        names: Values of the names that have one here.
         binding_counts: How often each name is bound.
         lines: The C so far.
         depth: Depth of the block that is written.
         written: Numbers and arrays in C that the function writes into; ``memory`` for any in it.
     """
 
-    def __init__(self, program: Program, function: FunctionType) -> None:
+    def __init__(
+        self, program: Program, function: FunctionType, variables: dict[str, Number]
+    ) -> None:
         self.program = program
         self.function = function
+        self.variables = variables
         self.body = body_of(function)
         self.binding_counts: Counter[str] = Counter()
         for node in nodes_of(self.body):
             if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
                 self.binding_counts[node.id] += 1
-        self.variables: dict[str, Number] = {}
-        self.begin()
-
-    def begin(self) -> None:
-        """Begin to write, once more with what is known of the variables."""
         self.names: dict[str, Any] = {}
-        self.declared: set[str] = set()
         self.lines: list[Line] = []
         self.depth = 0
         self.written: set[str] = set()
@@ -136,8 +129,6 @@ class Expressions(ast.NodeVisitor):
         name = node.id
         if name in self.names:
             return self.names[name]
-        if name in self.declared:
-            return self.variables[name].named(c_name(name))
         if self.binding_counts[name]:
             raise NoCError("has no value here: give it one before")
 
@@ -182,25 +173,22 @@ class Expressions(ast.NodeVisitor):
         """Value of an operation on two numbers."""
         return self.operation(node.op, self.visit(node.left), self.visit(node.right))
 
-    def operation(self, op: ast.operator, left: Any, right: Any) -> Any:
-        """Return the value of an operation."""
+    def operation(self, op: ast.operator | ast.cmpop, left: Any, right: Any) -> Any:
+        """Return the value of an operation on two numbers, or of a comparison."""
         if type(op) not in OPERATORS:
+            if isinstance(op, ast.cmpop):
+                raise NoCError("has no C: write ==, !=, <, <=, > or >=")
             raise NoCError("has no C: write a loop over entries, or use + - * / ** %")
         if is_known(left, right):
             return known_result(OPERATORS[type(op)].compute, left, right)
-        return binary_operation(op, self.number(left), self.number(right), self.program.real)
+        return operation_in_c(op, self.number(left), self.number(right), self.program.real)
 
     def visit_Compare(self, node: ast.Compare) -> Any:
         """Value of comparisons in a row."""
         values = [self.visit(item) for item in (node.left, *node.comparators)]
         conditions = []
         for op, (left, right) in zip(node.ops, itertools.pairwise(values), strict=True):
-            if type(op) not in OPERATORS:
-                raise NoCError("has no C: write ==, !=, <, <=, > or >=")
-            if is_known(left, right):
-                conditions.append(known_result(OPERATORS[type(op)].compute, left, right))
-            else:
-                conditions.append(comparison(op, self.number(left), self.number(right)))
+            conditions.append(self.operation(op, left, right))
         return junction(conditions, suffices=False)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
@@ -209,10 +197,8 @@ class Expressions(ast.NodeVisitor):
 
     def _in_turn(self, nodes: Sequence[ast.expr]) -> Iterator[Any]:
         """Values of conditions; those after the first are not always computed."""
-        first = self.visit(nodes[0])
-        yield first if is_known(first) else self.number(first)
-        for node in nodes[1:]:
-            value = self.visit_if_needed(node)
+        for node in nodes:
+            value = self.visit(node) if node is nodes[0] else self.visit_if_needed(node)
             yield value if is_known(value) else self.number(value)
 
     def visit_IfExp(self, node: ast.IfExp) -> Any:

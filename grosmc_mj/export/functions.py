@@ -47,11 +47,22 @@ def function_in_c(program: Program, function: FunctionType, values: Mapping[str,
     key = function, tuple(signature(value) for value in parameters.values())
     if key not in program.functions:
         program.functions[key] = None
-        program.functions[key] = Translation(program, function, parameters).translated()
+        program.functions[key] = _written(program, function, parameters)
     written = program.functions[key]
     if written is None:
         raise ExportError(f"{where(function)}: {function.__name__} calls itself: write a loop")
     return written
+
+
+def _written(program: Program, function: FunctionType, values: Mapping[str, Any]) -> Function:
+    """The C of a function, written again until its variables keep their kinds and bounds."""
+    variables: dict[str, Number] = {}
+    while True:
+        before = dict(variables)
+        translation = Translation(program, function, variables, values)
+        translation.write(translation.body)
+        if variables == before:
+            return translation.finished()
 
 
 class Translation(Statements):
@@ -60,6 +71,7 @@ class Translation(Statements):
     Args:
         program: The C that the function is part of.
         function: The Python function.
+        variables: Kinds and bounds of the variables, as far as a writing before has told them.
         values: Values of its parameters.
 
     Attributes:
@@ -67,52 +79,41 @@ class Translation(Statements):
         alone: Expressions that are all that a statement computes: a call there may change things.
     """
 
-    def __init__(self, program: Program, function: FunctionType, values: Mapping[str, Any]) -> None:
-        super().__init__(program, function)
+    def __init__(
+        self,
+        program: Program,
+        function: FunctionType,
+        variables: dict[str, Number],
+        values: Mapping[str, Any],
+    ) -> None:
+        super().__init__(program, function, variables)
         self.values = values
         self.alone = whole_expressions(self.body)
-
-    def translated(self) -> Function:
-        """Write the function, again and again until its variables keep their kinds and bounds."""
-        while True:
-            before = dict(self.variables)
-            self.begin()
-            self._name_parameters()
-            self.write(self.body)
-            if self.variables == before:
-                return self._finished()
-            self.widening = True
-
-    def _name_parameters(self) -> None:
-        """Give the parameters their values: arguments in C, and what is known."""
         self.parameters: dict[str, str] = {}
-        for name, value in self.values.items():
-            c = c_name(name)
-            self.fixed.add(name)
-            self.names[name] = value
-            if isinstance(value, Array):
-                self.names[name] = Array(c, value.shape)
-                self.parameters[name] = f"{self.program.real} *{c}"
-            if isinstance(value, Number):
-                self.names[name] = value.named(c)
-                self.parameters[name] = f"{self.program.type_of(value)} {c}"
+        for name, value in values.items():
+            self._name_parameter(name, value)
 
-    def _finished(self) -> Function:
-        """Put head, variables and lines of the function together."""
+    def _name_parameter(self, name: str, value: Any) -> None:
+        """Give a parameter its value: an argument in C, or what is known."""
+        c = c_name(name)
+        self.fixed.add(name)
+        self.names[name] = value
+        if isinstance(value, Array):
+            self.names[name] = Array(c, value.shape)
+            self.parameters[name] = f"{self.program.real} *{c}"
+        if isinstance(value, Number):
+            self.names[name] = value.named(c)
+            self.parameters[name] = f"{self.program.type_of(value)} {c}"
+
+    def finished(self) -> Function:
+        """Put head and lines of the function together."""
         program = self.program
-        variables = []
-        for name in self.hoisted:
-            c = c_name(name)
-            kind = program.type_of(self.variables[name])
-            variables.append(Line(0, f"{kind} {c} = 0;", c))
-        lines = without_hidden_functions(without_unused([*variables, *self.lines]))
-        if lines and lines[-1] == Line(0, "return;"):
-            lines.pop()
+        lines = self._needed_lines()
         text = "\n".join(line.text for line in lines)
 
+        places = {re.split(r"\W", place)[0] for place in self.written}
         parameters = [name for name in self.parameters if mentions(text, c_name(name))]
-        bases = {re.split(r"\W", place)[0] for place in self.written}
-        written = {name for name in parameters if c_name(name) in bases}
+        written = {name for name in parameters if c_name(name) in places}
         declarations = []
         for name in parameters:
             const = "*" in self.parameters[name] and name not in written
@@ -123,23 +124,38 @@ class Translation(Statements):
         if isinstance(self.returns, Array):
             declarations.append(f"{program.real} out[{self.returns.shape[0]}]")
 
-        kind = program.type_of(self.returns) if isinstance(self.returns, Number) else "void"
         name = program.new_name(self.function)
+        kind = program.type_of(self.returns) if isinstance(self.returns, Number) else "void"
         head = f"static {kind} {name}({', '.join(declarations) or 'void'})"
-        doc = (self.function.__doc__ or "").strip().partition("\n\n")[0]
-        about = comment(f"{doc} [{where(self.function)}]")
         body = [part for line in lines for part in line.written()]
         finished = Function(
             name=name,
             values=self.values,
             parameters=parameters,
             returns=self.returns,
-            written=written | ({MEMORY} & bases),
+            written=written | ({MEMORY} & places),
             needs_memory=needs_memory,
-            lines=[about, *wrapped(head, 0), "{", *body, "}", ""],
+            lines=[self._about(), *wrapped(head, 0), "{", *body, "}", ""],
         )
         program.finished.append(finished)
         return finished
+
+    def _needed_lines(self) -> list[Line]:
+        """Variables that are declared first, and the lines, without what nothing needs."""
+        variables = []
+        for name in self.hoisted:
+            c = c_name(name)
+            kind = self.program.type_of(self.variables[name])
+            variables.append(Line(0, f"{kind} {c} = 0;", c))
+        lines = without_hidden_functions(without_unused([*variables, *self.lines]))
+        if lines and lines[-1] == Line(0, "return;"):
+            lines.pop()
+        return lines
+
+    def _about(self) -> str:
+        """Comment on the function: its docstring's first paragraph, and where it stands."""
+        doc = (self.function.__doc__ or "").strip().partition("\n\n")[0]
+        return comment(f"{doc} [{where(self.function)}]")
 
     # Calls.
 

@@ -27,7 +27,7 @@ class Function:
 
     Attributes:
         name: Its name.
-        values: Values of the parameters in Python.
+        values: Values of the parameters in Python; kept, for a program knows some by their id.
         parameters: Names in Python of the parameters that it has in C.
         returns: None for nothing, a number or an array without code, or a known value: then it
             needs no call.

@@ -21,7 +21,8 @@ from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.sweep.family import family_of, random_points
-from grosmc_mj.sweep.parameters import plant_of, with_values
+from grosmc_mj.sweep.quantities import with_values
+from grosmc_mj.sweep.runs import plant_of
 
 # Random plants of a batch: the trajectories of all of them are in memory.
 _BATCH = 25

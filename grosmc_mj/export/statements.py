@@ -29,24 +29,25 @@ class Statements(Expressions):
     Args:
         program: The C that the function is part of.
         function: The Python function.
+        variables: Kinds and bounds of the variables, as far as a writing before has told them.
 
     Attributes:
         returns: See ``Function``.
         fixed: Names that keep one value: parameters, and variables of loops around.
+        declared: Names of the variables that are declared.
         hoisted: Names of variables that are declared before all lines.
         repeats: Number of loops around that are written pass by pass.
         widening: Whether bounds of whole numbers that still grow are given up.
     """
 
-    def __init__(self, program: Program, function: FunctionType) -> None:
-        super().__init__(program, function)
-        self.widening = False
-
-    def begin(self) -> None:
-        """Begin to write, once more with what is known of the variables."""
-        super().begin()
+    def __init__(
+        self, program: Program, function: FunctionType, variables: dict[str, Number]
+    ) -> None:
+        super().__init__(program, function, variables)
+        self.widening = bool(variables)
         self.returns: Any = None
         self.fixed: set[str] = set()
+        self.declared: set[str] = set()
         self.hoisted: list[str] = []
         self.repeats = 0
 
@@ -165,7 +166,7 @@ class Statements(Expressions):
         if isinstance(place, Array) and isinstance(target, ast.Subscript):
             self._fill(place, value)
         elif isinstance(place, Number):
-            if isinstance(value, Number) and value.effect:
+            if isinstance(target, ast.Subscript) and isinstance(value, Number) and value.effect:
                 # Python computes the value before the index.
                 value = self.kept(value)
             self.say(f"{place.code} {how or '= ' + self.number(value).code};")
@@ -210,6 +211,7 @@ class Statements(Expressions):
         elif name not in self.declared:
             self.hoisted.append(name)
         self.declared.add(name)
+        self.names[name] = self.variables[name].named(c)
         self.say(text, defines=c, effect=number.effect)
 
     def _note_bounds(self, name: str, number: Number) -> None:
@@ -247,7 +249,7 @@ class Statements(Expressions):
         if node.orelse or not isinstance(node.target, ast.Name):
             raise NoCError("has no C: write a loop over range(...) with one variable")
         name = node.target.id
-        if name in self.fixed or name in self.declared:
+        if name in self.names:
             raise NoCError(f"{name} has a value already: give the loop another name")
 
         self.fixed.add(name)

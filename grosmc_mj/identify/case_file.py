@@ -11,12 +11,12 @@ import numpy as np
 import tomli_w
 
 from grosmc_mj.errors import ModelError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
 from grosmc_mj.identify.fit import Fit
-from grosmc_mj.plants import System
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.quantities import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0
@@ -46,7 +46,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     settings = experiment.settings
     for quantity, value, _ in fit.estimates:
         run_value = quantity.as_run(value, settings.timestep, settings.control_period)
-        _set(content, quantity, run_value, experiment.nominal.system)
+        _set(content, quantity, run_value, experiment)
     content["uncertain"] = _uncertain_tables(fit, content.get("uncertain", []))
     content["correlation"] = _correlation_tables(fit)
 
@@ -130,14 +130,12 @@ def _written(value: float, unit: str) -> float | str:
     return f"{value:.10g} {unit}"
 
 
-def _set(content: dict[str, Any], quantity: Quantity, value: float, system: System) -> None:
+def _set(content: dict[str, Any], quantity: Quantity, value: float, case: Experiment) -> None:
     """Bring a value into the table that has it."""
-    written = _written(value, quantity.unit)
-    owner = quantity.owner
-    if owner == "disturbance":
+    if quantity.owner == "disturbance":
         _scale_wrench(content, quantity.of, value)
         return
-    quantity.set_in(content, written, system)
+    quantity.write(content, value, case, _written)
 
 
 def _scale_wrench(content: dict[str, Any], label: str, factor: float) -> None:

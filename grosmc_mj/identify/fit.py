@@ -21,9 +21,8 @@ from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
-from grosmc_mj.logs.log import Log
 from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.quantities import Quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,28 +76,23 @@ class Fit:
 
 def fit(
     parameters: Parameters,
-    log: Log,
+    predictor: Predictor,
     plant: Plant,
-    *,
-    horizon: float,
-    timestep: float,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     """Fit the parameters to a log.
 
     Args:
         parameters: The parameters.
-        log: The log.
+        predictor: The log in windows.
         plant: Before any change.
-        horizon: Length of a window [s].
-        timestep: Of the prediction [s].
         progress: Told what is going on.
 
     Raises:
         SetupError: If mujoco.sysid is not there.
         ArgumentError: If the log shows none of the parameters.
     """
-    predictor = Predictor.of(log, horizon, timestep)
+    log = predictor.log
     # In the order of the states, as the residual has them.
     measured = [state.name for state in plant.system.states if state.name in log.states]
     scales = {name: log.deviation(name) for name in measured}
@@ -151,19 +145,16 @@ def _fit_at(
     )
 
 
-def slip(fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float) -> str:
+def slip(fit: Fit, predictor: Predictor, plant: Plant) -> str:
     """Return the sign or unit of a column that would explain a log far better than its fit does.
 
     Args:
         fit: Parameters fitted to the log.
-        log: The log.
+        predictor: The log in windows.
         plant: The case's plant.
-        horizon: Length of a window [s].
-        timestep: Of the prediction [s].
 
     Returns:
         A line on that column; empty where the fit explains the log.
     """
-    predictor = Predictor.of(log, horizon, timestep)
     unexplained = unexplained_share(predictor, fit.model(plant))
     return likely_slip(predictor, LogModel(plant), unexplained)

@@ -127,11 +127,6 @@ def _top_speed(log: Log, position: str, rate: str) -> float:
     return max(speeds)
 
 
-def gears_of(experiment: Experiment) -> Mapping[str, float]:
-    """Of each motor of a user's own model, the torque for a command of 1."""
-    return experiment.nominal.gears
-
-
 def models_of(experiment: Experiment) -> Mapping[str, LogModel]:
     """The plants of a case, the truest one behind its loop, and the machine of its system."""
     case = experiment

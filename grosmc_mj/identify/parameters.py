@@ -15,8 +15,8 @@ from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.family import Quantity, family_of
-from grosmc_mj.sweep.parameters import with_values
+from grosmc_mj.sweep.family import family_of
+from grosmc_mj.sweep.quantities import Quantity, with_values
 
 # Numbers beside the plant's that a log shows: of a load, how late inputs arrive, how a sensor errs.
 _VISIBLE = (

@@ -48,7 +48,7 @@ class Quantity(NamedTuple):
     unit: str
     required: bool
     measured: float
-    predicted: Array
+    predicted: Array = np.zeros(0)
 
     @property
     def median(self) -> float:
@@ -253,22 +253,18 @@ def predict(question: Question, seeds: int, experiment: Experiment | None = None
     runs = _closed_loop(case, question.law, seeds)
     logs = [_log_of(run, question.log) for run in runs]
 
-    measured = _values(question.experiment, question.log, question.law)
-    predicted = []
+    quantities = _quantities(question.experiment, question.log, question.law)
+    predicted: dict[str, list[float]] = {name: [] for name in quantities}
     for run, log in zip(runs, logs, strict=True):
-        values = _values(question.experiment, log, question.law)
-        if run.status is not Status.COMPLETED:
-            values = {name: value._replace(number=math.inf) for name, value in values.items()}
-        predicted.append(values)
-
-    quantities = []
-    for name, value in measured.items():
-        numbers = np.array([values[name].number for values in predicted])
-        quantities.append(
-            Quantity(name, value.label, value.unit, value.required, value.number, numbers)
-        )
+        of_run = _quantities(question.experiment, log, question.law)
+        for name, values in predicted.items():
+            completed = run.status is Status.COMPLETED
+            values.append(of_run[name].measured if completed else math.inf)
+    compared = []
+    for name, quantity in quantities.items():
+        compared.append(quantity._replace(predicted=np.array(predicted[name])))
     misfits = np.array([_misfit(case, log, question.log) for log in logs])
-    return Prediction(question.log, runs, logs, quantities, misfits)
+    return Prediction(question.log, runs, logs, compared, misfits)
 
 
 def _closed_loop(experiment: Experiment, law: str, seeds: int) -> Sequence[Trajectory]:
@@ -321,31 +317,23 @@ def _after_rest(log: Log, delay: float) -> Log:
     )
 
 
-class _Value(NamedTuple):
-    """A number of a run, with what ``Quantity`` says of it; infinite for never."""
-
-    number: float
-    label: str
-    unit: str
-    required: bool
-
-
-def _values(experiment: Experiment, log: Log, law: str) -> Mapping[str, _Value]:
+def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Quantity]:
     """Return the numbers of a log by their names: those that requirements ask for first."""
     run = run_of_log(experiment, log, law, Path(log.name))
-    values = {}
+    quantities = {}
     for judgement in run.requirements:
         requirement = judgement.requirement
-        number = math.inf if judgement.measured is None else judgement.measured
+        name = requirement.words
         label = requirement.key.removesuffix("_within").removesuffix("_below")
         label = f"{requirement.signal} {label}".strip().replace("_", " ")
-        values[requirement.words] = _Value(number, label, requirement.unit, True)
-    for name in _REPORTED:
-        metric = run.metrics[name]
+        number = math.inf if judgement.measured is None else judgement.measured
+        quantities[name] = Quantity(name, label, requirement.unit, True, number)
+    for key in _REPORTED:
+        metric = run.metrics[key]
         if metric.value is not None:
-            label = name.replace("_", " ")
-            values[label] = _Value(metric.value, label, metric.unit, False)
-    return values
+            name = key.replace("_", " ")
+            quantities[name] = Quantity(name, name, metric.unit, False, metric.value)
+    return quantities
 
 
 def _misfit(experiment: Experiment, log: Log, measured: Log) -> float:

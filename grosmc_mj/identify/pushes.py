@@ -51,9 +51,9 @@ def unexplained_moments(
 def _unusual(predictor: Predictor, model: LogModel) -> NDArray[np.bool_]:
     """Which windows a machine follows far worse than the others, (windows,)."""
     log = predictor.log
-    (states,) = predictor.states([model], [fitted_starts(predictor, model)])
+    errors = predictor.errors_from(model, fitted_starts(predictor, model))
     unusual = np.zeros(len(predictor.windows), bool)
-    for name, parts in predictor.errors(states, model).items():
+    for name, parts in errors.items():
         rms = np.array([_rms(part) for part in parts])
         usual = max(float(np.median(rms)), log.deviation(name))
         unusual |= ~(rms < _UNUSUAL * usual)

@@ -46,14 +46,16 @@ class Quality(NamedTuple):
     white: bool | None
 
 
-def residuals(
-    fit: Fit, log: Log, plant: Plant, horizon: float, timestep: float
-) -> dict[str, list[tuple[slice, Array]]]:
+def residuals(fit: Fit, predictor: Predictor, plant: Plant) -> dict[str, list[tuple[slice, Array]]]:
     """The samples and the residual of each measured state in each window, in its unit.
 
     The starts of the windows are fitted to the log, the parameters are not.
+
+    Args:
+        fit: The fit.
+        predictor: The log in windows.
+        plant: Before any change.
     """
-    predictor = Predictor.of(log, horizon, timestep)
     none_free = np.zeros(len(fit.values), bool)
     residual = residual_of(fit.parameters, none_free, predictor, plant, fit.scales, fit.values)
     errors = residual.errors(searched(residual, residual.point(fit.values)))

@@ -208,6 +208,11 @@ class Predictor:
             errors[state.name] = by_window
         return errors
 
+    def errors_from(self, model: LogModel, starts: Array) -> dict[str, list[Array]]:
+        """The ``errors`` of a machine from the starts of the windows, (windows, n)."""
+        (states,) = self.states([model], [starts])
+        return self.errors(states, model)
+
     def _at_samples(self, window: Window, values: Array, delay: float) -> Array:
         """Values on the timesteps of a window at the instants of its samples, later by a delay."""
         times = self.log.time[window.samples] - window.start - delay

@@ -25,7 +25,7 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.quantities import Quantity
 
 # Words for the residual.
 _WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}

@@ -85,6 +85,5 @@ def unexplained_share(predictor: Predictor, model: LogModel) -> float:
 def _error_norms(predictor: Predictor, model: LogModel) -> Array:
     """Norm of the prediction error of each measured state."""
     starts = first_guess(predictor.log, predictor.windows, model)
-    (states,) = predictor.states([model], [starts])
-    errors = predictor.errors(states, model)
+    errors = predictor.errors_from(model, starts)
     return np.array([np.linalg.norm(np.concatenate(parts)) for parts in errors.values()])

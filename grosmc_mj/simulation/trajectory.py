@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,18 +136,18 @@ class Trajectory:
         if self.state.ndim != 2:
             raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
 
-        columns = [_Column("time", "s", self.time)]
+        # Unit and values of each column by its name.
+        columns = {"time": ("s", self.time)}
         signals = {}
         for signal, labels, rows in self._signals(sliding_unit):
-            names_so_far = {column.name for column in columns}
-            names = [f"{signal} {name}" if name in names_so_far else name for name, _ in labels]
+            names = [f"{signal} {name}" if name in columns else name for name, _ in labels]
             signals[signal] = names, rows.shape[1:]
 
             # A signal that is held over intervals has no value at the last instant.
             held = np.full((len(self.time), len(names)), np.nan)
             held[: len(rows)] = rows.reshape(len(rows), -1)
             for name, (_, unit), values in zip(names, labels, held.T, strict=True):
-                columns.append(_Column(name, unit, values))
+                columns[name] = unit, values
 
         about = {
             "system": self.system.name,
@@ -266,20 +266,6 @@ class Trajectory:
 _Labels = list[tuple[str, str]]
 
 
-class _Column(NamedTuple):
-    """A column of a file.
-
-    Attributes:
-        name: Name.
-        unit: Unit; empty where it is not known.
-        values: Values, (N + 1,); NaN for none.
-    """
-
-    name: str
-    unit: str
-    values: Array
-
-
 def _labels(signals: Sequence[Any], pattern: str = "{}") -> _Labels:
     """Labels of named signals with a unit; the pattern takes the name."""
     return [(pattern.format(signal.name), signal.unit) for signal in signals]
@@ -302,15 +288,20 @@ def _wrench_labels(system: System) -> _Labels:
     return labels
 
 
-def _table(columns: Sequence[_Column], about: str) -> Any:
-    """Columns with their units as a ``pyarrow.Table``; NaN becomes a missing value."""
+def _table(columns: Mapping[str, tuple[str, Array]], about: str) -> Any:
+    """Columns with their units as a ``pyarrow.Table``; NaN becomes a missing value.
+
+    Args:
+        columns: Unit, empty where it is not known, and values, (N + 1,), of each by its name.
+        about: Description of the run.
+    """
     import pyarrow as pa
 
     fields = []
     arrays = []
-    for column in columns:
-        fields.append(pa.field(column.name, pa.float64(), metadata={"unit": column.unit}))
-        arrays.append(pa.array(column.values, pa.float64(), from_pandas=True))
+    for name, (unit, values) in columns.items():
+        fields.append(pa.field(name, pa.float64(), metadata={"unit": unit}))
+        arrays.append(pa.array(values, pa.float64(), from_pandas=True))
     return pa.table(arrays, schema=pa.schema(fields, metadata={_ABOUT: about}))
 
 

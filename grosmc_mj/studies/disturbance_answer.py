@@ -36,7 +36,7 @@ from grosmc_mj.results.tables import Table, names, numbers, table, words
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.studies.bounded_disturbance import BoundedDisturbance
 from grosmc_mj.studies.disturbance import AGREES, ENDED, DisturbanceStudy, WorstDisturbance, watched
-from grosmc_mj.sweep.plant_file import written
+from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.runs import Row, recorded_runs
 
 # Points of a curve.

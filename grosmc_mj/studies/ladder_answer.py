@@ -428,7 +428,9 @@ def _answers(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> 
             continue
         passed = all(rungs[-1].rung == top and rungs[-1].kept for rungs in climbed.values())
         judgement = KEPT if passed else NOT_KEPT
-        words = f"{condition.name}: {verdict(studied, rows, condition.name)}"
+        words = verdict(studied, rows, condition.name)
+        if len(studied.conditions) > 1:
+            words = f"{condition.name}: {words}"
         if not complete:
             judgement = OPEN
             words += " Interrupted: not complete."

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-import tomli_w
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.notes import notes_on_plant
 from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes, unknown_name
+from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
-from grosmc_mj.experiments.file.reading import case_file_of, parse_case_file
-from grosmc_mj.experiments.file.schema import CaseFile, file_name
-from grosmc_mj.experiments.file.shipped import campaign_files, find_file, shipped_files
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.fields import Range, checked
 from grosmc_mj.loop.loop import RANDOM
-from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import (
     decidable,
@@ -38,139 +31,11 @@ from grosmc_mj.requirements.measurement import Measurement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.sweep.family import Family, Quantity, corner_points, family_of, inside, random_points
-from grosmc_mj.sweep.parameters import plant_of, with_values
+from grosmc_mj.sweep.family import Family, corner_points, family_of, inside, random_points
+from grosmc_mj.sweep.quantities import Quantity, with_values
+from grosmc_mj.sweep.runs import plant_of
 from grosmc_mj.sweep.search import largest_passing
-
-# Plants of one part: enough to fill all cores, few enough to lose little and to fit in memory.
-SHARD = 512
-_MOST_PARTS = 10**7
-# Time of one run or of a control period [s]: eleven days at most.
-_Time = Annotated[float, Range(0, 1e6, unit="s", above=True)] | None
-
-
-@checked()
-class Specification:
-    """Family of plants and how much of it is run.
-
-    Attributes:
-        name: Name of the campaign.
-        text: The case file, with all that it extends.
-        folder: Folder of the case file and of what it names.
-        runs: Number of plants; each meets every controller.
-        seed: Seed of the sampler.
-        sampler: ``random``, which alone gives intervals, or ``corners``.
-        controllers: Names of the laws to run; empty for all controllers of the file.
-        control_period: Control period instead of the file's [s].
-        duration: Duration of each run instead of the file's [s].
-        integrator: Integrator instead of the file's: ``implicitfast`` is several times as fast as
-            ``RK4``.
-        shard: Number of plants of one part.
-        screen: ``auto``, ``equations`` or ``none``: whether runs are made on the equations, and in
-            MuJoCo only those that need it.
-    """
-
-    name: str
-    text: str
-    folder: str
-    runs: Annotated[int, Range(1, 10**12, whole=True)] = 1024
-    seed: Annotated[int, Range(0, 2**63, whole=True, below=True)] = 0
-    sampler: Literal["random", "corners"] = "random"
-    controllers: tuple[str, ...] = ()
-    control_period: _Time = None
-    duration: _Time = None
-    integrator: Integrator | None = None
-    shard: Annotated[int, Range(1, 10**6, whole=True)] = SHARD
-    screen: Literal["auto", "equations", "none"] = "auto"
-
-    def __post_init__(self) -> None:
-        if self.shards > _MOST_PARTS:
-            raise ArgumentError(
-                f"{self.runs} runs in parts of {self.shard} are {self.shards} parts: at most "
-                f"{_MOST_PARTS} are kept; take a larger shard"
-            )
-        try:
-            file_name(self.name)
-        except ValueError as error:
-            raise ArgumentError(f"name: {error}") from None
-
-    @property
-    def path(self) -> Path:
-        """Path of the case file."""
-        return Path(self.folder) / f"{self.name}.toml"
-
-    @property
-    def file(self) -> CaseFile:
-        """The case file with the specification's own numbers."""
-        file = parse_case_file(self.text, self.path)
-        options = {
-            "control_period": self.control_period,
-            "duration": self.duration,
-            "integrator": self.integrator,
-        }
-        numbers = {name: value for name, value in options.items() if value is not None}
-        run = file.run.model_copy(update=numbers)
-
-        plant = file.plant
-        if plant.system is not None or plant.model is not None:
-            # There is a model, and campaigns run in MuJoCo: no laws are designed for other plants.
-            plant = plant.model_copy(update={"compare": ["physics"]})
-        return file.model_copy(update={"run": run, "plant": plant})
-
-    @property
-    def shards(self) -> int:
-        """Number of parts."""
-        return -(-self.runs // self.shard)
-
-    def ids(self, index: int) -> range:
-        """Return the numbers of the runs in one part."""
-        first = index * self.shard
-        return range(first, min(first + self.shard, self.runs))
-
-    def document(self) -> dict[str, Any]:
-        """Return its plain values."""
-        return {**asdict(self), "controllers": list(self.controllers)}
-
-    @classmethod
-    def of_document(cls, content: dict[str, Any]) -> Specification:
-        """Read a specification from plain values.
-
-        Raises:
-            ArgumentError: If they are not those of a specification.
-        """
-        controllers = tuple(content.get("controllers", ()))
-        return cls(**{**content, "controllers": controllers})
-
-
-def specification_of(target: str, **options: Any) -> Specification:
-    """Return the specification of a campaign on a system of the package or a file.
-
-    Args:
-        target: Name of a system, of a case of the package, or path of a case file.
-        options: Other attributes of ``Specification``; None for the default.
-
-    Raises:
-        ArgumentError: If there is no such file, or a number does not fit.
-    """
-    path = _path_of(target)
-    content = read_content(path)
-    name = case_file_of(content, path).name
-    text = tomli_w.dumps(content)
-    folder = str(path.parent.resolve())
-    options = {name: value for name, value in options.items() if value is not None}
-    return Specification(name=name, text=text, folder=folder, **options)
-
-
-def _path_of(target: str) -> Path:
-    """The case file of a system, of a case or of a path."""
-    files = {**shipped_files(), **campaign_files()}
-    if target in files:
-        return files[target]
-    if Path(target).exists() or Path(target).suffix == ".toml":
-        return find_file(target)
-    valid = [*campaign_files(), "or a path that ends in .toml"]
-    raise ArgumentError(unknown_name("system", target, valid))
-
+from grosmc_mj.sweep.specification import Specification, specification_of
 
 # How far a family is scaled at most, by searches and promises...
 LARGEST_SCALE = 8.0
@@ -178,6 +43,7 @@ LARGEST_SCALE = 8.0
 _FINE = 1e-3
 # Owners of uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
 _OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
+_OF_LOOPS = tuple(LOOP_PARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,24 +120,46 @@ class Campaign:
         plant_of(nominal, self.plant)
         for requirement in self.requirements:
             requirement.refuse_start(self.laws[requirement.laws[0]], nominal.x0)
-        for owners in (_OF_MACHINES, LOOP_PARTS):
-            for values in _extremes(self.family, owners):
-                self._refuse_extreme(values, owners)
+        self._refuse_extremes(_OF_MACHINES, self._compile_machine)
+        self._refuse_extremes(_OF_LOOPS, self._make_loops)
         for law in self.laws.values():
             self._refuse_unmeasured(law)
 
-    def _refuse_extreme(self, values: Array, owners: Collection[str]) -> None:
-        """Refuse values (d,) with which there is no machine or no loop."""
-        try:
-            self._build(values, owners)
-        except GrosmcError as error:
-            pairs = zip(self.family.quantities, values.tolist(), strict=True)
-            words = [number.words(value) for number, value in pairs if number.owner in owners]
-            raise ArgumentError(
-                f"uncertain: {' and '.join(words)} can occur, where there is no such "
-                f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the ranges "
-                "or, where delays must be equal, let that of computing = true vary instead"
-            ) from error
+    def _refuse_extremes(self, owners: Collection[str], make: Callable[[Array], None]) -> None:
+        """Refuse ranges at whose ends there is no machine or no loop.
+
+        Args:
+            owners: Owners of the numbers that are at their ends.
+            make: Makes machine or loop with values (d,) of all numbers.
+        """
+        for values in _extremes(self.family, owners):
+            try:
+                make(values)
+            except GrosmcError as error:
+                pairs = zip(self.family.quantities, values.tolist(), strict=True)
+                words = [number.words(value) for number, value in pairs if number.owner in owners]
+                raise ArgumentError(
+                    f"uncertain: {' and '.join(words)} can occur, where there is no such "
+                    f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the "
+                    "ranges or, where delays must be equal, let that of computing = true vary "
+                    "instead"
+                ) from error
+
+    def _compile_machine(self, values: Array) -> None:
+        """Make a case with values (d,), and compile its machine, if it has parts as built."""
+        case = self.plant_sample(values)
+        if isinstance(self.plant, MujocoPlant) and self.plant.parts:
+            plant: Any = plant_of(case, self.plant)
+            _ = plant.undrawn_model
+
+    def _make_loops(self, values: Array) -> None:
+        """Make a case with values (d,), and put every law into its loop, if it has one."""
+        case = self.plant_sample(values)
+        if case.loop is None:
+            return
+        for name, law in self.laws.items():
+            predict = self.experiment.predicts(name)
+            self.experiment.loop_around(law, case.loop, predict=predict)
 
     def _refuse_unmeasured(self, law: Controller) -> None:
         """Refuse a law that cannot be run or measured, and an error after the end of its run."""
@@ -294,17 +182,6 @@ class Campaign:
                 raise ArgumentError(
                     f"an error after {after:g} s: the last timestep of a run begins at {last:g} s"
                 )
-
-    def _build(self, values: Array, owners: Collection[str]) -> None:
-        """Compile a machine and put every law into its loop: shows whether there is such a run."""
-        sample = self.plant_sample(values)
-        if owners is LOOP_PARTS and sample.loop is not None:
-            for name, law in self.laws.items():
-                predict = self.experiment.predicts(name)
-                self.experiment.loop_around(law, sample.loop, predict=predict)
-        if owners is _OF_MACHINES and isinstance(self.plant, MujocoPlant) and self.plant.parts:
-            plant: Any = plant_of(sample, self.plant)
-            _ = plant.undrawn_model
 
     @property
     def judged(self) -> list[str]:
@@ -333,7 +210,7 @@ class Campaign:
         """Whether there are machines at the ends of the ranges, scaled."""
         try:
             for values in _extremes(self.family, _OF_MACHINES):
-                self._build(self.family.scaled(values, scale), _OF_MACHINES)
+                self._compile_machine(self.family.scaled(values, scale))
         except GrosmcError:
             return False
         return True

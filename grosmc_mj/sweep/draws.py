@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.requirements.judging import Judgement, margins_of
 from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
 
@@ -24,6 +24,18 @@ def require_draws(draws: int) -> None:
     """
     if not 1 <= draws <= _MOST_DRAWS:
         raise ArgumentError(f"--draws {draws} must be from 1 to {_MOST_DRAWS}")
+
+
+def drawn_case(case: Experiment, number: int) -> Experiment:
+    """Return a case with the loop of a draw; draw 0 is the case itself.
+
+    Args:
+        case: The case.
+        number: Number of the draw, to be added to the number of the run, too.
+    """
+    if number == 0 or case.loop is None:
+        return case
+    return case.varied(loop=case.loop.draw(number))
 
 
 def judged_over_draws(result: RunResult, draws: int) -> RunResult:
@@ -51,10 +63,9 @@ def judged_over_draws(result: RunResult, draws: int) -> RunResult:
 def _row(result: RunResult, number: int) -> Row:
     """Return the row of a further draw of a run."""
     case = result.case
-    assert case.loop is not None
     return Row(
         result.controller,
-        case=case.varied(loop=case.loop.draw(number)),
+        case=drawn_case(case, number),
         number=case.run_number + number,
         plant=result.true,
         predict=case.predicts(result.controller.name),

@@ -1,13 +1,13 @@
-"""The uncertain numbers of a campaign: distributions, points of the unit cube, their values."""
+"""The family of a case file: its uncertain numbers, their correlation, points and values."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -16,141 +16,25 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, Mistakes
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS, in_model
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model, unit_of
 from grosmc_mj.experiments.file.schema import (
+    QUANTITIES,
     CaseFile,
     CorrelationTable,
     DistributionTable,
     UncertainTable,
 )
-from grosmc_mj.machine.part import MOST
-from grosmc_mj.plants import Plant
+from grosmc_mj.plants import Plant, System
 from grosmc_mj.requirements.metrics import may_be_stored
-from grosmc_mj.results.tables import shown_unit
-from grosmc_mj.sweep.parameters import Parameter
+from grosmc_mj.sweep.distributions import distribution
+from grosmc_mj.sweep.quantities import (
+    QUANTITY_KINDS,
+    AddedMassQuantity,
+    Quantity,
+    state_index,
+)
 from grosmc_mj.sweep.runs import MARGIN
 from grosmc_mj.units import number_in, numbers_of, si_number
-
-_ENDS = ("least", "most")
-
-
-class _Kind(NamedTuple):
-    """Kind of distribution.
-
-    Attributes:
-        needed: Names of the numbers that it needs.
-        allowed: Names of the numbers that it may have besides: where it is cut off.
-        frozen: scipy's distribution with these numbers.
-    """
-
-    needed: tuple[str, ...]
-    allowed: tuple[str, ...]
-    frozen: Callable[..., Any]
-
-
-def _uniform(least: float, most: float) -> Any:
-    return stats.uniform(least, most - least)
-
-
-def _loguniform(least: float, most: float) -> Any:
-    return stats.loguniform(least, most)
-
-
-def _triangular(least: float, most: float, mode: float) -> Any:
-    return stats.triang((mode - least) / (most - least), least, most - least)
-
-
-def _normal(mean: float, deviation: float, **_ends: float) -> Any:
-    return stats.norm(mean, deviation)
-
-
-def _lognormal(median: float, spread: float, **_ends: float) -> Any:
-    return stats.lognorm(spread, scale=median)
-
-
-_KINDS: Mapping[str, _Kind] = {
-    "uniform": _Kind(_ENDS, (), _uniform),
-    "loguniform": _Kind(_ENDS, (), _loguniform),
-    "triangular": _Kind((*_ENDS, "mode"), (), _triangular),
-    "normal": _Kind(("mean", "deviation"), _ENDS, _normal),
-    "lognormal": _Kind(("median", "spread"), _ENDS, _lognormal),
-}
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """A distribution of scipy, cut off at both ends of its support.
-
-    Attributes:
-        frozen: scipy's frozen distribution, not cut off.
-        support: Smallest and largest value; infinite where it has none.
-        words: Kind and numbers, for people.
-    """
-
-    frozen: Any
-    support: tuple[float, float]
-    words: str
-
-    def quantiles(self, u: Array) -> Array:
-        """Values below which a share u (n,) of the distribution lies, (n,)."""
-        low, high = self.frozen.cdf(self.support)
-        values = self.frozen.ppf(low + (high - low) * u)
-        return np.clip(values, *self.support)
-
-
-def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distribution:
-    """Return the distribution that a file's range or table describes.
-
-    Args:
-        spread: ``[least, most]``, or a table of numbers.
-        unit: Unit of the quantity.
-
-    Raises:
-        ArgumentError: If a number is missing, or the numbers make no distribution.
-    """
-    if not isinstance(spread, DistributionTable):
-        least, most = spread
-        spread = DistributionTable(distribution="uniform", least=least, most=most)
-
-    kind = _KINDS[spread.distribution]
-    numbers = _numbers(spread, kind, unit)
-    listed = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-    words = f"{spread.distribution}: {listed}"
-
-    least = numbers.get("least", -np.inf)
-    most = numbers.get("most", np.inf)
-    if least < most:
-        frozen = kind.frozen(**numbers)
-        # The ends of the table: far out, a quantile function does not find them again.
-        low, high = frozen.support()
-        support = max(least, float(low)), min(most, float(high))
-        share_below, share_up_to = frozen.cdf(support)
-        if share_below < share_up_to:
-            return Distribution(frozen, support, words)
-    raise ArgumentError(
-        f"{words} is no distribution: least must be below most with some values between them, mode "
-        "from least to most; deviation, median, spread and least of loguniform must be positive"
-    )
-
-
-def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, float]:
-    """The numbers of a table, by name.
-
-    Raises:
-        ArgumentError: If one is missing, or one that the kind does not have is there.
-    """
-    names = [name for name in DistributionTable.model_fields if name != "distribution"]
-    numbers = numbers_of(table, names, lambda name: "" if name == "spread" else unit)
-
-    needed = set(kind.needed)
-    if not needed <= numbers.keys() <= needed.union(kind.allowed):
-        expected = " and ".join(kind.needed)
-        if kind.allowed:
-            expected += f" and may have {' and '.join(kind.allowed)}"
-        present = ", ".join(numbers) or "nothing"
-        raise ArgumentError(f"{table.distribution} needs {expected}, not {present}")
-    return numbers
-
 
 # Share of a range without an end that searches leave out there, where nothing is the worst.
 _TAIL = 0.001
@@ -204,58 +88,6 @@ def inside(points: Array) -> Array:
 SCREENING = {"judged_by": "", "screened": "1", "overturned": "1", "drawn": "1", "band": "1"}
 # Columns of the results, beside the uncertain numbers.
 _RESERVED = {"id", "controller", "relative", "order", "status", "ended", *SCREENING}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quantity(Parameter):
-    """One uncertain number.
-
-    Attributes:
-        name: Its name.
-        unit: Unit of its values; empty for a factor.
-        distribution: Distribution of its values.
-        nominal: Value without uncertainty.
-    """
-
-    name: str
-    unit: str
-    distribution: Distribution
-    nominal: float = 0.0
-
-    @property
-    def shown_unit(self) -> tuple[str, float]:
-        """The unit that people read, and the factor to it; frequencies stay in rad/s."""
-        if self.quantity in ("frequency", "bandwidth"):
-            return self.unit, 1.0
-        return shown_unit(self.unit)
-
-    def words(self, value: float) -> str:
-        """Return a value with its name, in the unit that people read."""
-        unit, factor = self.shown_unit
-        return f"{self.name} {value * factor:.4g} {unit}".rstrip()
-
-    def physical(self, value: float) -> bool:
-        """Whether a plant can have this value; of a range without an end, one that is far out."""
-        return self.bounds.holds(max(-MOST, min(value, MOST)))
-
-    def ends(self, scale: float) -> tuple[float, float]:
-        """Smallest and largest value at a scale of the uncertainty; infinite where it has none."""
-        low, high = self.distribution.support
-        smallest = self.nominal + scale * (low - self.nominal)
-        largest = self.nominal + scale * (high - self.nominal)
-        return smallest, largest
-
-    @property
-    def largest_scale(self) -> float:
-        """The factor on distances from the nominal value up to which all values are physical."""
-        low, high = self.distribution.support
-        down = up = math.inf
-        if low < self.nominal:
-            down = (self.nominal - self.bounds.low) / (self.nominal - low)
-        if high > self.nominal:
-            # A share of samples stays below all of them.
-            up = (self.bounds.high - self.nominal) / (high - self.nominal) * (1 - 1e-9)
-        return min(down, up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,20 +197,12 @@ def family_of(file: CaseFile, case: Experiment, plant: Plant) -> Family:
     mistakes.refuse()
 
     names = [number.name for number in quantities]
-    _refuse_twice("uncertain", [_words(number) for number in quantities])
+    _refuse_twice("uncertain", [number.place_words for number in quantities])
     _refuse_twice("called", names)
     for name in names:
         if name in _RESERVED or name.startswith(MARGIN) or may_be_stored(name):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
-
-
-def _words(number: Quantity) -> str:
-    """The number as messages name it; the owner where the name alone does not tell it."""
-    words = f"{number.of} {number.quantity}"
-    if number.of_loop or number.owner in MACHINE_PARTS:
-        return f"{number.owner} {words}"
-    return words
 
 
 def _refuse_twice(how: str, texts: Sequence[str]) -> None:
@@ -389,40 +213,63 @@ def _refuse_twice(how: str, texts: Sequence[str]) -> None:
 
 
 def _quantity(table: UncertainTable, case: Experiment, plant: Plant) -> Quantity:
-    """Read one uncertain number, with its unit and its nominal value."""
+    """Read one uncertain number, with its unit and its nominal value.
+
+    Raises:
+        ArgumentError: If the case has no such number, or a value that can occur is impossible.
+    """
     owner = table.owner
     of = table.of
-    quantity = table.quantity
-    unit = Parameter(owner, of, quantity).unit_on(plant.system)
+    unit = _unit_of(owner, of, table.quantity, plant.system)
     if owner == "joint" and of in plant.system.joints:
-        table = _in_si(table, plant.system.joint_units(of)[quantity])
+        table = _in_si(table, plant.system.joint_units(of)[table.quantity])
     if owner in MACHINE_PARTS:
         of = in_model(of, MACHINE_PARTS[owner].owner, plant.system)
 
+    kind = AddedMassQuantity if table.quantity == "added_mass" else QUANTITY_KINDS[owner]
     x, y, z = table.at
-    number = Quantity(
-        owner,
-        of,
-        quantity,
-        (x, y, z),
+    number = kind(
+        owner=owner,
+        of=of,
+        quantity=table.quantity,
+        at=(x, y, z),
         name=table.called,
         unit=unit,
-        distribution=distribution(getattr(table, quantity), unit),
+        distribution=distribution(getattr(table, table.quantity), unit),
     )
     nominal = numbers_of(table, ["nominal"], lambda _: unit).get("nominal")
     if nominal is None:
         nominal = number.value(case, plant)
-    if not math.isfinite(nominal):
-        raise ArgumentError(f"{quantity} is not limited: write nominal into this [[uncertain]]")
+    number = replace(number, nominal=nominal)
+    _refuse_impossible(number)
+    return number
 
-    for value in (*number.distribution.support, nominal):
+
+def _unit_of(owner: str, of: str, quantity: str, system: System) -> str:
+    """Unit of a number on a system; empty for a factor.
+
+    Raises:
+        ArgumentError: If the system has no such state, input or joint.
+    """
+    if owner == "start":
+        return system.states[state_index(of, system)].unit
+    if owner in MACHINE_PARTS or owner in LOOP_PARTS:
+        return unit_of(owner, of, quantity, system)
+    return QUANTITIES[owner][quantity]
+
+
+def _refuse_impossible(number: Quantity) -> None:
+    """Refuse a number without nominal value, and values that no plant can have."""
+    quantity = number.quantity
+    if not math.isfinite(number.nominal):
+        raise ArgumentError(f"{quantity} is not limited: write nominal into this [[uncertain]]")
+    for value in (*number.distribution.support, number.nominal):
         if not number.physical(value):
             end = "least" if value <= number.bounds.low else "most"
             raise ArgumentError(
                 f"{quantity.replace('_', ' ')} = {value:g} can occur, but must be "
                 f"{number.bounds.wanted}: cut the distribution off with {end}"
             )
-    return replace(number, nominal=nominal)
 
 
 def _in_si(table: UncertainTable, unit: str) -> UncertainTable:

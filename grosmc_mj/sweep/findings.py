@@ -14,13 +14,15 @@ from grosmc_mj.results.tables import Table
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.drivers import Sensitivity, driver_words, drivers_table, sensitivities
 from grosmc_mj.sweep.family import SCREENING
-from grosmc_mj.sweep.judges import ScreeningSummary, screening_sentences
+from grosmc_mj.sweep.manifest import result_of
 from grosmc_mj.sweep.margin_summary import MarginSummary, margin_summary, margins_table
 from grosmc_mj.sweep.paired import PairedDifference, paired, paired_table
 from grosmc_mj.sweep.pass_rates import PassRate, pass_rate, pass_rates_table, rate_shown
 from grosmc_mj.sweep.runs import COMPLETED, MARGIN
 from grosmc_mj.sweep.sampled import ALL, COMPLETES, SampledRuns
-from grosmc_mj.sweep.store import Folder, result_of, run_missing
+from grosmc_mj.sweep.screening_summary import ScreeningSummary, screening_sentences
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import run_missing
 
 RESULTS = "results.json"
 # How many of the worst runs are named.
@@ -44,7 +46,7 @@ class Findings:
         worst: Numbers of the worst runs, the worst first, by law; of runs that never settle, the
             one with the larger error left is the worse.
         units: Units of margins, by requirement.
-        judges: Judges of the runs by law; empty where none was to be screened.
+        screening: Summary of the screening by law; empty where nothing was to be screened.
     """
 
     sampled: SampledRuns
@@ -55,7 +57,7 @@ class Findings:
     sensitivities: Mapping[str, list[Sensitivity]]
     worst: Mapping[str, list[int]]
     units: Mapping[str, str]
-    judges: Mapping[str, ScreeningSummary]
+    screening: Mapping[str, ScreeningSummary]
 
 
 def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Findings:
@@ -84,9 +86,9 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
     for key, values in margins.items():
         summaries[key] = margin_summary(values, confidence, independent=independent)
 
-    judges: dict[str, ScreeningSummary] = {}
+    screening: dict[str, ScreeningSummary] = {}
     if specification.screen != "none":
-        judges = {law: ScreeningSummary.of(rows) for law, rows in columns.items()}
+        screening = {law: ScreeningSummary.of(rows) for law, rows in columns.items()}
     units = {item.words: item.unit for item in campaign.requirements}
     return Findings(
         sampled=sampled,
@@ -97,7 +99,7 @@ def findings(campaign: Campaign, folder: Folder, confidence: float = 0.95) -> Fi
         sensitivities=_sensitivities(campaign, columns, independent=independent),
         worst={law: _worst_runs(rows) for law, rows in columns.items()},
         units={ALL: "of the limit", **units},
-        judges=judges,
+        screening=screening,
     )
 
 
@@ -250,8 +252,8 @@ def campaign_result(
         for (requirement, law), rate in findings.rates.items()
     ]
     judged = {
-        law: {**judge._asdict(), "wrong_at_most": judge.wrong_at_most}
-        for law, judge in findings.judges.items()
+        law: {**summary._asdict(), "wrong_at_most": summary.wrong_at_most}
+        for law, summary in findings.screening.items()
     }
     margins = [
         {
@@ -361,5 +363,5 @@ def _remarks(campaign: Campaign, findings: Findings) -> Iterator[str]:
                 f"{second_law} alone on {counts.only_second}"
             )
     lines = [driver_words(law, rows) for law, rows in findings.sensitivities.items()]
-    lines += [screening_sentences(findings.judges), findings.sampled.sentences]
+    lines += [screening_sentences(findings.screening), findings.sampled.sentences]
     yield from filter(None, lines)

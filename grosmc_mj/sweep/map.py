@@ -16,8 +16,8 @@ from grosmc_mj.results.charts import write_panels
 from grosmc_mj.results.figure import figure_written, in_lines
 from grosmc_mj.results.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.family import Quantity
 from grosmc_mj.sweep.findings import Findings
+from grosmc_mj.sweep.quantities import Quantity
 from grosmc_mj.sweep.radius import Radius, chart
 from grosmc_mj.sweep.store import Folder
 

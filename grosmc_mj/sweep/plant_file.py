@@ -17,20 +17,14 @@ import tomli_w
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.content import Content, read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.plants import System
-from grosmc_mj.simulation.disturbances import (
-    AnyDisturbance,
-    Pulse,
-    SineFrom,
-)
-from grosmc_mj.sweep.campaign import Campaign, Specification
-from grosmc_mj.sweep.family import Quantity
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.radius import RADIUS
 from grosmc_mj.sweep.screening import EQUATIONS
+from grosmc_mj.sweep.specification import Specification
 from grosmc_mj.sweep.store import Folder
 from grosmc_mj.sweep.worst import WORST
 
@@ -205,136 +199,58 @@ def _comment(campaign: Campaign, plant: ChosenPlant) -> str:
     return "".join(f"# {line}\n" for line in lines)
 
 
-def _content(campaign: Campaign, plant: ChosenPlant) -> dict[str, Any]:
+def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
     """The content of a complete case file."""
-    case = campaign.plant_sample(plant.values)
-    tables = PlantTables(campaign.specification.text, campaign.experiment)
-    tables.set_plant(plant.kind)
-    tables.set_specification(campaign.specification)
-    title = campaign.experiment.title
-    tables.content["title"] = f"{title}: {plant.words}"
+    experiment = campaign.experiment
+    content: Content = tomllib.loads(campaign.specification.text)
+    for key in ("name", "uncertain", "correlation"):
+        content.pop(key, None)
+    content["title"] = f"{experiment.title}: {plant.words}"
+    _run_on(content, plant.kind)
+    _run_as(content, campaign.specification)
 
     pairs = campaign.pairs_as_run(plant.values)
     uncertain_loop = any(quantity.of_loop for quantity, *_ in pairs)
-    if uncertain_loop and any(map(campaign.experiment.predicts, campaign.laws)):
-        tables.keep_known_loop()
+    if uncertain_loop and any(map(experiment.predicts, campaign.laws)):
+        _keep_known_loop(content)
+    case = campaign.plant_sample(plant.values)
     for quantity, value, _ in pairs:
-        if quantity.owner == "disturbance":
-            labels = [disturbance.label for disturbance in case.disturbances]
-            index = labels.index(quantity.of)
-            tables.set_disturbance(index, case.disturbances[index])
-        else:
-            tables.set_number(quantity, value)
+        quantity.write(content, value, case)
     if case.loop is not None:
-        tables.content.setdefault("computing", {})["run"] = plant.run
-    return tables.content
+        content.setdefault("computing", {})["run"] = plant.run
+    return content
 
 
-class PlantTables:
-    """Content of a case file that gets the numbers of one plant.
-
-    Attributes:
-        content: Plain values, as TOML has them.
-    """
-
-    def __init__(self, text: str, experiment: Experiment) -> None:
-        """Begin with a case file, without its uncertainty and its name.
-
-        Args:
-            text: The case file, with all that it extends.
-            experiment: The same, read.
-        """
-        self.content: dict[str, Any] = tomllib.loads(text)
-        for key in ("name", "uncertain", "correlation"):
-            self.content.pop(key, None)
-        self._experiment = experiment
-
-    @property
-    def _system(self) -> System:
-        return self._experiment.nominal.system
-
-    def _rows(self, key: str) -> list[dict[str, Any]]:
-        """The tables of an array."""
-        return self.content.setdefault(key, [])
-
-    def set_plant(self, kind: PlantName) -> None:
-        """Run on one kind of plant, where everything is required."""
-        self.content["plant"]["compare"] = [kind]
-        for key in ("requirement", "claim"):
-            for table in self.content.get(key, []):
-                if "on" in table:
-                    table["on"] = [kind]
-
-    def set_specification(self, specification: Specification) -> None:
-        """Run as long, as often sampled, by the integrator and under the laws of a campaign."""
-        run = self.content["run"]
-        for name in ("control_period", "duration"):
-            seconds = getattr(specification, name)
-            if seconds is not None:
-                run[name] = written(seconds, "s")
-        if specification.integrator is not None:
-            run["integrator"] = specification.integrator
-
-        declared = [table.called for table in specification.file.controller]
-        for law in specification.controllers:
-            if law not in declared:
-                self._rows("controller").append({"law": law})
-
-    def keep_known_loop(self) -> None:
-        """Have predicting laws know the loop as it is now, whatever numbers it gets."""
-        if "known_loop" not in self.content:
-            parts = {kind: self.content[kind] for kind in LOOP_PARTS if kind in self.content}
-            self.content["known_loop"] = deepcopy(parts)
-
-    def set_number(self, quantity: Quantity, value: float) -> None:
-        """Give a plant, a start or a loop one number.
-
-        Args:
-            quantity: Which number, of no disturbance.
-            value: Its value, as run.
-        """
-        if quantity.owner == "parameter":
-            # On top of an edit that the file has.
-            self._rows("edit").append({"parameter": quantity.of, "scale": value})
-        elif quantity.quantity == "added_mass":
-            # No mass is no edit.
-            if value > 0:
-                mass = written(value, quantity.unit)
-                at = [written(place, "m") for place in quantity.at]
-                self._rows("edit").append({"body": quantity.of, "added_mass": mass, "at": at})
-        else:
-            quantity.set_in(self.content, written(value, quantity.unit), self._system)
-
-    def set_disturbance(self, index: int, disturbance: AnyDisturbance) -> None:
-        """Give a disturbance its wrench or amplitude and the numbers of its profile.
-
-        Args:
-            index: Its place in the file.
-            disturbance: With the numbers.
-        """
-        table = self._rows("disturbance")[index]
-        amplitudes = disturbance.amplitudes
-        if "force" in table:
-            table["force"] = [written(part, "N") for part in amplitudes[:3]]
-        if "torque" in table:
-            table["torque"] = [written(part, "N m") for part in amplitudes[3:]]
-        if "amplitude" in table:
-            unit = disturbance.unit(self._system)
-            table["amplitude"] = written(amplitudes[0], unit)
-
-        profile = disturbance.profile
-        if isinstance(profile, Pulse):
-            table["start"] = written(profile.start, "s")
-            table["stop"] = written(profile.stop, "s")
-        if isinstance(profile, SineFrom):
-            table["frequency"] = written(profile.frequency, "rad/s")
-            table["phase"] = written(profile.phase, "rad")
-            table["onset"] = written(profile.onset, "s")
+def _run_on(content: Content, kind: PlantName) -> None:
+    """Have the file run on one kind of plant, where everything is required."""
+    content["plant"]["compare"] = [kind]
+    for key in ("requirement", "claim"):
+        for table in content.get(key, []):
+            if "on" in table:
+                table["on"] = [kind]
 
 
-def written(value: float, unit: str) -> float | str:
-    """Return a number as a case file has it, with all its digits."""
-    return value if unit in {"", "1", "%"} else f"{value!r} {unit}"
+def _run_as(content: Content, specification: Specification) -> None:
+    """Have the file run as long, as often sampled, by the integrator and laws of a campaign."""
+    run = content["run"]
+    for name in ("control_period", "duration"):
+        seconds = getattr(specification, name)
+        if seconds is not None:
+            run[name] = written(seconds, "s")
+    if specification.integrator is not None:
+        run["integrator"] = specification.integrator
+
+    declared = [table.called for table in specification.file.controller]
+    for law in specification.controllers:
+        if law not in declared:
+            content.setdefault("controller", []).append({"law": law})
+
+
+def _keep_known_loop(content: Content) -> None:
+    """Have predicting laws know the loop as it is now, whatever numbers it gets."""
+    if "known_loop" not in content:
+        parts = {kind: content[kind] for kind in LOOP_PARTS if kind in content}
+        content["known_loop"] = deepcopy(parts)
 
 
 def _changes(content: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

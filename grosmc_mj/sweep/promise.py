@@ -35,7 +35,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
 )
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.parameters import plant_of
+from grosmc_mj.sweep.runs import plant_of
 from grosmc_mj.sweep.search import largest_passing
 
 # Scales are known to this part of themselves, up to the largest.

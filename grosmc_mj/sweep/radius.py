@@ -24,12 +24,12 @@ from grosmc_mj.results.tables import Table, names, numbers, table, text
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.compass import TOGETHER, CompassSearch
 from grosmc_mj.sweep.family import inside
+from grosmc_mj.sweep.manifest import result_of
 from grosmc_mj.sweep.promise import Promise, promise
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.sampled import NO_PROOF
 from grosmc_mj.sweep.screening import screened_search
 from grosmc_mj.sweep.search import largest_passing
-from grosmc_mj.sweep.store import result_of
 
 RADIUS = "radius.json"
 # The radius is known to this part of itself; below the least scale it counts as none.

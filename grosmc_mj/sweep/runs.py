@@ -15,6 +15,7 @@ from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import AppliedLoop
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.judging import margins_of, of_laws, windows_of
 from grosmc_mj.requirements.measurement import Measurement
@@ -24,7 +25,6 @@ from grosmc_mj.requirements.transient import initial_error
 from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
-from grosmc_mj.sweep.parameters import Parameter, plant_of, with_values
 
 # Begin of the names of margins' columns.
 MARGIN = "margin "
@@ -43,8 +43,6 @@ class Row:
 
     Attributes:
         law: Name of a law of the experiment, or a controller.
-        values: Values that differ from the case's, by parameter or by its path such as
-            ``sensor.rotor angle.delay``.
         case: Start, edits, disturbances and loop; the experiment's by default.
         number: Number of the run, which sets what its loop draws at random; the case's by default.
         plant: A plant that has the values already; by default it is made.
@@ -52,7 +50,6 @@ class Row:
     """
 
     law: str | Controller
-    values: Mapping[str | Parameter, float] = field(default_factory=dict)
     case: Experiment | None = None
     number: int | None = None
     plant: Plant | None = None
@@ -241,17 +238,29 @@ def prepare_run(
     Raises:
         GrosmcError: If there can be no such run.
     """
-    values: list[tuple[Parameter, float]] = []
-    for key, value in row.values.items():
-        parameter = Parameter.at_path(key) if isinstance(key, str) else key
-        values.append((parameter, value))
-
-    changed = with_values(row.case or experiment, values)
+    case = row.case or experiment
     plant = row.plant
     if plant is None:
-        plant = _plant_of(experiment, changed, name, {} if plants is None else plants)
+        plant = _plant_of(experiment, case, name, {} if plants is None else plants)
     law = experiment.law(name, row.law) if isinstance(row.law, str) else row.law
-    return Run(plant, law, _loop_around(law, experiment, row, changed), changed)
+    return Run(plant, law, _loop_around(law, experiment, row, case), case)
+
+
+def plant_of(case: Experiment, like: Plant) -> Plant:
+    """Return the plant of a case whose parameters have other values.
+
+    Args:
+        case: The case.
+        like: Plant of the case before its parameters had other values.
+
+    Raises:
+        ArgumentError: If the case starts beyond one of its stops.
+    """
+    if not isinstance(like, MujocoPlant):
+        return case.plant(like.kind)
+    plant = like.changed(*case.edits)
+    plant.require_start(np.array(case.x0))
+    return plant
 
 
 def _plant_of(

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ModelError
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant, Plant
-from grosmc_mj.sweep.agreement import FACTOR, model_mismatch
+from grosmc_mj.sweep.agreement import model_mismatch
+from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.confirmation import RANDOM, MarginConfirmation, Mask, band_of
+from grosmc_mj.sweep.confirmation import FACTOR, RANDOM, MarginConfirmation, Mask, band_of
 from grosmc_mj.sweep.family import random_points
-from grosmc_mj.sweep.parameters import plant_of
-from grosmc_mj.sweep.runs import Outcomes, Row, run_rows
+from grosmc_mj.sweep.runs import Outcomes, plant_of
 
 # Judges of a run.
 EQUATIONS = "equations"
@@ -38,119 +34,6 @@ FEWEST = 512
 _DRAW = 0x5C4EE7
 # Of the plants that a search tries together the worst are confirmed: one of them decides.
 _WORST_OF_SEARCH = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Plants that each controller meets; compiled once for all of them.
-
-    The outcomes of their runs have more columns: ``controller``, ``id``, the uncertain numbers and,
-    of screening, ``judged_by``, ``EQUATIONS`` or ``PHYSICS``; ``screened``, ``relative`` by the
-    equations of those that were screened, NaN of others; ``overturned``, how many verdicts MuJoCo
-    overturned; ``drawn``, 1 for a run that was confirmed in MuJoCo by chance alone; ``band``, how
-    near to its limit a screened margin is confirmed, in parts of the limit.
-
-    Attributes:
-        campaign: The campaign.
-        values: The uncertain numbers, (n, d).
-        ids: Numbers of the runs, (n,), for what their loops draw; 0 for plants that are no runs.
-        threads: Number of threads; 0 for all cores.
-    """
-
-    campaign: Campaign
-    values: Array
-    ids: Sequence[int]
-    threads: int = 0
-
-    # All controllers meet the same samples and plants, and a plant compiles its model.
-    @cached_property
-    def samples(self) -> list[Experiment]:
-        """The case with each of the values, n of them."""
-        return [self.campaign.plant_sample(values) for values in self.values]
-
-    # Compiled models are shared by all laws of a part.
-    @cached_property
-    def physics(self) -> list[Plant]:
-        """The plants; those with the same edits are one."""
-        plants: dict[Any, Plant] = {}
-        plant_of_sample: list[Plant] = []
-        for sample in self.samples:
-            key = sample.edits, sample.nominal.scales
-            if key not in plants:
-                plants[key] = plant_of(sample, self.campaign.plant)
-            plant_of_sample.append(plants[key])
-        return plant_of_sample
-
-    @cached_property
-    def equations(self) -> list[AnalyticPlant]:
-        """The equations with the numbers of the plants' models; none if they lack something."""
-        try:
-            equations = {plant: plant.analytic() for plant in dict.fromkeys(self.physics)}
-        except ModelError:
-            return []
-        return [equations[plant] for plant in self.physics]
-
-    def row(self, controller: str, index: int, plant: Plant) -> Row:
-        """Return a row of the design, on its plant or its equations."""
-        return Row(
-            self.campaign.laws[controller],
-            case=self.samples[index],
-            number=self.ids[index],
-            plant=plant,
-            predict=self.campaign.experiment.predicts(controller),
-        )
-
-    def run(
-        self,
-        controller: str,
-        rows: NDArray[np.intp] | None = None,
-        plants: Sequence[Plant] | None = None,
-    ) -> Outcomes:
-        """Run the plants under a controller.
-
-        Args:
-            controller: Its name.
-            rows: Indices of the plants that are run; all by default.
-            plants: Plants of all rows, such as their equations; those in MuJoCo by default, where
-                there is a model.
-        """
-        plants = plants or self.physics
-        numbers = list(range(len(self.values)))
-        if rows is not None:
-            numbers = rows.tolist()
-
-        design = [self.row(controller, index, plants[index]) for index in numbers]
-        runs = run_rows(
-            self.campaign.experiment,
-            design,
-            self.campaign.requirements,
-            unfailing=self.campaign.unfailing,
-            threads=self.threads,
-        )
-        return self._with_columns(runs, controller, numbers, plants[0])
-
-    def _with_columns(
-        self, runs: Outcomes, controller: str, rows: list[int], plant: Plant
-    ) -> Outcomes:
-        """Runs of some rows with the columns of a part."""
-        count = len(rows)
-        judge = PHYSICS if plant.kind == "physics" else EQUATIONS
-        numbers = zip(self.campaign.family.names, self.values[rows].T, strict=True)
-        return runs.changed(
-            controller=np.array([controller] * count, object),
-            id=np.asarray(self.ids, np.int64)[rows],
-            **dict(numbers),
-            judged_by=np.array([judge] * count, object),
-            screened=np.full(count, np.nan),
-            overturned=np.zeros(count, np.int64),
-            drawn=np.zeros(count, np.int64),
-            band=np.zeros(count),
-        )
-
-
-def evaluate(campaign: Campaign, controller: str, values: Array) -> Outcomes:
-    """Run plants (n, d) that are no runs of the campaign, in MuJoCo where there is a model."""
-    return Batch(campaign, values, [0] * len(values)).run(controller)
 
 
 @dataclass(frozen=True)
@@ -295,13 +178,34 @@ def screened_all(
         controllers: Names of the controllers.
         ids: Numbers of the runs, n of them.
         threads: Number of threads; 0 for all cores.
+
+    Returns:
+        The runs under each controller, with the columns of ``SCREENING``: ``judged_by``,
+        ``EQUATIONS`` or ``PHYSICS``; ``screened``, ``relative`` by the equations, NaN of runs that
+        were not screened; ``overturned``, the number of verdicts that MuJoCo overturned; ``drawn``,
+        1 for a run that was confirmed by chance alone; ``band``, how near to its limit a margin is
+        confirmed, in parts of the limit.
     """
     batch = Batch(campaign, campaign.values(ids), ids, threads)
     if not screening.bands or not batch.equations:
-        return [batch.run(controller) for controller in controllers]
+        return [_unscreened(batch, controller) for controller in controllers]
 
     by_chance = drawn_by_chance(campaign.specification.seed, ids)
     return [_screened(batch, screening, controller, by_chance) for controller in controllers]
+
+
+def _unscreened(batch: Batch, controller: str) -> Outcomes:
+    """Runs under one controller, in MuJoCo where there is a model."""
+    outcome = batch.run(controller)
+    count = len(batch.values)
+    judge = PHYSICS if batch.physics[0].kind == "physics" else EQUATIONS
+    return outcome.changed(
+        judged_by=np.full(count, judge, object),
+        screened=np.full(count, np.nan),
+        overturned=np.zeros(count, np.int64),
+        drawn=np.zeros(count, np.int64),
+        band=np.zeros(count),
+    )
 
 
 def _screened(batch: Batch, screening: Screening, controller: str, by_chance: Mask) -> Outcomes:
@@ -335,7 +239,8 @@ def _confirmed(
     while True:
         rows = confirmation.rows()
         if not len(rows):
-            return outcome
+            judged_by = np.where(confirmation.confirmed, PHYSICS, EQUATIONS)
+            return outcome.changed(judged_by=judged_by.astype(object))
 
         by_physics = batch.run(controller, rows)
         outcome = outcome.with_rows(rows, by_physics)

@@ -20,13 +20,14 @@ from grosmc_mj.results.result import (
     finite,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.compass import CompassSearch
 from grosmc_mj.sweep.family import inside
+from grosmc_mj.sweep.manifest import result_of
 from grosmc_mj.sweep.sampled import NO_PROOF
-from grosmc_mj.sweep.screening import evaluate, screened_search
+from grosmc_mj.sweep.screening import screened_search
 from grosmc_mj.sweep.search import largest_passing
-from grosmc_mj.sweep.store import result_of
 
 WORST = "worst.json"
 # Starts of a search: the worst samples, the corners of the ranges, and random plants.

@@ -96,7 +96,7 @@ def test_without_gain_grosmc_is_its_continuous_part(system: str) -> None:
 
         x = samples(law)[0][1][None]
         s = np.full((1, law.coordinates.size), 0.3)
-        reaching = nominal_law(law.designed, law.parameters, [0.0], x, s)
+        reaching = nominal_law(law, [0.0], x, s)
         assert switching_rate(law.parameters, reaching).tolist() == [0.0]
 
 

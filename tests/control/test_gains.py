@@ -93,9 +93,9 @@ CERTAIN = {
 
 def gains_of(error: Any, declared: Uncertainty) -> SwitchingGains:
     law = robust(error.system.name)
-    p = law.parameters
-    plant = AnalyticPlant(error.system, p.plant)
-    gains, _ = declared.gains(replace(law.designed, error=error), p, plant)
+    plant = AnalyticPlant(error.system, law.parameters.plant)
+    of_error = replace(law, design=replace(law.designed, error=error))
+    gains, _ = declared.gains(of_error, plant)
     return gains
 
 

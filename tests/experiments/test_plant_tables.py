@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -172,7 +173,9 @@ def test_a_row_of_a_design_scales_the_edited_parameter_and_not_the_law_s(tmp_pat
     """The true m is 1.5 times 2 times the nominal one."""
     text = OWN.replace('"own:law"\na = 4\nb = 4', '"lqr"')
     edited = load(tmp_path, text)
-    table = run_rows(edited, [Row("lqr", {"parameter.m.scale": 2.0})], plant="corrected")
+    scales = (*edited.nominal.scales, ("m", 2.0))
+    case = edited.varied(nominal=replace(edited.nominal, scales=scales))
+    table = run_rows(edited, [Row("lqr", case=case)], plant="corrected")
 
     thrice = load(tmp_path, text.replace("scale = 1.5", "scale = 3.0"))
     run = thrice.run(law="lqr").trajectory

@@ -125,7 +125,7 @@ def test_an_uncertain_load_is_fitted_and_written(
     log = exact_log(LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE),)))
     parameters = parameters_of(experiment, ())
     plant = experiment.plant("physics")
-    found = fit(parameters, log, plant, horizon=1.0, timestep=TIMESTEP)
+    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
     assert found.values == pytest.approx([1.0, amplitude], rel=1e-6)
 
     written = tmp_path / "found.toml"
@@ -210,7 +210,7 @@ def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
     angle[stray] += random.uniform(0, 0.1, stray.sum())
     log = replace(log, states={"rotor angle": angle})
     plant = experiment.plant("physics")
-    return fit(parameters_of(experiment, ()), log, plant, horizon=1.0, timestep=TIMESTEP)
+    return fit(parameters_of(experiment, ()), Predictor.of(log, 1.0, TIMESTEP), plant)
 
 
 def test_stray_samples_count_less_in_huber_s_loss(tmp_path: Path) -> None:

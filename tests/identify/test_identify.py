@@ -43,7 +43,8 @@ from grosmc_mj.logs.read import read_log
 from grosmc_mj.logs.table import LogTable
 from grosmc_mj.loop import Computing, Loop, Sensor
 from grosmc_mj.plants import find_system
-from grosmc_mj.sweep.campaign import Campaign, specification_of
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.specification import specification_of
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
@@ -334,7 +335,7 @@ def test_fitted_starts_take_their_degrees_of_freedom() -> None:
 def found(log: Log, experiment: Experiment) -> Fit:
     """The fit of a machine to the first 70 % of its log."""
     parameters = parameters_of(experiment, coverage.NAMES)
-    return fit(parameters, log.between(0, 0.7), experiment.plant("physics"), **HOW)
+    return fit(parameters, Predictor.of(log.between(0, 0.7), **HOW), experiment.plant("physics"))
 
 
 def test_a_fit_finds_the_machine(found: Fit) -> None:
@@ -346,8 +347,8 @@ def test_a_fit_finds_the_machine(found: Fit) -> None:
 
 def test_a_fit_predicts_what_was_held_out(found: Fit, log: Log, experiment: Experiment) -> None:
     plant = experiment.plant("physics")
-    held_out = log.between(0.7, 1)
-    (row,) = quality(residuals(found, held_out, plant, **HOW), held_out, plant.system)
+    held_out = Predictor.of(log.between(0.7, 1), **HOW)
+    (row,) = quality(residuals(found, held_out, plant), held_out.log, plant.system)
     assert row.rms == pytest.approx(coverage.NOISE, rel=0.1)
     assert row.white
 
@@ -403,7 +404,7 @@ def test_parameters_that_a_log_does_not_show_are_named(
     path = tmp_path / "case.toml"
     text = SERVO_CASE.format(uncertain=", ".join(uncertain))
     path.write_text(text, encoding="utf-8")
-    case = Experiment.of_file(parse_case_file(text, path), path)
+    case = Experiment.of_file(parse_case_file(text, path), path).checked()
     parameters = parameters_of(case, ())
 
     free = np.ones(len(parameters.names), bool)
@@ -528,8 +529,9 @@ def test_a_machine_unlike_its_case_is_fitted_and_a_slip_is_told(
     log = unlike_log(0.037, 0.05)
     log = replace(log.between(0, 0.4), inputs=sign * log.between(0, 0.4).inputs)
     plant = experiment.plant("physics")
-    found = fit(parameters_of(experiment, coverage.NAMES), log, plant, **HOW)
-    line = slip(found, log, plant, **HOW)
+    predictor = Predictor.of(log, **HOW)
+    found = fit(parameters_of(experiment, coverage.NAMES), predictor, plant)
+    line = slip(found, predictor, plant)
     assert line.startswith("rotor angle seems to have the other sign") is told
 
 
@@ -572,7 +574,7 @@ def test_a_machine_with_dry_friction_lies_within_its_intervals(tmp_path: Path) -
     h = 2.5e-4
     plant = experiment.with_settings(timestep=h).plant("physics")
     parameters = parameters_of(experiment, ())
-    found = fit(parameters, log.between(0, 0.4), plant, horizon=1.0, timestep=h)
+    found = fit(parameters, Predictor.of(log.between(0, 0.4), 1.0, h), plant)
     true = np.array([1.3, 0.02, COULOMB])
     assert (np.abs(found.values - true) < 1.3 * found.half).all(), (
         found.values - true

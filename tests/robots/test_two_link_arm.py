@@ -154,7 +154,7 @@ def test_no_gain_makes_up_for_a_payload_five_times_as_heavy() -> None:
     heavier = replace(uncertainty_of(REGULATION), scales={"mp": (1.0, 5.0)})
     control = law("lqr")
     with pytest.raises(GainError, match="no switching gain can make up"):
-        heavier.gains(control.designed, control.parameters, nominal())
+        heavier.gains(control, nominal())
 
 
 # Computed torque

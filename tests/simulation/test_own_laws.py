@@ -18,7 +18,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.loop import Loop
 from grosmc_mj.simulation.simulate import Engine
-from grosmc_mj.studies.region import guarded
+from grosmc_mj.studies.region_runs import guarded
 
 ENGINES: Any = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)

@@ -16,20 +16,15 @@ from commands import assert_one_line, run
 from scipy.ndimage import binary_dilation
 from shipped import case_plant, find_case, nominal_controller
 
-from grosmc_mj import cli, simulate
+from grosmc_mj import cases, cli, simulate
 from grosmc_mj.errors import UndefinedLawError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.plants import CART_PENDULUM
 from grosmc_mj.studies import region
-from grosmc_mj.studies.region import (
-    Outcome,
-    RegionLoop,
-    RegionMap,
-    RegionStudy,
-    choose_axes,
-    outcomes,
-)
+from grosmc_mj.studies.region import RegionMap, RegionStudy
+from grosmc_mj.studies.region_axes import ascii_symbol, choose_axes
+from grosmc_mj.studies.region_runs import Outcome, RegionLoop, judge, outcomes
 from grosmc_mj.sweep.runs import Outcomes
 
 SETTINGS = Settings(integrator="implicitfast")
@@ -67,7 +62,7 @@ def test_a_run_is_judged_by_its_end(
 ) -> None:
     """Beside a run that converges, so that each is judged by itself."""
     ends = np.array([(0.0, 0.0), errors])
-    letters = region.judge(["completed", status], ends, (0.01, 0.1))
+    letters = judge(["completed", status], ends, (0.01, 0.1))
     assert letters.tolist() == [CONVERGED, outcome.letter]
 
 
@@ -99,7 +94,7 @@ def test_axes_are_states_by_their_symbols() -> None:
 
 
 def test_symbols_are_written_in_ascii() -> None:
-    symbols = [region.ascii_symbol(state) for state in CART_PENDULUM.states]
+    symbols = [ascii_symbol(state) for state in CART_PENDULUM.states]
     assert symbols == ["p", "theta", "p_dot", "theta_dot"]
 
 
@@ -275,6 +270,63 @@ def random_maps(seed: int) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(seed)
     first = np.where(random.random((12, 12)) < 0.1, "l", "c")
     return first, np.where(random.random((12, 12)) < 0.05, "d", first)
+
+
+# A pole twice as heavy, behind an encoder.
+DRAWN = """
+extends = "base.toml"
+title = "a heavier pole behind an encoder"
+
+[run]
+duration = "6 s"
+control_period = "1 ms"
+
+[[edit]]
+body = "pole"
+mass = "2 kg"
+
+[[sensor]]
+of = "pole angle"
+resolution = "1 deg"
+
+[[controller]]
+law = "lqr"
+"""
+
+
+def converges_in_its_draw(loop: RegionLoop, starts: np.ndarray, duration: float) -> np.ndarray:
+    """Made-up outcomes: each draw loses one more of the starts with the least angles."""
+    angle = starts[:, 1]
+    return np.where(angle > -0.8 + 0.25 * loop.draw, "c", "d")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[int, RegionMap]:
+    """A map of nine angles, with one draw and with four."""
+    path = tmp_path_factory.mktemp("drawn") / "drawn.toml"
+    base = Path(cases.__file__).parent / "cart_pendulum" / "base.toml"
+    shutil.copy(base, path.parent)
+    path.write_text(DRAWN)
+    maps = {}
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(region, "outcomes", converges_in_its_draw)
+        for draws in (1, 4):
+            study = RegionStudy(
+                str(path), points=9, limits=(60.0, 1.0), controllers=("lqr",), draws=draws
+            )
+            maps[draws] = list(study.maps())[-1]
+    return maps
+
+
+def test_with_one_draw_no_start_varies(drawn: dict[int, RegionMap]) -> None:
+    assert drawn[1].over_draws is None
+    assert set(drawn[1].rows[0]) == {"c", "d"}
+
+
+def test_a_start_that_some_draws_lose_is_not_converged(drawn: dict[int, RegionMap]) -> None:
+    """Angles are -0.931, -0.698, -0.465, -0.233, 0 rad ...: draws 1 to 3 lose one more each."""
+    assert drawn[4].rows == 9 * ["d" + 3 * "v" + 5 * "c"]
+    assert drawn[4].counts[Outcome.VARIES] == 9 * 3
 
 
 @pytest.mark.parametrize(

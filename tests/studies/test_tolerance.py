@@ -39,8 +39,7 @@ from grosmc_mj.studies.tolerance import (
     tolerances,
 )
 from grosmc_mj.studies.tolerance_answer import verdict
-from grosmc_mj.sweep.agreement import LEAST_BAND
-from grosmc_mj.sweep.confirmation import MarginConfirmation
+from grosmc_mj.sweep.confirmation import LEAST_BAND, MarginConfirmation
 from grosmc_mj.sweep.runs import Outcomes
 from grosmc_mj.sweep.search import Search
 

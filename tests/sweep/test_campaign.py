@@ -10,7 +10,7 @@ from case_texts import PYTHON
 
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.parameters import plant_of
+from grosmc_mj.sweep.runs import plant_of
 
 
 def scale(spread: str, *more: str) -> str:

@@ -236,7 +236,7 @@ def test_an_interrupted_campaign_says_how_to_go_on(
     def interrupted(*_: Any, **__: Any) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("grosmc_mj.sweep.store.run_missing", interrupted)
+    monkeypatch.setattr("grosmc_mj.sweep.work.run_missing", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
         CampaignCommand(str(file), runs=8, out=tmp_path).execute()
     assert str(stop.value) == (

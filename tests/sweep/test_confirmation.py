@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
-from grosmc_mj.sweep.confirmation import Confirmation, MarginConfirmation, drawn_at_random
+from grosmc_mj.sweep.confirmation import (
+    FACTOR,
+    LEAST_BAND,
+    Confirmation,
+    MarginConfirmation,
+    drawn_at_random,
+)
 
 RUNS = 200
 NONE = np.zeros(RUNS, bool)

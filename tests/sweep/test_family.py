@@ -13,7 +13,8 @@ from scipy import stats
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.file.schema import DistributionTable
-from grosmc_mj.sweep.family import Distribution, corner_points, distribution, random_points
+from grosmc_mj.sweep.distributions import Distribution, distribution
+from grosmc_mj.sweep.family import corner_points, random_points
 
 INF = math.inf
 SHARES = np.array([2.0**-53, 1e-6, 0.01, 0.25, 0.5, 0.9, 1 - 1e-6])

@@ -342,7 +342,7 @@ def wide_findings() -> Findings:
         sensitivities={LAW: sensitivities(drivers, -np.abs(X))},
         worst={},
         units={SETTLES: "s", LONG: "deg"},
-        judges={},
+        screening={},
     )
 
 

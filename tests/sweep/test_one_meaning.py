@@ -10,8 +10,8 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.requirements.judging import Judgement
 from grosmc_mj.studies.tolerance import Trial, Trials, tolerance_study
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.screening import evaluate
 
 # A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
 AT_REST = """

@@ -16,12 +16,13 @@ from grosmc_mj.machine import Motor
 from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
+from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.family import Quantity, family_of
+from grosmc_mj.sweep.family import family_of
 from grosmc_mj.sweep.map import PassMap, pass_map_of
-from grosmc_mj.sweep.parameters import plant_of
+from grosmc_mj.sweep.quantities import Quantity
 from grosmc_mj.sweep.radius import radius
-from grosmc_mj.sweep.screening import Batch
+from grosmc_mj.sweep.runs import plant_of
 
 ADDED_MASS = """
 [[uncertain]]

@@ -27,17 +27,19 @@ from case_texts import LEG_MODEL
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.requirements.metrics import DEFINITIONS
+from grosmc_mj.sweep.batch import Batch
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.plant_file import (
     ChosenPlant,
     case_text,
     find_plant,
     searched_values,
-    written,
 )
+from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
-from grosmc_mj.sweep.screening import Batch, screening_of
-from grosmc_mj.sweep.store import Folder, part_runner
+from grosmc_mj.sweep.screening import screening_of
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import part_runner
 from grosmc_mj.units import number_in
 
 STORED = [name for name, definition in DEFINITIONS.items() if definition.stored]

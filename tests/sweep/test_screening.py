@@ -14,8 +14,9 @@ from scipy import stats
 
 from grosmc_mj.sweep import runs as runs_module
 from grosmc_mj.sweep import screening as screening_module
-from grosmc_mj.sweep.agreement import FACTOR, LEAST_BAND
+from grosmc_mj.sweep.batch import Batch, evaluate
 from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.confirmation import FACTOR, LEAST_BAND
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import (
     ScreeningSummary,
@@ -30,10 +31,8 @@ from grosmc_mj.sweep.screening import (
     EQUATIONS,
     PHYSICS,
     SAMPLE,
-    Batch,
     Screening,
     drawn_by_chance,
-    evaluate,
     screened_all,
     screened_search,
     screening_of,
@@ -245,9 +244,9 @@ def test_a_screened_campaign_makes_few_runs_in_mujoco(
 def test_the_answer_says_who_judged(screened_folder: Folder) -> None:
     by_equations = 2 * RUNS - confirmed_runs(screened_folder)
     result = findings(screened(), screened_folder)
-    words = screening_sentences(result.judges)
+    words = screening_sentences(result.screening)
     assert words.startswith(f"{by_equations} of {2 * RUNS} runs judged by the equations")
-    drawn = result.judges["lqr"].drawn
+    drawn = result.screening["lqr"].drawn
     share = 100 * (1 - 0.05 ** (1 / drawn))
     assert (
         f"lqr: of {drawn} confirmed at random, 0 overturned: at most "

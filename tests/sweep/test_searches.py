@@ -24,13 +24,13 @@ from commands import Patch
 
 from grosmc_mj.results.document import plain
 from grosmc_mj.sweep import worst as worst_module
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.compass import CompassSearch
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import findings
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Radius, ScaleTrial, _growth, radius
-from grosmc_mj.sweep.screening import evaluate
 from grosmc_mj.sweep.worst import WorstPlant, shrunk, worst, worst_result
 
 

@@ -31,11 +31,15 @@ from campaign_cases import (
 from commands import Patch
 
 from grosmc_mj.executors import make_executor
-from grosmc_mj.sweep import store
+from grosmc_mj.sweep import manifest
+from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import findings, run_campaign
-from grosmc_mj.sweep.screening import evaluate
-from grosmc_mj.sweep.store import Folder, manifest_of, read_campaign, read_manifest, run_part
+from grosmc_mj.sweep.manifest import manifest_of, read_manifest
+from grosmc_mj.sweep.opening import open_campaign, read_campaign
+from grosmc_mj.sweep.parts import checksum
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import run_missing, run_part
 
 
 @pytest.fixture
@@ -65,7 +69,17 @@ def test_a_part_has_a_row_for_each_run_under_each_controller(part: pa.Table) -> 
 def test_a_part_has_the_columns_of_its_runs(law: str, part: pa.Table, pairs: Folder) -> None:
     declared = campaign(pair())
     stored = pairs.columns(declared, part.column_names, [1])[law]
-    rows = evaluate(declared, law, declared.values(range(4, 8)))
+    values = declared.values(range(4, 8))
+    rows = {
+        **evaluate(declared, law, values).columns,
+        **dict(zip(declared.family.names, values.T, strict=True)),
+        # No run of so few is screened.
+        "judged_by": ["physics"] * 4,
+        "screened": [np.nan] * 4,
+        "overturned": [0] * 4,
+        "drawn": [0] * 4,
+        "band": [0.0] * 4,
+    }
     for name in set(stored) - {"id", "controller"}:
         np.testing.assert_array_equal(stored[name], rows[name], err_msg=name)
 
@@ -115,7 +129,7 @@ def test_notes_of_a_part_number_its_runs(notes: dict[str, Any]) -> None:
 def test_bits_are_the_same_whoever_runs_them(name: str, pairs: Folder, tmp_path: Path) -> None:
     folder = begun(campaign(pair()), tmp_path / "folder")
     executor = make_executor(name)
-    assert store.run_missing(campaign(pair()), folder, executor, print, lambda *_: None) == 0
+    assert run_missing(campaign(pair()), folder, executor, print, lambda *_: None) == 0
     assert bits(folder) == bits(pairs)
     assert not list((folder.path / "parts").glob(".*"))
 
@@ -147,7 +161,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory) -> Steps:
     folder = begun(declared, tmp_path_factory.mktemp("progress") / "folder")
     steps: Steps = []
     executor = make_executor("batch")
-    store.run_missing(declared, folder, executor, print, lambda *step: steps.append(step))
+    run_missing(declared, folder, executor, print, lambda *step: steps.append(step))
     return steps
 
 
@@ -203,8 +217,8 @@ def fives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def other_scipy(fives: Path, tmp_path: Path, monkeypatch: Patch) -> Folder:
     """The folder of five servos, read with another version of SciPy."""
-    versions = store.versions
-    monkeypatch.setattr(store, "versions", lambda names: {**versions(names), "scipy": "0.1"})
+    versions = manifest.versions
+    monkeypatch.setattr(manifest, "versions", lambda names: {**versions(names), "scipy": "0.1"})
     return Folder(Path(shutil.copytree(fives, tmp_path / "copy")))
 
 
@@ -254,14 +268,14 @@ def test_another_campaign_in_the_folder_is_refused(
 def test_a_worker_refuses_another_specification(copy: Folder) -> None:
     bound_to = read_manifest(copy.path)["hash"]
     other = campaign(pair(), seed=1).specification
-    line = refusal(store.open_campaign, str(copy.path), other, bound_to)
+    line = refusal(open_campaign, str(copy.path), other, bound_to)
     assert "was begun with something else: seed: 0 there, 1 now" in line
 
 
 def test_a_worker_refuses_another_manifest(copy: Folder) -> None:
     bound_to = read_manifest(copy.path)["hash"]
     specification = campaign(pair()).specification
-    line = refusal(store.open_campaign, str(copy.path), specification, f"{bound_to}0")
+    line = refusal(open_campaign, str(copy.path), specification, f"{bound_to}0")
     assert "has another campaign than the one" in line
 
 
@@ -406,9 +420,9 @@ ANY_NUMBERS = pa.table({"x": [0.0, -0.0, float("nan"), float("inf"), 5e-324], "y
 def test_a_checksum_survives_another_compression(copy: Folder) -> None:
     pq.write_table(ANY_NUMBERS, copy.part(0), compression="gzip", row_group_size=2)
     table = pq.read_table(copy.part(0))
-    assert store.checksum(table, {}) == store.checksum(ANY_NUMBERS, {})
+    assert checksum(table, {}) == checksum(ANY_NUMBERS, {})
 
 
 def test_a_checksum_tells_signed_zeros_apart() -> None:
     changed = ANY_NUMBERS.take([1, 1, 2, 3, 4])
-    assert store.checksum(changed, {}) != store.checksum(ANY_NUMBERS, {})
+    assert checksum(changed, {}) != checksum(ANY_NUMBERS, {})

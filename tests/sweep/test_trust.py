@@ -27,8 +27,12 @@ from commands import Screen
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
-from grosmc_mj.sweep.campaign import Campaign, Specification
-from grosmc_mj.sweep.store import Folder, open_campaign, read_campaign, read_manifest, run_part
+from grosmc_mj.sweep.campaign import Campaign
+from grosmc_mj.sweep.manifest import read_manifest
+from grosmc_mj.sweep.opening import open_campaign, read_campaign
+from grosmc_mj.sweep.specification import Specification
+from grosmc_mj.sweep.store import Folder
+from grosmc_mj.sweep.work import run_part
 
 BUMP = """
 [[disturbance]]

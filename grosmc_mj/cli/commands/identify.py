@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,8 +17,8 @@ from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.identify.replay import Predictor
     from grosmc_mj.logs.log import Log
-    from grosmc_mj.plants import Plant
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,6 @@ class _OfLog(Command):
     def _read(self) -> tuple[Experiment, Log]:
         """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.identify.model import gears_of
         from grosmc_mj.logs.log import join_logs
         from grosmc_mj.logs.read import read_log
 
@@ -53,7 +51,7 @@ class _OfLog(Command):
         experiment = find_experiments(self.case)[0]
         system = experiment.nominal.system
         table = experiment.file.log
-        gears = gears_of(experiment)
+        gears = experiment.nominal.gears
         logs = [read_log(path, system, table, gears) for path in (self.log, *self.also)]
         return experiment, join_logs(logs)
 
@@ -96,25 +94,19 @@ class IdentifyCommand(_OfLog):
         experiment, log = self._read()
         parameters = parameters_of(experiment, self.fit)
         plant = experiment.plant(experiment.nominal.truest)
-        steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
-        fitted, held_out = self._parts(log, plant, steps)
+        timestep = experiment.settings.timestep
+        fitted, held_out = self._parts(log, timestep)
 
         with screen.progress(1) as advance:
-            best = fit(
-                parameters,
-                fitted,
-                plant,
-                **steps,
-                progress=lambda text: advance(text, 0),
-            )
-            errors = residuals(best, held_out, plant, **steps)
+            best = fit(parameters, fitted, plant, progress=lambda text: advance(text, 0))
+            errors = residuals(best, held_out, plant)
             advance("fitted")
 
-        rows = quality(errors, held_out, plant.system)
+        rows = quality(errors, held_out.log, plant.system)
         found = best.model(plant)
-        predicted, _ = prediction_errors({"fitted": found}, held_out, **steps)
-        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant, **steps)])]
-        doubts += unexplained_moments([found], log, **steps)
+        predicted, _ = prediction_errors({"fitted": found}, held_out.log, self.horizon, timestep)
+        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant)])]
+        doubts += unexplained_moments([found], log, self.horizon, timestep)
         result = identification(
             best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
         )
@@ -122,20 +114,15 @@ class IdentifyCommand(_OfLog):
         screen.say_result(result, path, full=self.verbose)
 
         figure = path.with_suffix(".png")
-        draw_residuals(errors, held_out, plant.system, figure)
+        draw_residuals(errors, held_out.log, plant.system, figure)
         # The case file has a name of its own: a run of it writes results of that name.
         case_file = self._path("identify", experiment).with_suffix(".toml")
         write_case(best, log.name, case_file)
         screen.say_files(screen.console(), figure, case_file)
         return DONE
 
-    def _parts(
-        self,
-        log: Log,
-        plant: Plant,
-        steps: Mapping[str, float],
-    ) -> tuple[Log, Log]:
-        """Return the part of a log that is fitted, and the one that is held out.
+    def _parts(self, log: Log, timestep: float) -> tuple[Predictor, Predictor]:
+        """Return the part of a log that is fitted, and the one that is held out, in windows.
 
         Raises:
             ArgumentError: If the plant has other inputs or states, or a part is too short.
@@ -146,8 +133,11 @@ class IdentifyCommand(_OfLog):
         held_out = log.between(1 - self.hold_out, 1)
         # Making a predictor refuses a part that is too short, before the work.
         for part in (fitted, held_out):
-            Predictor.leading(part, **steps)
-        return fitted, held_out
+            Predictor.leading(part, self.horizon, timestep)
+        return (
+            Predictor.of(fitted, self.horizon, timestep),
+            Predictor.of(held_out, self.horizon, timestep),
+        )
 
 
 @command
@@ -179,10 +169,11 @@ class CompareCommand(_OfLog):
             truest = rungs.get("loop", rungs[experiment.nominal.truest])
             film = film_of_log(truest, log, self.horizon)
 
-        rows, notes = prediction_errors(rungs, log, self.horizon, experiment.settings.timestep)
+        timestep = experiment.settings.timestep
+        rows, notes = prediction_errors(rungs, log, self.horizon, timestep)
         followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
-        steps = {"horizon": self.horizon, "timestep": experiment.settings.timestep}
-        notes = [*log.notes, *notes, *unexplained_moments(followed, log, **steps)]
+        pushes = unexplained_moments(followed, log, self.horizon, timestep)
+        notes = [*log.notes, *notes, *pushes]
         path = self._path("compare", experiment)
         result = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
         screen.say_result(result, path, full=self.verbose)

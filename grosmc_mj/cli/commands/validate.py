@@ -149,10 +149,10 @@ def _compute(
     advance: Callable[[str], object],
 ) -> None:
     """Run the cases, compare equations with MuJoCo, judge the claims."""
+    from grosmc_mj.chapter.agreement import agreements
     from grosmc_mj.experiments.run_cache import RunCache
     from grosmc_mj.experiments.settings import Settings
     from grosmc_mj.physics.mujoco_plant import MujocoPlant
-    from grosmc_mj.sweep.agreement import agreements
 
     for experiment in experiments:
         for result in experiment.runs():

@@ -16,7 +16,7 @@ from pydantic import PlainValidator
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import NominalLaw, Reaching, gain_margin
 from grosmc_mj.errors import GainError, value_text
 from grosmc_mj.plants import Plant
@@ -92,20 +92,16 @@ class PlantFamily(ABC):
         """Scales that the members have of a range; both ends are among them."""
 
     @abstractmethod
-    def law_at_states(self, design: Design, p: Any) -> NominalLaw:
+    def law_at_states(self, law: Controller) -> NominalLaw:
         """The law at the states where its reaching condition is evaluated, see ``switching_gains``.
 
         Raises:
-            GainError: If the uncertainty is not one of this design's system.
+            GainError: If the uncertainty is not one of the law's system.
         """
 
     @abstractmethod
     def reaching(
-        self,
-        design: Design,
-        p: Any,
-        law: NominalLaw,
-        member: Plant,
+        self, law: Controller, by_model: NominalLaw, member: Plant
     ) -> tuple[Reaching, Array]:
         """Reaching condition of a member at the N states of the law, and |G d| there.
 
@@ -139,17 +135,11 @@ class PlantFamily(ABC):
             changes = [f"{name} x{factor:g}" for name, factor in scales.items()]
             yield " and ".join(changes), plant.changed(scales=scales)
 
-    def gains(
-        self,
-        design: Design,
-        p: Any,
-        plant: Plant,
-    ) -> tuple[SwitchingGains, str]:
+    def gains(self, law: Controller, plant: Plant) -> tuple[SwitchingGains, str]:
         """Gains with which s_i' s_i <= -reaching_rate |s_i| on every plant of the family.
 
         Args:
-            design: Design of the law.
-            p: Its parameters, of which gains are not read.
+            law: The law, whose own gains are not read.
             plant: The nominal plant.
 
         Returns:
@@ -160,12 +150,12 @@ class PlantFamily(ABC):
                 input, when no switching gain helps.
             ModelError: If the plant has no such parameter or body.
         """
-        law = self.law_at_states(design, p)
+        by_model = self.law_at_states(law)
         family = (
-            Member(changes, *self.reaching(design, p, law, member))
+            Member(changes, *self.reaching(law, by_model, member))
             for changes, member in self.members(plant)
         )
-        gains = switching_gains(plant.system.name, law, family, self.reaching_rate)
+        gains = switching_gains(plant.system.name, by_model, family, self.reaching_rate)
         return gains, (
             f"{self.description(plant)}; "
             f"input gain down to {gains.gain_ratio:.3g} of the nominal one"

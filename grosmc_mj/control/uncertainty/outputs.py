@@ -12,7 +12,7 @@ from pydantic import PlainValidator
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.reaching import NominalLaw, Reaching, matrix_vector, nominal_law
 from grosmc_mj.control.uncertainty.family import PlantFamily, Scales
 from grosmc_mj.errors import GainError
@@ -72,37 +72,35 @@ class Uncertainty(PlantFamily):
         # As Python's floats, which equations are evaluated in.
         return np.linspace(low, high, _SCALES).tolist()
 
-    def law_at_states(self, design: Design, p: Any) -> NominalLaw:
+    def law_at_states(self, law: Controller) -> NominalLaw:
         """The law at z = 0, at a step along each axis next to it, and on a grid of the region.
 
         Raises:
             GainError: If the uncertainty is one of another system, or the reference moves, for
                 which the gains have no room.
         """
-        error: Any = design.error
+        error: Any = law.designed.error
         self._require_fitting(error)
 
         z = self._error_states(error.size)
-        x = np.array([error.place(0.0, state, p) for state in z])
-        return nominal_law(design, p, [0.0] * len(z), x, z)
+        x = np.array([error.place(0.0, state, law.parameters) for state in z])
+        return nominal_law(law, [0.0] * len(z), x, z)
 
     def reaching(
-        self,
-        design: Design,
-        p: Any,
-        law: NominalLaw,
-        member: Plant,
+        self, law: Controller, by_model: NominalLaw, member: Plant
     ) -> tuple[Reaching, Array]:
         """Reaching condition by the member's equations; |G d| is the sum over the wrench."""
-        error: Any = design.error
-        reaching = law.reaching(error.error_dynamics(law.t, law.x, p, member))
+        error: Any = law.designed.error
+        p = law.parameters
+        x = by_model.x
+        reaching = by_model.reaching(error.error_dynamics(by_model.t, x, p, member))
 
-        disturbed = np.zeros_like(law.v_0)
+        disturbed = np.zeros_like(by_model.v_0)
         for component in np.diag(self.wrench):
             if component.any():
-                w = np.tile(component, (len(law.x), 1))
-                dz = error.disturbances(law.x, p, member, w)
-                disturbed += np.abs(matrix_vector(law.G, dz))
+                w = np.tile(component, (len(x), 1))
+                dz = error.disturbances(x, p, member, w)
+                disturbed += np.abs(matrix_vector(by_model.G, dz))
         return reaching, disturbed
 
     def description(self, plant: Plant) -> str:

@@ -6,12 +6,12 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import field
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.lqr import LqrDesign
 from grosmc_mj.control.reaching import (
     NominalLaw,
@@ -73,12 +73,7 @@ class StateUncertainty(PlantFamily):
                 changes = f"{of_body} and {of_parameters}" if self.scales else of_body
                 yield changes, member
 
-    def gains(
-        self,
-        design: Design,
-        p: Any,
-        plant: Plant,
-    ) -> tuple[SwitchingGains, str]:
+    def gains(self, law: Controller, plant: Plant) -> tuple[SwitchingGains, str]:
         """Gains that hold on the linear models of all members, which must slide to rest.
 
         Raises:
@@ -86,13 +81,15 @@ class StateUncertainty(PlantFamily):
                 unstable.
             ModelError: If the plant has no such parameter or body.
         """
-        gains, declared = super().gains(design, p, plant)
+        gains, declared = super().gains(law, plant)
 
+        optimum = law.designed.lqr
+        p = law.parameters
         slowest_pole = -math.inf
         unmatched = 0.0
         for changes, member in self.members(plant):
             A_t, B_t = member.jacobian(p.reference.x, p.reference.u)
-            poles = np.linalg.eigvals(sliding_dynamics(design.lqr, p.G, A_t, B_t))
+            poles = np.linalg.eigvals(sliding_dynamics(optimum, p.G, A_t, B_t))
             pole = float(poles.real.max())
             if pole >= 0:
                 raise GainError(
@@ -101,25 +98,21 @@ class StateUncertainty(PlantFamily):
                     "choose another G"
                 )
             slowest_pole = max(slowest_pole, pole)
-            unmatched = max(unmatched, _unmatched_share(design.lqr, A_t, B_t))
+            unmatched = max(unmatched, _unmatched_share(optimum, A_t, B_t))
 
         return gains, (
             f"{declared}; {unmatched:.1%} of what the family changes is out of the input's reach, "
             f"slowest sliding pole {slowest_pole:.3g} 1/s"
         )
 
-    def law_at_states(self, design: Design, p: Any) -> NominalLaw:
+    def law_at_states(self, law: Controller) -> NominalLaw:
         """The law at z = 0 and at one step along each axis, which are enough for linear models."""
-        n = design.error.size
+        n = law.designed.error.size
         z = np.vstack([np.zeros(n), np.eye(n)])
-        return nominal_law(design, p, [0.0] * len(z), p.reference.x + z, z)
+        return nominal_law(law, [0.0] * len(z), law.parameters.reference.x + z, z)
 
     def reaching(
-        self,
-        design: Design,
-        p: Any,
-        law: NominalLaw,
-        member: Plant,
+        self, law: Controller, by_model: NominalLaw, member: Plant
     ) -> tuple[Reaching, Array]:
         """Reaching condition on z' = x'(x_e, u_e) + A_t z + B_t v, the member's linear model.
 
@@ -127,16 +120,16 @@ class StateUncertainty(PlantFamily):
         Disturbances add force |G B_t| + push |G D_t|, where D_t is the change of x' by 1 N along
         each axis.
         """
-        point = p.reference
+        point = law.parameters.reference
         A_t, B_t = member.jacobian(point.x, point.u)
-        drift = member.derivative(point.x, point.u) + law.z @ A_t.T
-        gain = np.broadcast_to(B_t, (len(law.z), *B_t.shape))
+        drift = member.derivative(point.x, point.u) + by_model.z @ A_t.T
+        gain = np.broadcast_to(B_t, (len(by_model.z), *B_t.shape))
 
-        disturbed = self.force * np.abs(law.G @ B_t).sum(axis=1)
+        disturbed = self.force * np.abs(by_model.G @ B_t).sum(axis=1)
         if self.push:
             D_t = _effect_of_push(member, point, self._body_of(member))
-            disturbed = disturbed + self.push * np.linalg.norm(law.G @ D_t, axis=1)
-        return law.reaching((drift, gain)), np.broadcast_to(disturbed, law.v_0.shape)
+            disturbed = disturbed + self.push * np.linalg.norm(by_model.G @ D_t, axis=1)
+        return by_model.reaching((drift, gain)), np.broadcast_to(disturbed, by_model.v_0.shape)
 
     def description(self, plant: Plant) -> str:
         """The declared family, in words."""

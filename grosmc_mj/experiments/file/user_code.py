@@ -9,8 +9,9 @@ import re
 import sys
 import traceback
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import machinery
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,8 @@ def sources(named: Iterable[str], folder: Path) -> dict[str, str]:
             require_regular(file)
             content = file.read_bytes()
             hashes[file.relative_to(folder).as_posix()] = hashlib.sha256(content).hexdigest()
-            pending += _imports(content, name, package=file.name == "__init__.py")
+            package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+            pending += _imports(content, package)
     return dict(sorted(hashes.items()))
 
 
@@ -89,8 +91,8 @@ def _files(module: str, folder: Path) -> Iterator[tuple[str, Path]]:
         places = list(spec.submodule_search_locations or ())
 
 
-def _imports(content: bytes, module: str, *, package: bool) -> list[str]:
-    """Return the names that the text of a module imports, and that may be modules."""
+def _imports(content: bytes, package: str) -> list[str]:
+    """Return the names that the text of a module of a package imports, and that may be modules."""
     try:
         tree = ast.parse(content)
     except (SyntaxError, ValueError, RecursionError):
@@ -101,23 +103,14 @@ def _imports(content: bytes, module: str, *, package: bool) -> list[str]:
         if isinstance(node, ast.Import):
             modules += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            base = _base_of_import(node, module, package=package)
+            base = node.module or ""
+            if node.level:
+                # An import from above the folder fails when the module runs.
+                with suppress(ImportError):
+                    base = resolve_name("." * node.level + base, package)
             modules.append(base)
             modules += [f"{base}.{alias.name}".lstrip(".") for alias in node.names]
     return list(filter(None, modules))
-
-
-def _base_of_import(node: ast.ImportFrom, module: str, *, package: bool) -> str:
-    """Return the absolute name of the module that names are imported from."""
-    parts = []
-    if node.level:
-        # One dot is the package that a module is in.
-        levels_up = node.level - package
-        parts = module.split(".")
-        parts = parts[: max(len(parts) - levels_up, 0)]
-    if node.module:
-        parts.append(node.module)
-    return ".".join(parts)
 
 
 def load_named(text: str, folder: Path) -> Any:

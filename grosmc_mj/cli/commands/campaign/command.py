@@ -15,8 +15,8 @@ from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.sweep.campaign import Specification
     from grosmc_mj.sweep.radius import Radius
+    from grosmc_mj.sweep.specification import Specification
 
 # Options of --plant alone, and those that a campaign has, too.
 _FOR_PLANT = ("case_file",)
@@ -169,10 +169,11 @@ class CampaignCommand(Command):
         from grosmc_mj.executors import make_executor
         from grosmc_mj.sweep.campaign import Campaign
         from grosmc_mj.sweep.findings import RESULTS, campaign_result, findings, keeps_enough
+        from grosmc_mj.sweep.manifest import read_manifest, refuse_other_code
         from grosmc_mj.sweep.map import write_figures
         from grosmc_mj.sweep.radius import RADIUS, radius_result
         from grosmc_mj.sweep.sampled import ALL
-        from grosmc_mj.sweep.store import Folder, read_manifest, refuse_other_code
+        from grosmc_mj.sweep.store import Folder
         from grosmc_mj.sweep.worst import WORST, worst_result
 
         specification = self._specification()
@@ -215,7 +216,7 @@ class CampaignCommand(Command):
         Raises:
             ArgumentError: If the target is a campaign's folder, or a number does not fit.
         """
-        from grosmc_mj.sweep.campaign import specification_of
+        from grosmc_mj.sweep.specification import specification_of
         from grosmc_mj.sweep.store import Folder
 
         if Folder(Path(self.target)).begun:

@@ -8,7 +8,7 @@ from functools import partial
 
 from grosmc_mj.cli import screen
 from grosmc_mj.executors import Executor
-from grosmc_mj.sweep import store
+from grosmc_mj.sweep import work
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.findings import Findings
 from grosmc_mj.sweep.radius import Radius, radius
@@ -58,7 +58,7 @@ def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[st
         with screen.progress(runs, "runs") as advance:
             advance("designed; the first part takes a while", 0)
             finished = _FinishedRuns(advance, start)
-            repeated = store.run_missing(campaign, folder, executor, screen.notice, finished)
+            repeated = work.run_missing(campaign, folder, executor, screen.notice, finished)
     except KeyboardInterrupt:
         done = specification.shards - len(folder.missing(campaign))
         raise KeyboardInterrupt(

@@ -33,6 +33,9 @@ class RegionCommand(Command):
     these, in steps of RK4, and every start beside another outcome is confirmed in MuJoCo, with 2 %
     of the others; all are if it overturns one of these.
 
+    Where the loop draws something, starts beside another outcome and 2 % of the others run over
+    --draws; all do if one of these differs.
+
     Writes region_SYSTEM.json, .png and .svg to --out; after Ctrl-C the maps that are finished.
 
     Exit code: 0 if done, 1 if a law converges from no start, 2 if the command or the set-up is
@@ -46,6 +49,8 @@ class RegionCommand(Command):
         axes: Two states that the starts differ in, such as theta theta_dot or p theta.
         limits: Starts go from minus to plus this on each axis, in degrees, rad/s, m or m/s.
         duration: Time that a start is given to converge, in s.
+        draws: Runs of a start in a loop with an encoder, noise, jitter or missed samples: each has
+            random numbers of its own and other phases of the encoders, and all must converge.
         out: Folder for region_SYSTEM.json and the figure.
     """
 
@@ -65,11 +70,15 @@ class RegionCommand(Command):
         Parameter(metavar="X Y", show_default="90 degrees, 10 rad/s, 1 m, 2 m/s"),
     ] = ()
     duration: Annotated[float, Parameter(metavar="S")] = 12.0
+    draws: WholeNumber = 10
     out: Out = Path("renders")
 
     def execute(self) -> int:
         """Compute the maps, write, draw and print them."""
-        from grosmc_mj.studies.region import region_result, write_region_figure
+        from grosmc_mj.studies.region_answer import region_result, write_region_figure
+        from grosmc_mj.sweep.draws import require_draws
+
+        require_draws(self.draws)
 
         region = self._region()
         path = self.out / f"region_{region.system.name}.json"
@@ -110,5 +119,6 @@ class RegionCommand(Command):
             controllers=self.laws,
             points=self.points,
             duration=self.duration,
+            draws=self.draws,
             **pairs,
         )

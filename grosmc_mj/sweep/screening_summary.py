@@ -1,4 +1,4 @@
-"""Judges of a campaign's runs: how many the equations judged, and what MuJoCo overturned."""
+"""Summary of a screening: runs that the equations judged, and verdicts that MuJoCo overturned."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ScreeningSummary(NamedTuple):
 
     @classmethod
     def of(cls, rows: Mapping[str, Array]) -> ScreeningSummary:
-        """Count the judges of one controller's rows."""
+        """Return the summary of one controller's rows."""
         difference = np.abs(rows["screened"] - rows["relative"])
         overturned = rows["overturned"] > 0
         drawn = rows["drawn"] > 0
@@ -61,34 +61,34 @@ class ScreeningSummary(NamedTuple):
         )
 
 
-def screening_sentences(judges: Mapping[str, ScreeningSummary]) -> str:
+def screening_sentences(summaries: Mapping[str, ScreeningSummary]) -> str:
     """Say who judged all runs, and what is known of their verdicts.
 
     Args:
-        judges: By law.
+        summaries: By law.
 
     Returns:
         Sentences; nothing where MuJoCo judged all.
     """
-    by_equations = sum(judge.by_equations for judge in judges.values())
-    band = max((judge.band for judge in judges.values()), default=0.0)
+    by_equations = sum(summary.by_equations for summary in summaries.values())
+    band = max((summary.band for summary in summaries.values()), default=0.0)
     # Without a model in MuJoCo nothing is screened: equations are the plant.
     if not by_equations or not band:
         return ""
 
-    runs = sum(judge.runs for judge in judges.values())
-    difference = max(judge.difference for judge in judges.values())
+    runs = sum(summary.runs for summary in summaries.values())
+    difference = max(summary.difference for summary in summaries.values())
     sentences = [
         f"{by_equations:,} of {runs:,} runs judged by the equations, {runs - by_equations:,} in "
         f"MuJoCo (band {band:.2g} of a limit; margins confirmed differ by {difference:.2g})."
     ]
-    for law, judge in judges.items():
-        if judge.drawn:
-            words = confirmation_words(judge.drawn, judge.drawn_overturned)
+    for law, summary in summaries.items():
+        if summary.drawn:
+            words = confirmation_words(summary.drawn, summary.drawn_overturned)
             sentences.append(f"{law}: {words}.")
-        if judge.overturned:
-            runs_named = ", ".join(map(str, judge.overturned_runs))
-            if judge.overturned > len(judge.overturned_runs):
+        if summary.overturned:
+            runs_named = ", ".join(map(str, summary.overturned_runs))
+            if summary.overturned > len(summary.overturned_runs):
                 runs_named += ", ..."
-            sentences.append(f"MuJoCo overturned {judge.overturned}: {runs_named}.")
+            sentences.append(f"MuJoCo overturned {summary.overturned}: {runs_named}.")
     return " ".join(sentences)
