@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -14,7 +14,6 @@ from pydantic import BaseModel, ConfigDict
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.executors import Notice
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.requirements import KINDS
@@ -26,8 +25,7 @@ from grosmc_mj.studies.bounded_disturbance import BoundedDisturbance, bounded_di
 from grosmc_mj.studies.studied import BENCH, UNDER_LOAD, Condition, case_for
 from grosmc_mj.studies.study import (
     Advance,
-    Progress,
-    StoredRows,
+    CellRunner,
     Study,
     StudyCell,
     dependencies,
@@ -121,8 +119,8 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         threads: Threads of the runs; 0 for all cores.
     """
 
-    kind: ClassVar[str] = "disturbance"
-    row: ClassVar[type[BaseModel]] = WorstDisturbance
+    kind = "disturbance"
+    row = WorstDisturbance
 
     disturbance: BoundedDisturbance
     requirement: str = ""
@@ -198,19 +196,16 @@ class DisturbanceStudy(Study[WorstDisturbance]):
     def rows(
         self,
         cells: Sequence[StudyCell[WorstDisturbance]],
-        stored: StoredRows[WorstDisturbance],
-        progress: Progress,
-        notice: Notice,
+        runner: CellRunner[WorstDisturbance],
     ) -> Iterator[WorstDisturbance]:
-        """Yield the row of each law; with its largest bound it is a row of its own."""
-        worsts = super().rows(cells, stored, progress, notice)
-        if not self.bounded:
-            yield from worsts
-            return
-
-        for cell, worst in zip(cells, worsts, strict=True):
-            bound = replace(cell, key=(worst.law, True), measure=partial(self._with_bound, worst))
-            yield stored.row(bound, lambda text: progress(text, 0))
+        """Yield the row of each law; with its largest bound it is stored once more."""
+        for cell in cells:
+            worst = runner.row(cell)
+            if self.bounded:
+                measure = partial(self._with_bound, worst)
+                worst = runner.row(replace(cell, key=(worst.law, True), measure=measure))
+            runner.progress(cell.name)
+            yield worst
 
     def _with_bound(self, worst: WorstDisturbance, advance: Advance) -> WorstDisturbance:
         """Return a row with the largest bound."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
@@ -171,9 +171,9 @@ class Ladder(Study[RungResult]):
         statements: Statements of the chapter, by the ids of the file's claims.
     """
 
-    kind: ClassVar[str] = "ladder"
-    row: ClassVar[type[BaseModel]] = RungResult
-    unit: ClassVar[str] = "rungs"
+    kind = "ladder"
+    row = RungResult
+    unit = "rungs"
 
     experiment: Experiment
     machine: Experiment

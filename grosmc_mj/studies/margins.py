@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
@@ -135,8 +134,8 @@ class MarginStudy(Study[LawMargins]):
         period: Period of the injections [s]; 0 for the length of the task.
     """
 
-    kind: ClassVar[str] = "margins"
-    row: ClassVar[type[BaseModel]] = LawMargins
+    kind = "margins"
+    row = LawMargins
 
     target: str
     setups: Sequence[Setup]

@@ -67,33 +67,40 @@ def dependencies(configuration: Any, conditions: Sequence[Condition]) -> str:
     return json_text([configuration, cases, versions(), source_digest()])
 
 
+def _show_nothing(text: str = "", by: int = 1) -> None:
+    """Progress that nobody sees."""
+
+
 @dataclass(frozen=True)
-class StoredRows(Generic[AnyRow]):
-    """Rows of finished cells, a file each; its name is a hash of all that the row depends on.
+class CellRunner(Generic[AnyRow]):
+    """Reads the rows of finished cells, measures the others, stores them and shows progress.
+
+    Each row has a file, whose name is a hash of all that the row depends on.
 
     Attributes:
         folder: Folder of the files.
         kind: Class of the rows.
         resume: Whether rows that lie there are read; else all are measured.
+        progress: Called for each cell that is done, and with the course of a measurement.
+        notice: Called with a line about a worker process that died.
     """
 
     folder: Path
     kind: type[AnyRow]
     resume: bool = True
+    progress: Progress = _show_nothing
+    notice: Notice = _show_nothing
 
-    def row(self, cell: StudyCell[AnyRow], advance: Advance) -> AnyRow:
+    def row(self, cell: StudyCell[AnyRow]) -> AnyRow:
         """Return the row of a cell: read it, or measure and write it.
-
-        Args:
-            cell: The cell.
-            advance: Told how far the measurement is.
 
         Raises:
             GrosmcError: If it cannot be measured or written.
         """
         row = self.read(cell)
         if row is None:
-            row = cell.measure(advance)
+            self.progress(cell.name, 0)
+            row = cell.measure(lambda text: self.progress(text, 0))
             self.write(cell, row)
         return row
 
@@ -145,24 +152,18 @@ class Study(ABC, Generic[AnyRow]):
         """Return all cells, in the order in which they are measured."""
 
     def rows(
-        self,
-        cells: Sequence[StudyCell[AnyRow]],
-        stored: StoredRows[AnyRow],
-        progress: Progress,
-        notice: Notice,
+        self, cells: Sequence[StudyCell[AnyRow]], runner: CellRunner[AnyRow]
     ) -> Iterator[AnyRow]:
-        """Yield the row of each cell, stored or measured.
+        """Yield the row of each cell.
 
         Args:
             cells: The cells.
-            stored: Rows of finished cells; those that are measured are added.
-            progress: Called for each cell that is done, and with the course of a measurement.
-            notice: Called with a line about a worker that died, if there are any.
+            runner: Reads or measures them.
 
         Raises:
             GrosmcError: If a cell cannot be measured or its row cannot be written.
         """
         for cell in cells:
-            progress(cell.name, 0)
-            yield stored.row(cell, lambda text: progress(text, 0))
-            progress(cell.name)
+            row = runner.row(cell)
+            runner.progress(cell.name)
+            yield row

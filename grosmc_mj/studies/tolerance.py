@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.executors import Notice, executor_for
+from grosmc_mj.executors import executor_for
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Loop
@@ -39,8 +39,7 @@ from grosmc_mj.studies.studied import (
 )
 from grosmc_mj.studies.study import (
     Advance,
-    Progress,
-    StoredRows,
+    CellRunner,
     Study,
     StudyCell,
     dependencies,
@@ -195,8 +194,8 @@ class ToleranceStudy(Study[LawTolerances]):
         draws: Runs of a loop in which something is drawn.
     """
 
-    kind: ClassVar[str] = "tolerance"
-    row: ClassVar[type[BaseModel]] = LawTolerances
+    kind = "tolerance"
+    row = LawTolerances
 
     experiment: Experiment
     bench: Loop
@@ -265,41 +264,34 @@ class ToleranceStudy(Study[LawTolerances]):
         return LawTolerances.of(tolerances(self, index, threads=threads))
 
     def rows(
-        self,
-        cells: Sequence[StudyCell[LawTolerances]],
-        stored: StoredRows[LawTolerances],
-        progress: Progress,
-        notice: Notice,
+        self, cells: Sequence[StudyCell[LawTolerances]], runner: CellRunner[LawTolerances]
     ) -> Iterator[LawTolerances]:
         """Yield the stored rows; then the others, in the order in which processes finish them."""
         missing = []
         for index, cell in enumerate(cells):
-            row = stored.read(cell)
+            row = runner.read(cell)
             if row is None:
                 missing.append(index)
             else:
-                progress(cell.name)
+                runner.progress(cell.name)
                 yield row
         if not missing:
             return
 
         executor = executor_for(len(missing))
         study_law = partial(self._measure, threads=executor.threads_per_worker)
-        with closing(executor.run(study_law, missing, notice)) as parts:
+        with closing(executor.run(study_law, missing, runner.notice)) as parts:
             for part in parts:
                 cell = cells[part.index]
-                stored.write(cell, part.report)
-                progress(cell.name)
+                runner.write(cell, part.report)
+                runner.progress(cell.name)
                 yield part.report
 
     def tolerances(self, rows: Iterable[LawTolerances]) -> list[Tolerance]:
         """Return the answers of finished rows, law by law."""
-        by_law = {row.law: row for row in rows}
-        answers: list[Tolerance] = []
-        for law in self.laws:
-            if law.name in by_law:
-                answers += by_law[law.name].rows(self)
-        return answers
+        order = [law.name for law in self.laws]
+        finished = sorted(rows, key=lambda row: order.index(row.law))
+        return [answer for row in finished for answer in row.rows(self)]
 
 
 def tolerance_study(

@@ -36,7 +36,7 @@ from grosmc_mj.studies import ladder_pages as pages
 from grosmc_mj.studies import study as cells
 from grosmc_mj.studies.ladder import ENDED, RungResult, ladder, run_rung
 from grosmc_mj.studies.rungs import Rung, rungs_of
-from grosmc_mj.studies.study import StoredRows, StudyCell
+from grosmc_mj.studies.study import CellRunner, StudyCell
 
 TIME: Array = 1e-3 * np.arange(10_000)
 SERVO = """
@@ -766,7 +766,7 @@ def cell_of(stored: RungResult) -> StudyCell[RungResult]:
 )
 def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_path: Path) -> None:
     """As are those of two laws, of two rungs, and of a rung alone and with those below."""
-    stored = StoredRows(tmp_path, RungResult)
+    stored = CellRunner(tmp_path, RungResult)
     place: dict[str, Any] = {"rung": "sensors", "condition": "case1"}
     first = row(used=0.5, **place)
     second = row(used=2.0, **place | other)

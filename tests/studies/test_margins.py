@@ -25,7 +25,7 @@ from grosmc_mj.studies import margins_figure
 from grosmc_mj.studies.law_margins import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins import MarginStudy, law_margins, margin_study
 from grosmc_mj.studies.margins_answer import margin_table, notes
-from grosmc_mj.studies.study import StoredRows
+from grosmc_mj.studies.study import CellRunner
 
 REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
 LIMITED = 'actuator = [{ of = "current", limit = "4 A" }]'
@@ -129,7 +129,7 @@ def test_a_small_injection_into_a_chattering_loop_is_not_trusted() -> None:
 
 def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
     *_, lqr, sign = servo().cells()
-    stored = StoredRows(tmp_path, LawMargins)
+    stored = CellRunner(tmp_path, LawMargins)
     wanted = measured(1, 0)
     stored.write(lqr, wanted)
     found = stored.read(lqr)

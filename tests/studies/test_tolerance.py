@@ -29,7 +29,7 @@ from grosmc_mj.studies import imperfections, tolerance
 from grosmc_mj.studies import tolerance_answer as answer
 from grosmc_mj.studies.imperfections import Imperfection
 from grosmc_mj.studies.studied import judgeable_in
-from grosmc_mj.studies.study import StoredRows
+from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tolerance import (
     LawTolerances,
     Tolerance,
@@ -303,7 +303,7 @@ def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path)
         )
         for kind in studied.imperfections
     ]
-    stored = StoredRows(tmp_path, LawTolerances)
+    stored = CellRunner(tmp_path, LawTolerances)
     (cell,) = studied.cells()
     stored.write(cell, LawTolerances.of(rows))
     finished = stored.read(cell)

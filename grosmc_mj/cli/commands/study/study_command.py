@@ -85,13 +85,13 @@ class StudyCommand(Command, Generic[AnyStudy, AnyRow]):
             rows: List to which each row is added.
             folder: Folder of the finished rows.
         """
-        from grosmc_mj.studies.study import StoredRows
+        from grosmc_mj.studies.study import CellRunner
 
         cells = study.cells()
-        stored = StoredRows(folder, study.row, self.resume)
         with screen.progress(len(cells), study.unit) as progress:
+            runner = CellRunner(folder, study.row, self.resume, progress, screen.notice)
             # One by one: an interrupt leaves the first ones.
-            rows.extend(study.rows(cells, stored, progress, screen.notice))
+            rows.extend(study.rows(cells, runner))
 
 
 @dataclass(frozen=True, kw_only=True)
