@@ -93,7 +93,6 @@ def _uncertain_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> list[dict
         if half is None:
             continue
         deviation = next(deviations)
-        # The wrench in the file has the fitted amplitude already.
         size = _written_size(quantity, value)
         if size:
             tables.append(_uncertain(quantity, value / size, deviation / abs(size), size))
@@ -101,8 +100,15 @@ def _uncertain_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> list[dict
 
 
 def _written_size(quantity: Quantity, value: float) -> float:
-    """The number that a fitted value is written in units of: of an amplitude the value itself."""
-    return value if quantity.owner == "disturbance" else 1.0
+    """The number that a fitted value is written in units of; 0 where it cannot be uncertain.
+
+    The file has the fitted amplitude of a disturbance, factor of a parameter and added mass
+    already. The first two vary by a factor on top; a mass that is less than one in the file cannot
+    be added.
+    """
+    if quantity.owner in ("disturbance", "parameter"):
+        return value
+    return 0.0 if quantity.quantity == "added_mass" else 1.0
 
 
 def _correlation_tables(fit: Fit) -> list[dict[str, Any]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import pytest
 import sympy as sp
 
 import grosmc_mj as gm
+from grosmc_mj import cases
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
@@ -35,16 +38,18 @@ TIMESTEP = 1e-3
 TORQUE = (0.0, 0.0, 0.0, 0.0, -0.1, 0.0)
 
 
-def exact_log(model: LogModel, sampling: float = 5e-3, seconds: float = 4.0) -> Log:
-    """A log of a servo without noise, its input held from sample to sample."""
+def exact_log(
+    model: LogModel, sampling: float = 5e-3, seconds: float = 4.0, angle: str = "rotor angle"
+) -> Log:
+    """A log of an angle without noise, the input held from sample to sample."""
     time = np.arange(round(seconds / sampling)) * sampling
     u = 0.3 * np.sin(5 * time) + 0.2 * np.sin(13 * time)
-    blank = Log("exact", time, u[:, None], {"rotor angle": 0 * time}, [slice(0, len(time))])
+    blank = Log("exact", time, u[:, None], {angle: 0 * time}, [slice(0, len(time))])
     # One prediction of the whole length.
     predictor = Predictor.of(blank, seconds, TIMESTEP)
     ((states,),) = predictor.states([model], [np.array([[0.5, -0.4]])])
     angles = np.interp(time, np.arange(len(states)) * TIMESTEP, states[:, 0])
-    return replace(blank, states={"rotor angle": angles})
+    return replace(blank, states={angle: angles})
 
 
 def errors_of(model: LogModel, log: Log) -> Array:
@@ -133,6 +138,35 @@ def test_an_uncertain_load_is_fitted_and_written(
     (load,) = Experiment.load(written).disturbances
     (declared,) = experiment.disturbances
     assert load.amplitudes == pytest.approx(declared.scaled(amplitude).amplitudes, rel=1e-6)
+
+
+MASS_CASE = """
+title = "A pendulum of the user's own with another inertia"
+plant = { plant = "own_plant:my_plant" }
+run = { duration = "4 s" }
+controller = [{ law = "lqr" }]
+task = { Q = [100, 1], R = 1 }
+uncertain = [{ parameter = "J", scale = [0.3, 4] }]
+"""
+
+
+def test_a_fitted_factor_is_uncertain_around_the_edit_of_the_file(tmp_path: Path) -> None:
+    """A campaign multiplies the factor of the edit, which is the fitted one, by one near 1."""
+    shutil.copy(Path(cases.__file__).parent / "own_plant.py", tmp_path)
+    path = tmp_path / "mass.toml"
+    path.write_text(MASS_CASE, encoding="utf-8")
+    experiment = Experiment.load(path)
+    plant = experiment.plant(experiment.nominal.truest)
+    parameters = parameters_of(experiment, ())
+    log = exact_log(parameters.model(np.array([1.7]), plant), angle=plant.system.states[0].name)
+    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
+    assert found.values == pytest.approx([1.7], rel=1e-3)
+
+    written = tmp_path / "found.toml"
+    write_case(found, "a log", written)
+    content = tomllib.loads(written.read_text(encoding="utf-8"))
+    assert content["edit"][0]["scale"] == pytest.approx(found.values[0], rel=1e-6)
+    assert content["uncertain"][0]["scale"]["mean"] == pytest.approx(1.0, rel=1e-6)
 
 
 UNSTABLE = gm.affine_plant(
