@@ -192,11 +192,13 @@ class RunCommand(Command):
     def _draw(self, answer: Result, results: Sequence[RunResult], path: Path) -> tuple[Path, ...]:
         """Write the curves and, of a complete answer, draw the figure; returns its path."""
         from grosmc_mj.experiments.curves import draw_experiment, figure_size, write_curves
-        from grosmc_mj.results.figure import figure_written
 
         write_curves(results, path.stem, path.parent)
         if not self.figures or not answer.complete:
             return ()
+
+        from grosmc_mj.results.figure import figure_written
+
         figure_path = path.with_suffix(".png")
         with figure_written(figure_path, figure_size(results)) as figure:
             draw_experiment(figure, results)
