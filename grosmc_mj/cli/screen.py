@@ -180,7 +180,9 @@ def _say_tables(result: Result, *, full: bool, among: bool) -> None:
         for table in [] if result.kept else tables[:1]:
             console().print(table.brief(_LEAST_ROWS).model_copy(update={"title": ""}))
         return
-    most = max(_LEAST_ROWS, _MOST_ROWS // max(1, len(tables)))
+    # Long tables have the rows that short ones leave.
+    share = max(_LEAST_ROWS, _MOST_ROWS // max(1, len(tables)))
+    most = share + sum(max(0, share - len(table.rows)) for table in tables)
     for table in tables:
         # The verdict above stands for the title of a single table.
         shown = table.brief(most)
