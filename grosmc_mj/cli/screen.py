@@ -147,7 +147,6 @@ def say_result(
             table of one that is not good is printed.
     """
     from grosmc_mj.results.document import write_json
-    from grosmc_mj.results.result import KEPT, MEASURED
 
     try:
         write_json(path, result)
@@ -157,7 +156,7 @@ def say_result(
             words = answer.words.rstrip(".")
             if among:
                 words = f"{path.stem}: {words}"
-            say_verdict(to, f"{words}.", good=answer.verdict in (KEPT, MEASURED))
+            say_verdict(to, f"{words}.", good=answer.good)
             say_lines(to, answer.faults, full=full)
             say_lines(to, answer.notes, "yellow", full=full)
 

@@ -1,4 +1,4 @@
-"""What a run does until an error is in a band for good, see ``events``."""
+"""Swings of a run before its error is in a band for good, see ``events``."""
 
 from __future__ import annotations
 

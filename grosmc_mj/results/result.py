@@ -73,6 +73,11 @@ class Answer(Part):
     faults: Sequence[Text] = ()
     notes: Sequence[Text] = ()
 
+    @property
+    def good(self) -> bool:
+        """True if it is kept, or measured where nothing is required."""
+        return self.verdict in (KEPT, MEASURED)
+
 
 class StudyVerdict(Part):
     """Verdict on a law in a case: where it breaks, if it does.
@@ -314,8 +319,8 @@ class Result(Provenance):
 
     @property
     def kept(self) -> bool:
-        """True if every answer is good: kept or measured."""
-        return all(answer.verdict in (KEPT, MEASURED) for answer in self.answers)
+        """True if every answer is good."""
+        return all(answer.good for answer in self.answers)
 
 
 def result(

@@ -167,7 +167,7 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
 
 
 def _chatter_words(chatter: Chatter) -> str:
-    """Where chatter begins, in words."""
+    """The gain and the delay at which chatter begins, in words."""
     if chatter.at_rest:
         return "chatters at rest; S tells how it answers slow signals"
     begins = []
@@ -275,7 +275,7 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
 
 
 def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
-    """Where a law breaks without any change."""
+    """The conditions under which a law breaks without any change."""
     reasons = [f"{condition}: {breaks}" for condition, breaks in row.refused.items()]
     return StudyVerdict(
         case=row.setup,

@@ -121,7 +121,6 @@ class RegionLoop:
             row = Row(
                 self.controller,
                 case=replace(case, x0=tuple(start)),
-                number=case.run_number + self.draw,
                 plant=self.plant,
                 predict=self.predict,
             )

@@ -27,15 +27,15 @@ def require_draws(draws: int) -> None:
 
 
 def drawn_case(case: Experiment, number: int) -> Experiment:
-    """Return a case with the loop of a draw; draw 0 is the case itself.
+    """Return a case with the loop and the number of the run of a draw; draw 0 is the case itself.
 
     Args:
         case: The case.
-        number: Number of the draw, to be added to the number of the run, too.
+        number: Number of the draw.
     """
     if number == 0 or case.loop is None:
         return case
-    return case.varied(loop=case.loop.draw(number))
+    return case.varied(loop=case.loop.draw(number), run_number=case.run_number + number)
 
 
 def judged_over_draws(result: RunResult, draws: int) -> RunResult:
@@ -66,7 +66,6 @@ def _row(result: RunResult, number: int) -> Row:
     return Row(
         result.controller,
         case=drawn_case(case, number),
-        number=case.run_number + number,
         plant=result.true,
         predict=case.predicts(result.controller.name),
     )

@@ -29,6 +29,7 @@ from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
 from grosmc_mj.machine import LuGre
+from grosmc_mj.physics.edits import AddedMass
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 
@@ -167,6 +168,37 @@ def test_a_fitted_factor_is_uncertain_around_the_edit_of_the_file(tmp_path: Path
     content = tomllib.loads(written.read_text(encoding="utf-8"))
     assert content["edit"][0]["scale"] == pytest.approx(found.values[0], rel=1e-6)
     assert content["uncertain"][0]["scale"]["mean"] == pytest.approx(1.0, rel=1e-6)
+
+
+ADDED_CASE = """
+title = "A servo with a mass on its rotor"
+plant = { system = "servo" }
+run = { duration = "5 s" }
+controller = [{ law = "lqr" }]
+uncertain = [
+  { joint = "shaft", damping = [0.0005, 0.1] },
+  { body = "rotor", added_mass = ["0 kg", "20 kg"], at = ["0.1 m", "0 m", "0.1 m"] },
+]
+"""
+PLACE = (0.1, 0.0, 0.1)
+
+
+def test_a_fitted_mass_is_an_edit_at_its_place_and_no_longer_uncertain(tmp_path: Path) -> None:
+    """A campaign adds an uncertain mass to those of the edits: the fitted one would act twice."""
+    path = tmp_path / "added.toml"
+    path.write_text(ADDED_CASE, encoding="utf-8")
+    experiment = Experiment.load(path)
+    plant = experiment.plant("physics")
+    log = exact_log(LogModel(MujocoPlant.load("servo", edits=(AddedMass("rotor", 5.0, PLACE),))))
+    parameters = parameters_of(experiment, ())
+    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
+
+    written = tmp_path / "found.toml"
+    write_case(found, "a log", written)
+    content = tomllib.loads(written.read_text(encoding="utf-8"))
+    (mass,) = [edit for edit in content["edit"] if "added_mass" in edit]
+    assert [float(place.split()[0]) for place in mass["at"]] == list(PLACE)
+    assert not any("added_mass" in table for table in content["uncertain"])
 
 
 UNSTABLE = gm.affine_plant(

@@ -390,6 +390,7 @@ def test_a_screened_map_is_that_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> No
     ("arguments", "words"),
     [
         ("cart_pendulum --points 1", "points = 1 must be a whole number from 2 to 1000"),
+        ("cart_pendulum --draws 0", "draws = 0 must be a whole number from 1 to 1000"),
         ("cart_pendulum --duration nan", "duration = nan must be above 0 to 1000 s"),
         ("arm --limits 5 inf", "limits.1 = inf must be finite and positive"),
         ("arm --axes q", "--axes q: give two, X and Y"),

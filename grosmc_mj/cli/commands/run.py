@@ -174,14 +174,17 @@ class RunCommand(Command):
         """Write and print the results of an experiment, also if they cannot be written."""
         from grosmc_mj.results.document import set_aside_other
 
-        aside = set_aside_other(path, "configuration", answer.configuration)
-        screen.say_result(
-            answer,
-            path,
-            lambda: self._draw(answer, results, path),
-            full=self.verbose,
-            among=not alone,
-        )
+        aside = None
+        try:
+            aside = set_aside_other(path, "configuration", answer.configuration)
+        finally:
+            screen.say_result(
+                answer,
+                path,
+                lambda: self._draw(answer, results, path),
+                full=self.verbose,
+                among=not alone,
+            )
         if aside is not None:
             screen.console().print(
                 f"{path.name} had results of another file or other settings: now in {aside.name}; "

@@ -76,9 +76,6 @@ class RegionCommand(Command):
     def execute(self) -> int:
         """Compute the maps, write, draw and print them."""
         from grosmc_mj.studies.region_answer import region_result, write_region_figure
-        from grosmc_mj.sweep.draws import require_draws
-
-        require_draws(self.draws)
 
         region = self._region()
         path = self.out / f"region_{region.system.name}.json"
