@@ -15,7 +15,7 @@ from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, placed
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
-from grosmc_mj.logs.log import Log
+from grosmc_mj.logs.log import Log, name_of_log
 from grosmc_mj.plants import System
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.requirements.metrics import Metric, largest_of
@@ -139,14 +139,15 @@ def results_of_logs(
         path = experiment.path.parent / table.log
         plant = MEASURED
         if len(tables) > 1:
-            plant = f"{MEASURED} {path.stem}"
+            plant = f"{MEASURED} {name_of_log(path)}"
         results.append(_result_of_log(experiment, path, table, plant))
 
     names = [result.key for result in results]
     for result in results:
         if names.count(result.key) > 1:
             raise ArgumentError(
-                f"two logs are called {result.log.stem}: rename one, or judge them one by one"
+                f"two logs are called {name_of_log(result.log)}: rename one, or judge them one by "
+                "one"
             )
     return results
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import csv
+import gzip
+import io
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +16,7 @@ import pyarrow.compute
 import pyarrow.csv
 
 from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.logs.limits import LARGEST_LOG, too_large
 from grosmc_mj.logs.numbers import NUMBER
 
 # Its functions are made at import: a type checker does not see them.
@@ -48,15 +51,16 @@ class _Layout(NamedTuple):
 
 
 def csv_table(path: Path) -> pa.Table:
-    """Read a CSV file as texts; numbers with a decimal comma get a decimal point.
+    """Read a CSV file, plain or gzip, as texts; a decimal comma becomes a decimal point.
 
     Commas, semicolons or tabs separate the columns. Comments begin with #; the last one before the
     rows may be the header. Empty lines, and empty columns at the end of lines, are left out.
 
     Raises:
-        ArgumentError: If it has no header, or a row has more or fewer fields.
+        ArgumentError: If it is too large, has no header, or a row has more or fewer fields.
     """
-    layout = _layout(path)
+    content = _content(path)
+    layout = _layout(content)
     names = [str(index) for index in range(layout.width)]
     ragged: list[str] = []
 
@@ -66,7 +70,7 @@ def csv_table(path: Path) -> pa.Table:
         return "skip"
 
     table = pyarrow.csv.read_csv(
-        path,
+        pa.BufferReader(content),
         pyarrow.csv.ReadOptions(
             column_names=names, skip_rows=layout.skipped, encoding=layout.encoding
         ),
@@ -93,25 +97,41 @@ def csv_table(path: Path) -> pa.Table:
 
 def line_of(path: Path, row: int) -> int:
     """Return the line of a CSV file, from 1, that a row of its table, from 0, stands in."""
-    layout = _layout(path)
-    with path.open(encoding=layout.encoding) as file:
-        for number, line in enumerate(file, start=1):
-            if number <= layout.skipped or _is_left_out(line):
-                continue
-            if row == 0:
-                return number
-            row -= 1
+    content = _content(path)
+    layout = _layout(content)
+    lines = io.TextIOWrapper(io.BytesIO(content), encoding=layout.encoding)
+    for number, line in enumerate(lines, start=1):
+        if number <= layout.skipped or _is_left_out(line):
+            continue
+        if row == 0:
+            return number
+        row -= 1
     raise IndexError(row)
 
 
-def _layout(path: Path) -> _Layout:
+def _content(path: Path) -> bytearray:
+    """The bytes of a CSV file, decompressed if it ends in ``.gz``.
+
+    Raises:
+        ArgumentError: If there are more than a log may have.
+    """
+    opened = gzip.open if path.suffix.lower() == ".gz" else open
+    content = bytearray()
+    with opened(path, "rb") as file:
+        while piece := file.read(_BEGINNING):
+            content += piece
+            if len(content) > LARGEST_LOG:
+                raise too_large(None)
+    return content
+
+
+def _layout(content: bytearray) -> _Layout:
     """The layout of a CSV file.
 
     Raises:
         ArgumentError: If it has no header or no rows.
     """
-    with path.open("rb") as file:
-        encoding, text = _decoded(file.read(_BEGINNING))
+    encoding, text = _decoded(content[:_BEGINNING])
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     filled = [k for k, line in enumerate(lines) if line.strip(_EMPTY)]
     rows = [k for k in filled if not lines[k].startswith(_COMMENT)]
@@ -148,7 +168,7 @@ def _layout(path: Path) -> _Layout:
     return _Layout(encoding, separator, headers, len(fields), rows[0])
 
 
-def _decoded(content: bytes) -> tuple[str, str]:
+def _decoded(content: bytearray) -> tuple[str, str]:
     """Encoding and text of the beginning of a file.
 
     Raises:

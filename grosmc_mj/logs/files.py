@@ -36,9 +36,10 @@ def columns_of(path: Path) -> dict[str, Column]:
     if not path.is_file():
         raise ArgumentError(f"there is no such file: {allowed}")
     require_regular(path, LARGEST_TABLE)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
+    endings = [ending for ending in _READERS if path.name.lower().endswith(ending)]
+    if not endings:
         raise ArgumentError(f"is no log: {allowed}")
+    reader = _READERS[endings[0]]
 
     try:
         columns = reader(path)
@@ -166,6 +167,7 @@ def _vectors(name: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 _READERS: dict[str, Callable[[Path], dict[str, Column]]] = {
     ".csv": _csv,
+    ".csv.gz": _csv,
     ".parquet": _parquet,
     ".mcap": _mcap,
     ".mat": _matlab,

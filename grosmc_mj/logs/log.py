@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +18,13 @@ GAP = 3.0
 SHORTEST_PIECE = 3
 # Multiples of an encoder's step are whole within this: its values are rounded, too.
 _WHOLE = 0.1
+
+
+def name_of_log(path: Path) -> str:
+    """Return the name of a log's file without its ending, ``servo`` of ``servo.csv.gz``."""
+    if path.suffix.lower() == ".gz":
+        path = path.with_suffix("")
+    return path.stem
 
 
 @dataclass(frozen=True, eq=False)

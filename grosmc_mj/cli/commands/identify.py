@@ -57,7 +57,9 @@ class _OfLog(Command):
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
-        return self.out / f"{kind}_{result_name(experiment.path)}_{self.log.stem}.json"
+        from grosmc_mj.logs.log import name_of_log
+
+        return self.out / f"{kind}_{result_name(experiment.path)}_{name_of_log(self.log)}.json"
 
 
 @command

@@ -110,6 +110,7 @@ class PredictCommand(Command):
         """Predict a log, write and print the result; return whether it lies within the spread."""
         from grosmc_mj.identify.film import film_beside_log, filmable
         from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
+        from grosmc_mj.logs.log import name_of_log
         from grosmc_mj.results.result import KEPT
 
         experiment = question.experiment
@@ -119,7 +120,7 @@ class PredictCommand(Command):
 
         complete, lesser = self._predictions(question)
         result = prediction_result(question, complete, lesser, self._configuration(question))
-        name = f"predict_{result_name(experiment.path)}_{log.stem}"
+        name = f"predict_{result_name(experiment.path)}_{name_of_log(log)}"
         path = self.out / f"{name}.json"
         figure = path.with_suffix(".png")
         screen.say_result(

@@ -104,9 +104,10 @@ class RunCommand(Command):
         """
         from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.cli.commands.run_answer import answer_of_run
+        from grosmc_mj.logs.log import name_of_log
         from grosmc_mj.sweep.draws import judged_over_draws
 
-        name = "_".join([result_name(experiment.path), *[log.stem for log in self.log]])
+        name = "_".join([result_name(experiment.path), *map(name_of_log, self.log)])
         measured = self._measured(experiment)
         path = self.out / f"{name}.json"
         results: list[RunResult] = []
