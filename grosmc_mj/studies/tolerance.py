@@ -51,6 +51,8 @@ from grosmc_mj.sweep.search import Search
 # Factors in an octave of the grid that is searched for the first failure: most are no whole
 # multiples of the bench's amounts, nor of its control period.
 PER_OCTAVE = 4
+# The same below the first failure found: sign switching may fail between two that are kept.
+FINER = 32
 # Factors up to this many times the largest that is kept are tried.
 BEYOND = 2.0**5
 # Ratio of the smallest factor that fails to the largest that is kept, at which a search ends.
@@ -66,8 +68,8 @@ class Tolerance:
         imperfection: The imperfection.
         condition: Name of the condition.
         kept_ideally: Whether all requirements are kept without the imperfection.
-        largest_kept: Largest factor up to which all are kept; 0 if they are only without it.
-        smallest_failed: Smallest factor at which one fails; None if none that was tried fails.
+        largest_kept: Largest factor up to which all that was tried is kept; 0 if none is.
+        smallest_failed: Smallest factor found at which one fails; None if none was found.
         kept_again: Ranges beyond that in which all are kept again.
         breaks: The requirement that fails there, or how that run ended; empty if none fails.
         physics_agrees: Whether MuJoCo gives the same at both ends; None where it was not run.
@@ -244,6 +246,7 @@ class ToleranceStudy(Study[LawTolerances]):
                 "least": LEAST,
                 "most": MOST,
                 "grid": 2.0 ** (1 / PER_OCTAVE),
+                "grid_below_the_first_failure": 2.0 ** (1 / FINER),
                 "beyond_the_last_kept": BEYOND,
                 "resolution": RESOLUTION,
             },
@@ -554,18 +557,26 @@ class ToleranceSearch(Search):
             return []
         if not self.imperfection.amounts:
             return [] if self.known else [1.0]
-        if local:
-            return self.factors()
-        return self.on_grid(BEYOND)
+        factors = self.factors() if local else self.on_grid(BEYOND)
+        if factors:
+            return factors
+        # Whether the bench's own amount is kept is answered by a run of it.
+        if self.imperfection.least <= 1.0 <= self.imperfection.most and 1.0 not in self.known:
+            return [1.0]
+        return self.finely(FINER)
 
     def unsure(self) -> list[float]:
-        """Return the largest factor that is kept, if it is known from the first run alone."""
-        largest = self.largest
-        if largest is None or largest in self.sure:
-            return []
-        if not self.imperfection.at(largest).drawn:
-            return []
-        return [largest]
+        """Return the kept factors that count and are known from the first run alone.
+
+        They are the largest one, and the bench's own.
+        """
+        factors: list[float] = []
+        for factor in dict.fromkeys((self.largest, 1.0)):
+            if factor is None or factor in self.sure or not self.known.get(factor, False):
+                continue
+            if self.imperfection.at(factor).drawn:
+                factors.append(factor)
+        return factors
 
     def tolerance(self, law: str, agrees: bool | None) -> Tolerance:
         """Return the answer for a law."""

@@ -28,16 +28,26 @@ from grosmc_mj.studies.matrix import (
     verdict_table,
 )
 from grosmc_mj.studies.studied import StudiedLaw
-from grosmc_mj.studies.tolerance import Tolerance, ToleranceStudy
+from grosmc_mj.studies.tolerance import (
+    FINER,
+    PER_OCTAVE,
+    RESOLUTION,
+    Tolerance,
+    ToleranceStudy,
+)
 
+_STEP = f"{100 * (2 ** (1 / PER_OCTAVE) - 1):.0f} %"
+_FINER_STEP = f"{100 * (2 ** (1 / FINER) - 1):.0f} %"
 LEGEND = (
-    "The largest amount up to which all is kept, found to 9 %, of the first part. no: not kept "
-    "without it; none: only without it; ≥ and ≤: kept up to the last that was tried; *: kept again "
-    "beyond; !: MuJoCo differs from the equations, and counts."
+    "The largest amount up to which all that was tried is kept, of the first part; the first "
+    f"failure found is within {100 * (RESOLUTION - 1):.0f} %. Tried in steps of {_STEP}, in the "
+    f"octave below that failure of {_FINER_STEP}. no: not kept without it; none: only without it; "
+    "≥ and ≤: kept up to the last that was tried; *: kept again beyond; !: MuJoCo differs from the "
+    "equations, and counts."
 )
 NOTE = (
-    "Green: all requirements are kept with what the bench has of it. Orange: the named requirement "
-    "is not. !: MuJoCo differs from the equations, and counts."
+    "Green: all requirements are kept with what the bench has of it, and with all that was tried "
+    "below. Orange: the named requirement is not. !: MuJoCo differs from the equations, and counts."
 )
 # Letters in a line of a header.
 _LETTERS = 12
@@ -78,8 +88,8 @@ def verdict(rows: Sequence[Tolerance]) -> str:
     if worst.condition != "nominal":
         where = f" under {worst.condition}"
     return (
-        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}, and "
-        f"no longer at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
+        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}; the "
+        f"first failure found is at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
     )
 
 

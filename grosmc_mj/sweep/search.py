@@ -43,7 +43,7 @@ class Search:
 
     @property
     def failed(self) -> float | None:
-        """The smallest factor that fails; None if none that was tried does."""
+        """The smallest factor that was tried and fails; None if none does."""
         failing = [factor for factor, passes in self.known.items() if not passes]
         return min(failing, default=None)
 
@@ -81,14 +81,33 @@ class Search:
         """
         passing = [factor for factor, passes in self.known.items() if passes]
         end = max(1.0, beyond * max(passing, default=self._least))
-        untried = [x for x in self._grid() if 0 < x <= end and x not in self.known]
+        grid = self._grid(self._per_octave)
+        untried = [x for x in grid if 0 < x <= end and x not in self.known]
         return untried or self._between()
 
-    def _grid(self) -> list[float]:
+    def finely(self, per_octave: int) -> list[float]:
+        """Factors to be tried in the octave below the first failure found: one may lie there.
+
+        Args:
+            per_octave: Factors of the finer grid in an octave.
+        """
+        largest = self.largest
+        if not largest or self.failed is None:
+            return []
+
+        untried: list[float] = []
+        seen = {self._same(factor) for factor in self.known}
+        for factor in self._grid(per_octave):
+            if largest / 2 < factor < largest and self._same(factor) not in seen:
+                seen.add(self._same(factor))
+                untried.append(factor)
+        return untried
+
+    def _grid(self, per_octave: int) -> list[float]:
         """The least factor times fractions of powers of two, then the largest one."""
         octaves = math.log2(self._most / self._least)
-        count = math.ceil(self._per_octave * octaves - 1e-9)
-        return [*(self._least * 2.0 ** (i / self._per_octave) for i in range(count)), self._most]
+        count = math.ceil(per_octave * octaves - 1e-9)
+        return [*(self._least * 2.0 ** (i / per_octave) for i in range(count)), self._most]
 
     def factors(self) -> list[float]:
         """Factors to be tried now: the first, then down to one that passes, up to one that fails.
