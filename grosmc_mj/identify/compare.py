@@ -10,6 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
@@ -170,7 +171,7 @@ def comparison_result(
     rows: Sequence[PredictionError],
     notes: Sequence[str],
     log: Log,
-    case: str,
+    experiment: Experiment,
     horizon: float,
 ) -> Result:
     """Return the result of a comparison."""
@@ -189,11 +190,11 @@ def comparison_result(
         rms = list(map(finite, row.rms))
         errors.append({**row._asdict(), "rms": rms})
         for age, value in zip(row.horizons, rms, strict=True):
-            name = f"{row.rung} {row.state} at {age:g} s"
+            name = f"{experiment.target} {log.name}: {row.rung} {row.state} at {age:g} s"
             values.append(Value(name=name, value=value, unit=row.unit, better=-1))
     return result(
         "compare",
-        {"case": case, "log": log.name, "horizon": horizon},
+        {"case": str(experiment.path), "log": log.name, "horizon": horizon},
         answers=[answer],
         sheets=[_state_sheet(state, rows, log) for state in best],
         values=values,

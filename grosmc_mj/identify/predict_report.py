@@ -58,11 +58,11 @@ def prediction_result(
         notes=question.notes,
     )
     values = []
+    # Many predictions may lie in one folder: of other cases, logs and laws.
+    subject = f"{question.experiment.target} {question.law} on {question.log.name}"
     for item in complete.quantities:
-        median = finite(item.median)
-        values.append(
-            Value(name=f"predicted {item.name}", value=median, unit=item.unit, relative=_NOISE)
-        )
+        name = f"{subject}: predicted {item.name}"
+        values.append(Value(name=name, value=finite(item.median), unit=item.unit, relative=_NOISE))
 
     finding = question.law_on_log
     loop = question.experiment.loop
@@ -184,7 +184,7 @@ def lesser_table(
 
 
 def _deciding_words(complete: Prediction, lesser: Mapping[str, Prediction]) -> str:
-    """Return which properties decide the experiment, and which do not."""
+    """Return which properties decide the experiment, and which do not; empty without any."""
     decide = deciding(complete, lesser)
     idle = [name for name in lesser if name not in decide]
     sentences = []
@@ -192,6 +192,8 @@ def _deciding_words(complete: Prediction, lesser: Mapping[str, Prediction]) -> s
         sentences.append(f"{_listed(decide)} decide{'s' * (len(decide) == 1)} this experiment")
     if idle:
         sentences.append(f"{_listed(idle)} do{'es' * (len(idle) == 1)} not")
+    if not sentences:
+        return ""
     return f"{'; '.join(sentences)}."
 
 

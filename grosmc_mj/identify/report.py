@@ -130,7 +130,8 @@ def identification(
                 "half_width": half,
             }
         )
-        values.append(Value(name=f"{log}: {name}", value=value, unit=unit, relative=1e-3))
+        name = f"{fit.parameters.experiment.target} {log}: {name}"
+        values.append(Value(name=name, value=value, unit=unit, relative=1e-3))
     return result(
         "identify",
         {"case": str(path), "log": log, "horizon": horizon, "hold_out": hold_out},

@@ -213,8 +213,11 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, StudyVerdict]) -> str
             words += f", and so do {len(broken) - 1} more"
         return f"{words}; {_laws_words(kept) or 'no law'} keeps everything."
 
-    words = f"{_laws_words(kept)} keeps everything; " if kept else ""
     sizes = largest_values(panel)
+    if not sizes:
+        return f"{_laws_words(kept) or 'No law'} keeps everything; there are no curves."
+
+    words = f"{_laws_words(kept)} keeps everything; " if kept else ""
     least = min(sizes, key=sizes.__getitem__)
     most = max(sizes, key=sizes.__getitem__)
     name, _, unit = panel.label.rstrip("]").rpartition(" [")

@@ -134,7 +134,10 @@ def write_panels(path: Path, title: str, rows: Sequence[Sequence[LineChart | Gri
 
         legend: dict[str, Artist] = {}
         for i, row in enumerate(rows):
-            for panel, top, chart in zip(panels[i], rows[0], row, strict=True):
+            for unused in panels[i][len(row) :]:
+                unused.set_axis_off()
+            # After an interrupt the last row has fewer charts than the first.
+            for panel, top, chart in zip(panels[i], rows[0], row, strict=False):
                 panel.set_title(in_lines(chart.name, 36), loc="left", fontsize=11)
                 if isinstance(chart, LineChart):
                     _draw_curves(panel, chart)

@@ -36,7 +36,7 @@ LABELS = {
     "lqr": "LQR",
     "fl-lqr": "FL + LQR",
     "grosmc": "GROSMC",
-    "grosmc-implicit": "GROSMC, implicit",
+    "grosmc-implicit": "GROSMC, implicit, discrete surface",
     "implicit": "GROSMC, implicit",
     "sign": "GROSMC, sign",
     "boundary-layer": "GROSMC, boundary layer",
@@ -103,9 +103,19 @@ REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "z
 
 
 def label_of(controller: str) -> str:
-    """Return a law's name for people, such as ``GROSMC, implicit`` for ``implicit``."""
+    """Return a law's name for people, such as ``GROSMC, implicit`` for ``implicit``.
+
+    Two laws have two names: one of a user's that is called as a law of the package is for people
+    stands in quotation marks.
+    """
     name, comma, variant = controller.partition(", ")
-    return f"{LABELS.get(name, name)}{comma}{variant}"
+    if name in LABELS:
+        return f"{LABELS[name]}{comma}{variant}"
+
+    for label in LABELS.values():
+        if controller == label or controller.startswith(f"{label}, "):
+            return f'"{controller}"'
+    return controller
 
 
 def colour_of(controller: str, others: int = 0) -> str:

@@ -426,13 +426,17 @@ def _answers(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> 
         climbed = ways(rows, condition.name)
         if not climbed:
             continue
-        passed = all(rungs[-1].rung == top and rungs[-1].kept for rungs in climbed.values())
-        judgement = KEPT if passed else NOT_KEPT
+        at_top = [rungs[-1] for rungs in climbed.values() if rungs[-1].rung == top]
+        judgement = KEPT
+        if not complete:
+            judgement = OPEN
+        # One failure decides, however many laws have not climbed yet.
+        if (len(at_top) < len(climbed) and complete) or not all(row.kept for row in at_top):
+            judgement = NOT_KEPT
         words = verdict(studied, rows, condition.name)
         if len(studied.conditions) > 1:
             words = f"{condition.name}: {words}"
         if not complete:
-            judgement = OPEN
             words += " Interrupted: not complete."
         yield Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=words)
 

@@ -19,7 +19,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import prediction_errors
+from grosmc_mj.identify.compare import comparison_result, prediction_errors
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import parameters_of
@@ -51,6 +51,14 @@ def exact_log(
     ((states,),) = predictor.states([model], [np.array([[0.5, -0.4]])])
     angles = np.interp(time, np.arange(len(states)) * TIMESTEP, states[:, 0])
     return replace(blank, states={angle: angles})
+
+
+@pytest.mark.parametrize("target", ["servo/nominal", "servo/case1"])
+def test_an_error_is_named_by_its_case_and_its_log(target: str) -> None:
+    log = exact_log(LogModel(SERVO))
+    rows, notes = prediction_errors({"physics": LogModel(SERVO)}, log, 1.0, TIMESTEP)
+    compared = comparison_result(rows, notes, log, Experiment.load(target), 1.0)
+    assert compared.values[0].name == f"{target} exact: physics rotor angle at 0.1 s"
 
 
 def errors_of(model: LogModel, log: Log) -> Array:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from grosmc_mj.comparison.comparison import compare
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
 from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
+from grosmc_mj.identify.predict_report import _deciding_words, prediction_result
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.results.document import json_text
 
 CASE = """
 title = "A servo that turns by 1 rad"
@@ -199,6 +203,27 @@ def test_without_its_friction_the_machine_is_another_one(question: Question) -> 
     assert "shaft friction" in decide
     assert "rotor angle resolution" not in decide
     assert lesser["shaft friction"].misfits.min() > 5 * complete.misfits.min()
+
+
+def test_diff_compares_the_predictions_of_two_logs_one_by_one(
+    question: Question, tmp_path: Path
+) -> None:
+    """Numbers of the second log took the place of the first one's, in silence."""
+    complete = predict(question, 2)
+    for name in ("first", "second"):
+        of_log = question._replace(log=replace(question.log, name=f"{name}.csv"))
+        content = json_text(prediction_result(of_log, complete, {}, {}))
+        (tmp_path / f"{name}.json").write_text(content, encoding="utf-8")
+    compared = compare(tmp_path, tmp_path).compared
+    assert compared == 2 * len(complete.quantities)
+
+    # That of one log has nothing to do with that of the other.
+    with pytest.raises(ArgumentError, match="no results in common"):
+        compare(tmp_path / "first.json", tmp_path / "second.json")
+
+
+def test_a_machine_without_parts_has_nothing_that_decides(question: Question) -> None:
+    assert _deciding_words(predict(question, 2), {}) == ""
 
 
 def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:

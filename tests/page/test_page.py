@@ -34,6 +34,7 @@ from grosmc_mj import cli
 from grosmc_mj.page.charts import Figure
 from grosmc_mj.page.curves import curves_figure
 from grosmc_mj.page.reading import Curves, read_results
+from grosmc_mj.page.verdicts import required_verdicts, systems_table
 from grosmc_mj.page.write import Page, write_page
 
 HOSTILE = "</script><script>window.stolen=1</script><img src=x onerror=alert(1)>'\"&{{7*7}}"
@@ -327,6 +328,26 @@ def test_a_case_in_which_nothing_is_required_is_not_in_the_tables(tmp_path: Path
     text = page_of(tmp_path).text
     assert 'data-header="servo"' in text
     assert 'data-header="arm"' not in text
+
+
+def test_laws_that_people_would_name_alike_have_a_line_each(tmp_path: Path) -> None:
+    """They were one line: "LQR keeps 2 of 2 cases"."""
+    standings = [
+        {"case": "servo/case1", "law": "lqr", "words": "settles within 1 s: 0.5 s"},
+        {"case": "servo/case1", "law": "LQR", "words": "final error", "breaks_at": "final error"},
+    ]
+    write_document(
+        tmp_path / "validation.json", {**RUN, "kind": "validation", "standings": standings}
+    )
+    table = systems_table(required_verdicts(read_results([tmp_path]).documents))
+    assert [row[0] for row in table.rows] == ["LQR", '"LQR"']
+
+
+@pytest.mark.parametrize("curves", [[], [{"law": "lqr", "plant": "physics", "t": [], "y": []}]])
+def test_a_panel_without_a_curve_has_a_page(tmp_path: Path, curves: list[Any]) -> None:
+    panel = {"label": "angle [rad]", "curves": curves}
+    write_document(tmp_path / "curves.json", {**CURVES, "panels": [panel]})
+    assert "there are no curves" in page_of(tmp_path).text
 
 
 def write_verdict(path: Path, words: str, modified: float) -> None:

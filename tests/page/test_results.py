@@ -24,7 +24,7 @@ from grosmc_mj.results.envelope import jumps
 from grosmc_mj.results.figure import draw_legend_below, figure_written
 from grosmc_mj.results.formulas import in_text
 from grosmc_mj.results.palette import CELLS as CELL_COLOURS
-from grosmc_mj.results.palette import FAILED, KEPT, label_of
+from grosmc_mj.results.palette import FAILED, KEPT, LABELS, label_of
 from grosmc_mj.results.result import CellChart, LineChart, Series
 from grosmc_mj.results.tables import names, numbers, prefixed, table, text, words
 
@@ -183,10 +183,17 @@ def test_a_small_number_has_a_unit_with_a_prefix(
         ("implicit, predicted", "GROSMC, implicit, predicted"),
         ("lqi, quick", "LQI, quick"),
         ("mine", "mine"),
+        ("mine, quick", "mine, quick"),
+        ("LQR", '"LQR"'),
+        ("GROSMC, implicit, predicted", '"GROSMC, implicit, predicted"'),
     ],
 )
 def test_a_law_is_named_as_people_say(law: str, label: str) -> None:
     assert label_of(law) == label
+
+
+def test_no_two_laws_of_the_package_have_one_label() -> None:
+    assert len(set(LABELS.values())) == len(LABELS)
 
 
 def test_a_formula_is_a_line_of_text() -> None:

@@ -281,6 +281,20 @@ def test_the_answer_has_a_column_for_every_rung_beside_that_of_the_machine() -> 
     ]
 
 
+@pytest.mark.parametrize(
+    ("shares", "verdict"),
+    [((0.5, 0.9), "not decided"), ((0.5, 1.2), "not kept"), ((1.2, 0.9), "not decided")],
+)
+def test_one_law_that_fails_on_the_complete_machine_decides_an_interrupted_ladder(
+    shares: tuple[float, float], verdict: str
+) -> None:
+    """A law that fails below may pass the complete machine."""
+    climbs = [row(name, share) for name, share in zip(("delay", "stops"), shares, strict=True)]
+    rows = [*climbs, row("delay", 0.5, "fl-pid")]
+    (shown,) = answer._answers(made_up(), rows, complete=False)
+    assert shown.verdict == verdict
+
+
 def test_a_row_beyond_its_limit_says_by_how_much() -> None:
     slow = row("a", 3.0, optimum_settles=1.84)
     assert slow.reason == "settles within: 3 times (the nominal optimum needs 1.84 s)"

@@ -483,7 +483,8 @@ def test_an_interrupt_before_the_first_map_leaves_earlier_results(
     assert contents(folder) == contents(arm_region)
 
 
-@pytest.mark.parametrize("finished", [0, 1])
+# With four maps the second plant has fewer than the first.
+@pytest.mark.parametrize("finished", [0, 1, 4])
 def test_an_interrupt_keeps_the_finished_maps(
     finished: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -496,9 +497,9 @@ def test_an_interrupt_keeps_the_finished_maps(
     monkeypatch.setattr(RegionStudy, "maps", interrupted)
     options = ("--points", "2", "--duration", "0.1", "--out", tmp_path)
     assert run("study", "region", "servo", *options) == cli.INTERRUPTED
-    assert len(list(tmp_path.iterdir())) == 3 * finished
+    assert len(list(tmp_path.iterdir())) == (3 if finished else 0)
     if finished:
         document = json.loads((tmp_path / "region_servo.json").read_text(encoding="utf-8"))
         assert document["complete"] is False
-        assert len(document["maps"]) == 1
+        assert len(document["maps"]) == finished
         assert document["answers"][0]["verdict"] == "not decided"

@@ -177,7 +177,7 @@ class CompareCommand(_OfLog):
         pushes = unexplained_moments(followed, log, self.horizon, timestep)
         notes = [*log.notes, *notes, *pushes]
         path = self._path("compare", experiment)
-        result = comparison_result(rows, notes, log, str(experiment.path), self.horizon)
+        result = comparison_result(rows, notes, log, experiment, self.horizon)
         screen.say_result(result, path, full=self.verbose)
         if film is not None:
             write_film_of_log(film, path.with_suffix(".mp4"))
