@@ -179,7 +179,7 @@ def _room_of_actuators(task: Task) -> float:
     Raises:
         GainError: If they leave none.
     """
-    low, high = task.plant.input_limits
+    low, high = task.input_limits
     u_e = task.reference.u
     least = float(np.min([high - u_e, u_e - low]))
     room = NOMINAL_INPUT_SHARE * least

@@ -18,7 +18,7 @@ from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.lqr import LqrDesign, lqr
 from grosmc_mj.control.switching import Switching, SwitchingNumbers, find_switching
 from grosmc_mj.errors import GainError, value_text
-from grosmc_mj.fields import Is, Range, checked, checked_call
+from grosmc_mj.fields import Is, Range, Reals, checked, checked_call
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, Plant
 from grosmc_mj.refusals import refusal
 
@@ -130,6 +130,8 @@ class Task:
         R: Weight of the input, or of v after linearization; positive definite, (m, m) or a
             number.
         model: (A, B) of z' = A z + B u about zero error; the plant's own linearization by default.
+        limits: Least and largest of each input that the law may ask for, in the units of the
+            inputs, (2, m); the plant's own by default.
     """
 
     plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")]
@@ -140,11 +142,19 @@ class Task:
     Q: Matrix
     R: Matrix
     model: tuple[Matrix, Matrix] | None = None
+    limits: Annotated[ArrayLike, Reals((2, None), infinite=True)] | None = None
 
     def __post_init__(self) -> None:
         self.error.require_task(self.plant, self._numbers_without_gain())
         _require_weight("Q", self.Q, self.error.size)
         _require_weight("R", self.R, self.error.inputs)
+
+    @property
+    def input_limits(self) -> Array:
+        """Least and largest of each input that the law may ask for, (2, m)."""
+        if self.limits is None:
+            return self.plant.input_limits
+        return np.asarray(self.limits, float)
 
     @property
     def outputs(self) -> OutputCoordinates:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import Mistakes
 from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.laws import knows_limits
 from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.files import name_in_files
@@ -46,8 +47,10 @@ def refuse_inconsistent(
                 f"{name_in_files(name)}: give one another name"
             )
 
-    if file.known_loop is not None and not any(file.law(name).predict for name in names):
-        mistakes.note("known_loop: no controller has predict = true, so none knows its loop")
+    if file.known_loop is not None:
+        tables = [file.law(name) for name in names]
+        if not any(table.predict or knows_limits(table, nominal) for table in tables):
+            mistakes.note("known_loop: no controller has predict = true, so none knows its loop")
     for name in file.plant.compare or ():
         with mistakes.gathered("plant: compare: "):
             require_known("plant", name, nominal.names)

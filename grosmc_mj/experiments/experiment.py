@@ -45,7 +45,7 @@ from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, Require
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_of
-from grosmc_mj.experiments.laws import LawRequest, design
+from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import implausible
 from grosmc_mj.experiments.requirements import requirements_in
@@ -225,13 +225,8 @@ class Experiment:
 
     def input_limits(self, plant: Plant) -> Array:
         """Return least and largest of each input by a plant and the loop's actuators, (2, m)."""
-        limits = np.array(plant.input_limits)
-        if self.loop is not None:
-            names = [signal.name for signal in plant.system.inputs]
-            for actuator in self.loop.actuators:
-                index = names.index(actuator.of)
-                limits[:, index] = np.clip(limits[:, index], -actuator.limit, actuator.limit)
-        return limits
+        loop = self.loop or Loop()
+        return loop.input_limits(plant)
 
     @property
     def controllers(self) -> list[str]:
@@ -381,11 +376,14 @@ class Experiment:
         """Return a law in its realization; it is designed once for all plants with one variant."""
         table = self.file.law(name)
         period = self.settings.control_period
+        loop = self._loop_of_design
+        actuators = loop.actuators if knows_limits(table, self.nominal) else ()
         # Only a user's own law may depend on the control period.
-        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0
+        key = design_variant(plant), repr(table), period if is_named(table.law) else 0.0, actuators
         if key not in self._designs:
+            folder = self.path.parent
             self._designs[key] = design(
-                LawRequest(table, self.file, self.nominal, plant, self.path.parent, period)
+                LawRequest(table, self.file, self.nominal, plant, folder, period, loop)
             )
         controller = self._designs[key]
         realization = self._realization_of(table, controller)
@@ -393,6 +391,16 @@ class Experiment:
         if realized_key not in self._designs:
             self._designs[realized_key] = realized(controller, realization).sampled(period)
         return self._designs[realized_key]
+
+    # Every design asks for it.
+    @cached_property
+    def _loop_of_design(self) -> Loop:
+        """Loop whose actuators the file's laws know, whatever has been varied since."""
+        system = self.nominal.system
+        known = known_loop_of_file(self.file, system)
+        if known is not None and known.actuators:
+            return known
+        return loop_of_file(self.file, system) or Loop()
 
     def applied_loop(self, plant: PlantName, name: str) -> AppliedLoop | None:
         """Return the case's loop around a controller, see ``law``; None without a loop.
@@ -415,8 +423,12 @@ class Experiment:
             )
 
     def predicts(self, name: str) -> bool:
-        """Whether a controller of the file, or a law by its name, knows its loop."""
+        """Whether a controller of the file, or a law by its name, predicts over its loop."""
         return bool(self.file.law(name).predict)
+
+    def knows_loop(self, name: str) -> bool:
+        """Whether a controller of the file, or a law by its name, knows anything of its loop."""
+        return self.predicts(name) or knows_limits(self.file.law(name), self.nominal)
 
     def loop_around(
         self, controller: Controller, loop: Loop, *, predict: bool = False, run: int = 0

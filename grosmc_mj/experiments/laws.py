@@ -15,6 +15,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
 from grosmc_mj.control.controller import Controller, custom_controller
+from grosmc_mj.control.coordinates.base import Coordinates
 from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates, error_names
 from grosmc_mj.control.design import (
@@ -49,6 +50,7 @@ from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, Outputs
 from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
 from grosmc_mj.experiments.file.values import state_of
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
+from grosmc_mj.loop import Loop
 from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
 from grosmc_mj.plants.two_link_arm import tip
 from grosmc_mj.robots.robot import Robot
@@ -116,6 +118,7 @@ class LawRequest:
         plant: Name of the plant that the controller will run on.
         folder: Folder of the user's own Python.
         control_period: Control period of the runs [s].
+        loop: Loop whose limits of the inputs the law knows.
     """
 
     table: ControllerTable
@@ -124,6 +127,7 @@ class LawRequest:
     plant: PlantName
     folder: Path
     control_period: float
+    loop: Loop
 
     @property
     def equations(self) -> AnalyticPlant:
@@ -173,8 +177,19 @@ def _packaged_controller(request: LawRequest) -> Controller:
     if maker is pid and nominal.at is not None and not follows and not fully_actuated:
         of_states = True
     task = _state_task(request) if of_states else _task(request, maker)
-    names = task.error.names
-    return maker(task, **_arguments(table, maker, names, of_states=of_states))
+    task = replace(task, limits=request.loop.command_limits(task.plant))
+    return maker(task, **_arguments(table, maker, task.error, of_states=of_states))
+
+
+def knows_limits(table: ControllerTable, nominal: NominalPlant) -> bool:
+    """Whether a law of the package takes the limits of the loop's inputs for its own.
+
+    Args:
+        table: Law and numbers of the controller.
+        nominal: The nominal plant.
+    """
+    maker = laws_of(nominal).get(table.law)
+    return maker in (pid, state_grosmc) and "limit" not in table.numbers
 
 
 def _linearizes(maker: Maker) -> bool:
@@ -201,7 +216,7 @@ def _further_controller(request: LawRequest, maker: Callable[..., Controller]) -
 def _arguments(
     table: ControllerTable,
     maker: Maker,
-    names: Sequence[str],
+    error: Coordinates,
     *,
     of_states: bool,
 ) -> dict[str, Any]:
@@ -210,7 +225,7 @@ def _arguments(
     Args:
         table: Law and numbers of the controller.
         maker: The function that designs the law.
-        names: Names of the error state's entries.
+        error: The error state of the law, with the inputs.
         of_states: Whether the law is designed on the linearization.
     """
     numbers = {name: value for name, value in table.numbers.items() if name not in _WEIGHTS}
@@ -229,8 +244,10 @@ def _arguments(
     for name, value in numbers.items():
         if name not in _MAY_BE_LISTS and isinstance(value, list):
             raise ArgumentError(f"{name} = {value_text(value)} must be a number")
+    input_units = [signal.unit for signal in error.system.inputs]
     return {
-        name: law_number(name, value, names, of_states=of_states) for name, value in numbers.items()
+        name: law_number(name, value, error.names, input_units, of_states=of_states)
+        for name, value in numbers.items()
     }
 
 
@@ -556,4 +573,4 @@ def _reference_by_formulas(
     formulas: tuple[str, ...], degrees: tuple[int, ...]
 ) -> ReferenceFunction:
     """Return the reference of formulas in t."""
-    return reference([formula(text, TIME) for text in formulas], degrees)
+    return reference([formula(text, TIME, steps=True) for text in formulas], degrees)

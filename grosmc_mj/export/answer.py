@@ -6,7 +6,10 @@ import hashlib
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.rivals.pid import PidNumbers
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
@@ -68,9 +71,13 @@ def about(
 
 def _limits(controller: Controller) -> str:
     """Sentence on the limits that the law keeps its inputs within."""
-    limit = getattr(controller.parameters, "limit", None)
+    p = controller.parameters
+    limit = getattr(p, "limit", None)
     if isinstance(limit, float) and math.isfinite(limit):
         return f"The law knows a limit of {limit:g} of its inputs."
+    if isinstance(p, PidNumbers) and np.isfinite([p.low, p.high]).any():
+        ranges = [f"{low:g} to {high:g}" for low, high in zip(p.low, p.high, strict=True)]
+        return f"The law keeps its inputs within {' and '.join(ranges)}."
     return "The law knows no limit of its inputs: the actuator has to keep them."
 
 

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from dataclasses import field, replace
 from typing import Annotated, Any, get_args, get_type_hints
 
+import numpy as np
+
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.fields import Items, Range, checked
 from grosmc_mj.loop.actuators import Actuator
@@ -16,7 +19,7 @@ from grosmc_mj.loop.delay import Computing
 from grosmc_mj.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.loop.sensors import Sensor
 from grosmc_mj.loop.timing import MOST_STEPS, TIMES, steps_in, time_as_run
-from grosmc_mj.plants import System
+from grosmc_mj.plants import Plant, System
 
 LARGEST_SEED = 2**53
 
@@ -110,6 +113,42 @@ class Loop:
         if not differenced:
             return self
         return replace(self, estimators=(*self.estimators, Estimator(tuple(differenced))))
+
+    def input_limits(self, plant: Plant) -> Array:
+        """Least and largest of each input that actuators and plant give, (2, m).
+
+        Args:
+            plant: Plant, with limits of its own.
+        """
+        limits = np.array(plant.input_limits, float)
+        for column, actuator in self._actuated(plant.system):
+            limits[:, column] = np.clip(limits[:, column], -actuator.limit, actuator.limit)
+        return limits
+
+    def command_limits(self, plant: Plant) -> Array:
+        """Least and largest of each command that is not cut off, (2, m).
+
+        An actuator limits the command times its gain, so the command's limits are those of the
+        input over the gain; they are infinite for a gain of 0.
+
+        Args:
+            plant: Plant, with limits of its own.
+        """
+        limits = self.input_limits(plant)
+        for column, actuator in self._actuated(plant.system):
+            if actuator.gain == 0:
+                limits[:, column] = -math.inf, math.inf
+            else:
+                limits[:, column] = np.sort(limits[:, column] / actuator.gain)
+        return limits
+
+    def _actuated(self, system: System) -> Iterator[tuple[int, Actuator]]:
+        """Yield the actuators of a system's inputs, each with the number of its input."""
+        names = [signal.name for signal in system.inputs]
+        for actuator in self.actuators:
+            # Another name is refused with the rest of the loop, by ``require_fits``.
+            if actuator.of in names:
+                yield names.index(actuator.of), actuator
 
     def exact_rates(self, system: System) -> list[str]:
         """Names of the rates that are known exactly beside a measured position."""

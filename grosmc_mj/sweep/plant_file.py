@@ -211,7 +211,7 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
 
     pairs = campaign.pairs_as_run(plant.values)
     uncertain_loop = any(quantity.of_loop for quantity, *_ in pairs)
-    if uncertain_loop and any(map(experiment.predicts, campaign.laws)):
+    if uncertain_loop and any(map(experiment.knows_loop, campaign.laws)):
         _keep_known_loop(content)
     case = campaign.plant_sample(plant.values)
     for quantity, value, _ in pairs:
@@ -247,7 +247,7 @@ def _run_as(content: Content, specification: Specification) -> None:
 
 
 def _keep_known_loop(content: Content) -> None:
-    """Have predicting laws know the loop as it is now, whatever numbers it gets."""
+    """Have laws that know their loop know it as it is now, whatever numbers it gets."""
     if "known_loop" not in content:
         parts = {kind: content[kind] for kind in LOOP_PARTS if kind in content}
         content["known_loop"] = deepcopy(parts)

@@ -217,6 +217,80 @@ def test_a_file_gives_its_numbers_with_units(tmp_path: Path) -> None:
     assert law.designed.gains == {"kp": 8, "ki": 10, "kd": 0}
 
 
+ACTUATOR = """
+[[actuator]]
+of = "current"
+limit = "0.3 A"
+"""
+
+
+@pytest.mark.parametrize(
+    ("numbers", "largest"),
+    [
+        ("kp = 1", math.inf),
+        ("kp = 1" + ACTUATOR, 0.3),
+        ("kp = 1" + ACTUATOR + "gain = 0.5", 0.6),
+        ("kp = 1" + ACTUATOR + "gain = -2", 0.15),
+        ("kp = 1" + ACTUATOR + "gain = 0", math.inf),
+        ('kp = 1\nlimit = "250 mA"' + ACTUATOR, 0.25),
+    ],
+)
+def test_its_limits_are_the_commands_that_the_actuator_does_not_cut_off(
+    tmp_path: Path, numbers: str, largest: float
+) -> None:
+    p = law_of(tmp_path, numbers).parameters
+    assert (p.low[0], p.high[0]) == (-largest, largest)
+
+
+@pytest.mark.parametrize(("limit", "largest"), [("4 N", 4.0), ("40 N", 10.0)])
+def test_its_limits_are_the_least_of_plant_and_actuator(
+    tmp_path: Path, limit: str, largest: float
+) -> None:
+    """dm_control's cartpole has a range of 10 N."""
+    actuator = f'\n[[actuator]]\nof = "slide"\nlimit = "{limit}"\n'
+    case = load(tmp_path, CARTPOLE + actuator)
+    p = case.law("physics", "pid").parameters
+    assert (p.low[0], p.high[0]) == (-largest, largest)
+    # The sliding mode law leaves a tenth of the same room to its switching term.
+    sliding = case.law("physics", "grosmc").parameters
+    assert sliding.limit == pytest.approx(0.9 * largest)
+
+
+def test_a_law_keeps_the_limits_of_its_file_where_the_loop_is_varied(tmp_path: Path) -> None:
+    case = load(tmp_path, SERVO + "kp = 1" + ACTUATOR)
+    assert case.loop is not None
+    weaker = case.varied(loop=case.loop.changed("actuator", "current", limit=0.1))
+    assert weaker.law("physics", "pid").parameters.high[0] == 0.3
+    rewritten = case.changed({"actuator.current.limit": "0.1 A"})
+    assert rewritten.law("physics", "pid").parameters.high[0] == 0.1
+
+
+FALLING = """
+kp = 1e-6
+ki = 0.1
+[[actuator]]
+of = "current"
+limit = "0.3 A"
+[task]
+outputs = { formulas = ["rotor speed"], unit = "rad/s" }
+reference = ["1000 - 1000 * step(t - 5)"]
+sign = 1
+Q = [10]
+R = 1
+"""
+
+
+@pytest.mark.parametrize("engine", ["python", "native"])
+def test_an_integral_at_the_actuators_limit_does_not_wind_up(tmp_path: Path, engine: Any) -> None:
+    """It leaves the limit as soon as a setpoint out of reach has fallen below the output."""
+    case = load(tmp_path, SERVO.replace("20 ms", "6 s") + FALLING).with_settings(engine=engine)
+    run = case.run().trajectory
+    fallen = round(5 / case.settings.control_period)
+    np.testing.assert_allclose(run.command[fallen - 1], 0.3, rtol=1e-12)
+    assert np.all(run.command <= 0.3)
+    assert np.all(np.diff(run.command[fallen : fallen + 20]) < 0)
+
+
 def test_a_file_asks_for_a_settling_time(tmp_path: Path) -> None:
     gains = law_of(tmp_path, 'tune = { settles_within = "2 s" }').designed.gains
     expected = tuned_gains(loop_of("servo", [0]), Tuning(settles_within=2.0))

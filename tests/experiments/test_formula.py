@@ -3,7 +3,9 @@
 import contextlib
 import math
 import time
+from typing import Any
 
+import numba
 import pytest
 import sympy as sp
 from hypothesis import given
@@ -51,6 +53,51 @@ def test_a_function_of_a_number_is_its_value(name: str):
     # sympy rounds once from the exact value, libm's functions to an ulp or two.
     assert value == getattr(math, name)(0.37)
     assert value == pytest.approx(float(NAMES[name](sp.Float(0.37, 30))), rel=1e-15, abs=0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2 - 1.5 * step(t - 10)", {9.999: 2.0, 10.0: 0.5, 11.0: 0.5}),
+        ("step(2 - t)", {1.0: 1.0, 2.0: 1.0, 2.001: 0.0}),
+        ("step(t - 1 s) * step(3 s - t)", {0.5: 0.0, 1.0: 1.0, 3.0: 1.0, 3.5: 0.0}),
+        ("step(-1) + 2 * step(0)", {0.0: 2.0}),
+        ("tanh(step(t - 0.3))", {0.1: 0.0, 3 * 0.1: math.tanh(1.0)}),
+    ],
+)
+def test_a_step_is_one_from_the_zero_of_its_argument_on(
+    text: str, expected: dict[float, float]
+) -> None:
+    """Its derivatives are zero, and compiled code has the same bits."""
+    y_r: Any = reference([formula(text, TIME, steps=True)], (2,))
+    compiled = numba.njit(y_r)
+    for t, value in expected.items():
+        assert y_r(t, None) == pytest.approx((value, 0.0, 0.0), abs=0)
+        assert compiled(t, 0.0) == y_r(t, 0.0)
+
+
+def test_a_ramp_that_begins_has_the_rate_of_a_ramp() -> None:
+    y_r: Any = reference([formula("step(t - 1) * 3 * (t - 1)", TIME, steps=True)], (2,))
+    assert y_r(0.5, None) == (0, 0, 0)
+    assert y_r(3.0, None) == (6, 3, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1 / step(t - 1)", "has no finite real value"),
+        ("step(t, 1)", "gives step other than one argument"),
+    ],
+)
+def test_a_step_without_a_value_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        formula(text, TIME, steps=True)
+
+
+def test_outputs_have_no_steps() -> None:
+    """Their derivatives along the motion are what feedback linearization goes by."""
+    with pytest.raises(ArgumentError, match="has step, may have"):
+        formula("step(t - 1)", TIME)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -121,7 +121,7 @@ def pid(
         filter: Time constant of the rate's filter [s]; 0 for none.
         setpoint_weight: b.
         rate_setpoint_weight: c.
-        limit: Largest |u|, in the unit of the input; by default the plant's own limits.
+        limit: Largest |u|, in the unit of the input; by default the limits of the task.
         tracking_time: T_t [s]; 0 to hold the integral instead.
         controls: Names of the error state's entries that are y; by default the outputs.
 
@@ -133,7 +133,7 @@ def pid(
     rows = _controlled(error, controls)
     gains = _gains(task, rows, filter, kp, ki, kd, frequency, tune)
 
-    low, high = task.plant.input_limits
+    low, high = task.input_limits
     if limit is not None:
         low, high = -limit, limit
     m = error.inputs

@@ -63,6 +63,8 @@ FUNCTIONS = (
     "acos",
     "atan",
 )
+STEP = "step"
+"""Function of references in t: 0 before the zero of its argument, 1 from it on."""
 _CONSTANTS = {"pi": sp.pi}
 _OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -107,7 +109,7 @@ def _converted(match: re.Match[str]) -> str:
     return repr(number_in(f"{number} {unit}", _UNITS[unit]))
 
 
-def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
+def formula(text: str, *symbols: sp.Symbol, steps: bool = False) -> sp.Expr:
     """Return the expression that a text describes.
 
     Args:
@@ -115,6 +117,7 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
             argument in ``FUNCTIONS``. A number may have one of the units ``deg``, ``mrad``,
             ``rad``, ``mm``, ``cm``, ``m``, ``ms``, ``s`` and ``Hz``: ``10 deg * sin(2 Hz * t)``.
         symbols: Symbols that may be in it; there may be blanks in their names.
+        steps: Whether it may have ``step``, which has no derivative where it jumps.
 
     Raises:
         ArgumentError: If it has something else, is too large, or has no finite real value.
@@ -140,7 +143,7 @@ def formula(text: str, *symbols: sp.Symbol) -> sp.Expr:
         raise ArgumentError(f"{value_text(text)} is no formula in {', '.join(names)}") from None
 
     try:
-        return _Builder(names).part(tree, 0).exact
+        return _Builder(names, steps=steps).part(tree, 0).exact
     except _NoFormulaError as error:
         raise ArgumentError(f"{value_text(text)} {error}") from None
     except (ArithmeticError, ValueError):
@@ -156,12 +159,14 @@ class _Builder:
 
     Args:
         symbols: Symbols that may be in it, by their names.
+        steps: Whether it may have ``step``.
     """
 
-    def __init__(self, symbols: Mapping[str, sp.Symbol]) -> None:
+    def __init__(self, symbols: Mapping[str, sp.Symbol], *, steps: bool) -> None:
         self._symbols = {name.replace(" ", "_"): symbol for name, symbol in symbols.items()}
         self._names = ", ".join(symbols)
         self._parts = 0
+        self._functions = (*FUNCTIONS, STEP) if steps else FUNCTIONS
 
     def part(self, node: ast.AST, depth: int) -> _Part:
         """Return a node of the tree, with all below it, as a part."""
@@ -171,6 +176,9 @@ class _Builder:
                 f"is too large: it may have {_MOST_PARTS} parts, nested {_DEEPEST} deep"
             )
         part = self._built(node, depth + 1)
+        # A division by a step, say.
+        if part.exact.has(sp.zoo, sp.nan):
+            raise ValueError
         if abs(part.value or 0.0) > _LARGEST:
             raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
         return part
@@ -200,7 +208,7 @@ class _Builder:
                     inside=max(first.inside, second.inside),
                 )
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if (
-                name in FUNCTIONS and not isinstance(argument, ast.Starred)
+                name in self._functions and not isinstance(argument, ast.Starred)
             ):
                 return _called(name, self.part(argument, depth))
         raise self._unfit(node)
@@ -208,10 +216,10 @@ class _Builder:
     def _unfit(self, node: ast.AST) -> _NoFormulaError:
         """Return the reason why a node is no part of a formula."""
         match node:
-            case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:
+            case ast.Call(func=ast.Name(id=name)) if name in self._functions:
                 return _NoFormulaError(f"gives {name} other than one argument")
             case ast.Call(func=ast.Name(id=name)) | ast.Name(id=name) | ast.Attribute(attr=name):
-                valid = ", ".join((self._names, *_CONSTANTS, *FUNCTIONS))
+                valid = ", ".join((self._names, *_CONSTANTS, *self._functions))
                 return _NoFormulaError(f"has {value_text(name, str)}, may have {valid} and numbers")
             case ast.BinOp(op=ast.BitXor()):
                 return _NoFormulaError("has ^: a power is written **")
@@ -253,6 +261,8 @@ def _refuse_large(exponent: _Part) -> None:
 
 def _called(name: str, argument: _Part) -> _Part:
     """Return a function of one argument."""
+    if name == STEP:
+        return _step(argument)
     if argument.value is not None:
         # A floating-point number: sympy's exact value may take forever.
         return _Part(sp.Float(getattr(math, name)(argument.value)))
@@ -267,3 +277,16 @@ def _called(name: str, argument: _Part) -> _Part:
             # It would become a power, whose exponent nobody has checked.
             raise _NoFormulaError("has a log within exp: write a power")
     return _Part(getattr(sp, name)(argument.exact), max(1.0, power), inside)
+
+
+def _step(argument: _Part) -> _Part:
+    """Return 1 where an argument is at least 0, and 0 elsewhere.
+
+    Not sympy's Heaviside: its value at 0 is a half, and its derivative an impulse. A comparison is
+    the same in both engines, and its derivative is 0 wherever there is one.
+    """
+    value = argument.value
+    if value is not None:
+        return _Part(sp.Integer(value >= 0))
+    switched = sp.Piecewise((sp.Integer(1), argument.exact >= 0), (sp.Integer(0), True))
+    return _Part(switched, argument.power, _deeper(argument.inside))

@@ -27,6 +27,7 @@ def law_number(
     name: str,
     value: Any,
     names: Sequence[str] = (),
+    input_units: Sequence[str] = (),
     *,
     of_states: bool = False,
 ) -> Any:
@@ -36,6 +37,7 @@ def law_number(
         name: Key of the number.
         value: Value in the file.
         names: Names of the error state's entries, if the law has some.
+        input_units: Unit of each input, if the law's numbers are those of the package.
         of_states: Whether the law is designed on the linearization, with an uncertainty of states.
 
     Raises:
@@ -57,6 +59,13 @@ def law_number(
         return _tuning(value)
     if name in _UNITS and isinstance(value, str):
         return _with_unit(name, value, _UNITS[name])
+    if name == "limit" and isinstance(value, str) and input_units:
+        if len(set(input_units)) > 1:
+            raise ArgumentError(
+                f"limit = {value_text(value)} must be a number: the inputs have different units, "
+                f"{name_list(input_units)}"
+            )
+        return _with_unit(name, value, input_units[0])
 
     if name == "G" and isinstance(value, dict):
         value = [in_order(name, value, names, missing=0.0)]
