@@ -70,7 +70,7 @@ def test_a_step_is_one_from_the_zero_of_its_argument_on(
 ) -> None:
     """Its derivatives are zero, and compiled code has the same bits."""
     y_r: Any = reference([formula(text, TIME, steps=True)], (2,))
-    compiled = numba.njit(y_r)
+    compiled: Any = numba.njit(y_r)
     for t, value in expected.items():
         assert y_r(t, None) == pytest.approx((value, 0.0, 0.0), abs=0)
         assert compiled(t, 0.0) == y_r(t, 0.0)
