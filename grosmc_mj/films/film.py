@@ -15,6 +15,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, Reals, Seconds, checked
 from grosmc_mj.films.scene import FREE_CAMERA, camera_names, default_camera
+from grosmc_mj.loop.timing import steps_to
 from grosmc_mj.simulation.trajectory import Trajectory
 
 MOST_TAKES = 4
@@ -196,7 +197,7 @@ class Film:
 
         A run that ended early stays at its last row.
         """
-        nearest = np.rint(self.times / take.run.time[1]).astype(int)
+        nearest = steps_to(self.times, float(take.run.time[1]))
         return np.clip(nearest, 0, len(take.run.time) - 1)
 
     @property

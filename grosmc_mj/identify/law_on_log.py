@@ -13,6 +13,7 @@ from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import AppliedLoop
 from grosmc_mj.loop.sent import keep_output
 from grosmc_mj.loop.software import observe
+from grosmc_mj.loop.timing import steps_to
 from grosmc_mj.results.tables import number
 from grosmc_mj.simulation.law_inputs import sample_law
 
@@ -125,12 +126,13 @@ def _commands(applied: AppliedLoop, log: Log, start: Array) -> Array:
     loop = applied.begin_uncompiled(start, memory, np.zeros(len(x)), x)
     measured = loop.measured
     measured.fresh[:] = 1.0
+    clock = steps_to(log.time, applied.timestep)
 
     for k in range(len(log.time)):
         for j, state in enumerate(system.states):
             if state.name in log.states:
                 measured.y[j] = log.states[state.name][k]
-        measured.clock[0] = log.time[k] // applied.timestep
+        measured.clock[0] = clock[k]
         t = observe(k, measured, loop.software)
         sample_law(law, t, x, memory, commands[k])
         keep_output(k, log.inputs[k], True, measured, loop.software)

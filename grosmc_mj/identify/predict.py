@@ -20,6 +20,7 @@ from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop, Sensor
+from grosmc_mj.loop.timing import steps_to
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
@@ -293,7 +294,7 @@ def _log_of(run: Trajectory, like: Log) -> Log:
     """Return the log of a simulated run: what its sensors told at the instants of another log."""
     assert run.seen is not None
     timestep = float(run.time[1])
-    rows = np.rint(like.time / timestep).astype(int).clip(0, len(run.seen) - 1)
+    rows = steps_to(like.time, timestep).clip(0, len(run.seen) - 1)
     names = [state.name for state in run.system.states]
     commands = run.input.reshape(len(run.input), -1)
     return replace(

@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.fields import Range, checked_call
 
@@ -52,6 +56,15 @@ def time_as_run(
     if name == "jitter":
         return min(nearest, control_period - timestep)
     return nearest
+
+
+def steps_to(times: Array, timestep: float) -> NDArray[np.int_]:
+    """Number of timesteps from 0 to each time [s], the nearest whole one.
+
+    A time is a rounded multiple of the timestep: its quotient may lie just below a whole number,
+    so it must not be cut.
+    """
+    return np.rint(times / timestep).astype(int)
 
 
 def steps_in(name: str, seconds: float, timestep: float) -> int:

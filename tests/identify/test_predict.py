@@ -99,6 +99,19 @@ def test_the_law_that_made_a_log_reproduces_its_commands(machine: Experiment, ro
     assert finding.largest < 1e-12
 
 
+def test_a_law_that_predicts_reproduces_its_commands_to_the_bit(
+    machine: Experiment, tmp_path: Path
+) -> None:
+    """It counts the ticks of its clock: 0.029 s / 1 ms is 28.999... in floats, and is tick 29."""
+    path = tmp_path / "predicted.toml"
+    path.write_text(CASE.replace('law = "lqr"', 'law = "lqr"\npredict = true'), encoding="utf-8")
+    predicting = Experiment.load(path)
+    log = log_of(predicting)
+    assert (log.time // 1e-3 != np.rint(log.time / 1e-3)).any()
+    finding = found(predicting, log)
+    assert (finding.rows, finding.largest) == (0, 0.0)
+
+
 def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> None:
     log = log_of(machine)
     finding = found(machine, replace(log, inputs=1.1 * log.inputs))
