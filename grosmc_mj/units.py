@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Units with powers of one digit: nothing that takes long to compute.
 _UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
-_PERCENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
+_PERCENT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
+_NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
 
 # -- common units ----------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ _COMMON = {
     "mV": (1e-3, "V"),
 }
 # A name with the separator before it and its power.
-_PART = re.compile(r"([ */]*)([^\W\d]+|1)(?:\^(\d))?")
+_PART = re.compile(r"(?<![ */])([ */]*)([^\W\d]+|1)(?:\^(\d))?")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +13,10 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.logs.csv_file import line_of
+from grosmc_mj.logs.numbers import are_instants, steps_from_first
 
-# A header such as "rotor angle [deg]" or "u (V)".
-_HEADER = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+# Brackets around the unit at the end of a header.
+_BRACKETS = {"]": "[", ")": "("}
 # Headers that a message lists.
 _LISTED = 12
 # Larger numbers come from damage; a time of nanoseconds since 1970 is smaller.
@@ -33,7 +33,8 @@ class Column:
         name: Name of its signal.
         unit: Unit of its numbers; empty if the file has none.
         stamps: Instants of messages [s], (N,); None for a column of a table.
-        texts: The values as they stand in a CSV file; None for other files.
+        written: The values as they stand in the file, before they are rounded to floats; None for
+            messages.
         file: The CSV file; None for other files.
     """
 
@@ -42,26 +43,39 @@ class Column:
     name: str
     unit: str = ""
     stamps: Array | None = None
-    texts: pa.ChunkedArray | None = None
+    written: pa.ChunkedArray | None = None
     file: Path | None = None
 
     @classmethod
     def headed(
-        cls, header: str, values: Array, texts: pa.ChunkedArray, file: Path | None
+        cls, header: str, values: Array, written: pa.ChunkedArray, file: Path | None
     ) -> Column:
         """Column of a table, with name and unit in its header."""
-        match = _HEADER.fullmatch(header)
-        name = header
-        unit = ""
-        if match is not None:
-            name = match["name"]
-            unit = match["unit"] or ""
-        return cls(header, values, name, unit, texts=texts if file else None, file=file)
+        name, unit = name_and_unit(header)
+        return cls(header, values, name, unit, written=written, file=file)
 
     @property
     def plain_name(self) -> str:
         """Its name in small letters, with blanks between the words."""
         return self.name.replace("_", " ").lower()
+
+    @property
+    def are_instants(self) -> bool:
+        """Whether it has dates or durations, whose values are seconds already."""
+        return self.written is not None and are_instants(self.written)
+
+    def from_first(self, factor: float) -> Array:
+        """The values from the first one on, times a factor.
+
+        A time since 1970 has more digits than a float: integers and decimal text are subtracted
+        exactly, and rounded once, after the factor.
+        """
+        steps = None
+        if self.written is not None:
+            steps = steps_from_first(self.written, factor)
+        if steps is None:
+            steps = (self.values - self.values[0]) * factor
+        return steps
 
     def held(self, time: Array) -> Array:
         """The last value before each instant."""
@@ -93,11 +107,34 @@ class Column:
 
         index = int(np.argmin(is_number))
         value = value_text(self.values[index])
-        if self.texts is not None:
-            value = value_text(self.texts[index].as_py())
+        if self.file is not None and self.written is not None:
+            value = value_text(self.written[index].as_py())
         raise ArgumentError(
             f"{self.header} is no number in {self.place(index)}, {value}: fill or cut it"
         )
+
+
+def name_and_unit(header: str) -> tuple[str, str]:
+    """Return the parts of a header such as ``rotor angle [deg]`` or ``u (V)``.
+
+    Returns:
+        The name, and the unit within the last brackets; empty if it does not end with brackets.
+    """
+    text = header.strip()
+    opening = _BRACKETS.get(text[-1:])
+    if opening is None:
+        return text, ""
+
+    # The bracket that belongs to the last one: a unit such as V/(rad/s) has brackets of its own.
+    depth = 0
+    for place in range(len(text) - 1, -1, -1):
+        if text[place] == text[-1]:
+            depth += 1
+        elif text[place] == opening:
+            depth -= 1
+        if depth == 0:
+            return text[:place].rstrip(), text[place + 1 : -1].strip()
+    return text, ""
 
 
 def some(columns: Mapping[str, Column]) -> str:

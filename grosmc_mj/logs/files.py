@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError, one_line
 from grosmc_mj.files import LARGEST_TABLE, require_regular
 from grosmc_mj.logs.columns import Column
@@ -111,7 +111,7 @@ def _mcap(path: Path) -> dict[str, Column]:
     columns = {}
     for name, pairs in rows.items():
         values = np.array([value for _, value in pairs])
-        stamps = np.array([1e-9 * (stamp - begin) for stamp, _ in pairs])
+        stamps = np.array([(stamp - begin) / 1e9 for stamp, _ in pairs])
         columns[name] = Column(name, values, name, stamps=stamps)
     return columns
 
@@ -144,11 +144,15 @@ def _matlab(path: Path) -> dict[str, Column]:
     for key, value in content.items():
         if not key.startswith("__"):
             for name, values in _vectors(key, value):
-                columns[name] = Column(name, values, name.rpartition(".")[2])
+                # pyarrow has no numbers of the other order of bytes.
+                native = values.astype(values.dtype.newbyteorder("="))
+                written = pa.chunked_array([pa.array(native)])
+                short = name.rpartition(".")[2]
+                columns[name] = Column(name, values.astype(float), short, written=written)
     return columns
 
 
-def _vectors(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     """The vectors of a MATLAB value, with the paths to them; columns of a matrix count from 1."""
     for key in getattr(value, "_fieldnames", ()):
         yield from _vectors(f"{name}.{key}", getattr(value, key))
@@ -159,10 +163,10 @@ def _vectors(name: str, value: Any) -> Iterator[tuple[str, Array]]:
         for index, part in enumerate(value.ravel(), start=1):
             yield from _vectors(f"{name}({index})", part)
     elif value.dtype.kind in "biuf" and value.ndim == 1:
-        yield name, value.astype(float)
+        yield name, value
     elif value.dtype.kind in "biuf" and value.ndim == 2:
         for index, column in enumerate(value.T, start=1):
-            yield f"{name}({index})", column.astype(float)
+            yield f"{name}({index})", column
 
 
 _READERS: dict[str, Callable[[Path], dict[str, Column]]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Context, Decimal, localcontext
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from grosmc_mj.arrays import Array
 # Its functions are made at import: a type checker does not see them.
 pc: Any = pyarrow.compute
 # A number as text.
-NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"
+NUMBER = r"^[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?$"
+# Digits of differences: more than any file has. Damaged numbers raise nothing, and become NaN.
+_EXACT = Context(prec=60, traps=[])
 _TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -40,6 +43,35 @@ def numbers_of(column: pa.ChunkedArray) -> Array | None:
     elif not pa.types.is_integer(kind) and not pa.types.is_floating(kind):
         return None
     return np.asarray(column.to_numpy(), float)
+
+
+def are_instants(column: pa.ChunkedArray) -> bool:
+    """Whether a column has dates or durations, which ``numbers_of`` returns as seconds."""
+    kind = column.type
+    if pa.types.is_string(kind):
+        return not pc.any(pc.match_substring_regex(column, NUMBER)).as_py()
+    return pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
+
+
+def steps_from_first(column: pa.ChunkedArray, factor: float) -> Array | None:
+    """Return the numbers of a column from its first one on, times a factor, rounded once.
+
+    Args:
+        column: Integers, decimals, or texts that are numbers, without gaps.
+        factor: Taken for the decimal number that it is written as, such as 0.001.
+
+    Returns:
+        (N,); None for a column of floats or of instants.
+    """
+    kind = column.type
+    is_exact = pa.types.is_integer(kind) or pa.types.is_decimal(kind)
+    if not is_exact and (not pa.types.is_string(kind) or are_instants(column)):
+        return None
+
+    with localcontext(_EXACT):
+        numbers = [Decimal(value) for value in column.to_pylist()]
+        scale = Decimal(repr(factor))
+        return np.array([float((number - numbers[0]) * scale) for number in numbers])
 
 
 def _instants(texts: pa.ChunkedArray) -> pa.ChunkedArray:

@@ -209,12 +209,14 @@ def _is_inside(time: Array, delay: float) -> NDArray[np.bool_]:
 
 
 def _time(columns: Mapping[str, Column], table: LogTable, samples: int) -> Array:
-    """The instants of the samples [s]."""
+    """The instants of the samples, from the first one on [s]."""
     column = column_of(columns, table.time) if table.time else called(columns, _TIME)
     if column is not None:
         column.require_numbers()
+        if column.are_instants:
+            return column.values
         unit = table.time_unit or column.unit
-        time = column.values * _factor(unit, _SECONDS, column.header, None)
+        time = column.from_first(_factor(unit, _SECONDS, column.header, None))
         if not unit:
             _doubt_seconds(column.header, time)
         return time

@@ -100,7 +100,7 @@ def _tokens(text: str, units: Mapping[str, str]) -> list[_Token]:
         raise ArgumentError(f"has {len(text)} characters, may have {_LONGEST}")
     names = sorted([*units, *_WORDS, *FUNCTIONS], key=len, reverse=True)
     pattern = re.compile(
-        rf"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)(?:\s*(?P<unit>{unit_pattern(*units.values())}))?"
+        rf"\s*(?:(?P<number>\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)(?:\s*(?P<unit>{unit_pattern(*units.values())}))?"
         rf"(?![\w.])|(?P<name>{'|'.join(map(re.escape, names))})(?!\w)"
         r"|(?P<sign><=|>=|[-+*/()<>,\[\]]))"
     )

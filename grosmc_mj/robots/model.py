@@ -19,7 +19,7 @@ from grosmc_mj.robots.actuators import TorqueInput, torque_input
 
 Names = Iterable[str] | None
 # Models that MuJoCo reads together with an MJCF.
-_INCLUDED = re.compile(r"""<(?:include|model)\b[^>]*?\bfile\s*=\s*["']([^"']+)""")
+_INCLUDED = re.compile(r"""<(?:include|model)\b[^<>]*?\bfile\s*=\s*["']([^"']+)""")
 
 
 def read_spec(model: Any) -> mujoco.MjSpec:

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat
 
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
 from grosmc_mj.logs import csv_file
+from grosmc_mj.logs.columns import name_and_unit
 from grosmc_mj.logs.log import Log, name_of_log
 from grosmc_mj.logs.read import read_log
+from grosmc_mj.logs.table import LogTable
 from grosmc_mj.plants import find_system
+from grosmc_mj.robots.robot import Robot
+from grosmc_mj.units import Unit, number_in
 
 SERVO = find_system("servo")
 SAMPLING = 0.002
@@ -63,3 +73,116 @@ def test_the_content_of_a_compressed_file_is_bounded(
     path.write_bytes(gzip.compress(csv_text().encode() + b"\n" * (1 << 20)))
     with pytest.raises(ArgumentError, match=r"log\.csv\.gz: holds more than the \d+ MB that are"):
         read_log(path, SERVO, None)
+
+
+# -- time since 1970 -------------------------------------------------------------------------------
+
+BEGIN = 1_700_000_000
+# The same instants in several units: header, and the text of a count of milliseconds.
+CLOCKS: dict[str, tuple[str, Callable[[int], str]]] = {
+    "seconds": ("time [s]", lambda ms: f"{BEGIN}.{ms:03d}"),
+    "seconds with an exponent": ("time [s]", lambda ms: f"{BEGIN * 1000 + ms}e-3"),
+    "milliseconds": ("time [ms]", lambda ms: f"{BEGIN * 1000 + ms}"),
+    "microseconds": ("time [us]", lambda ms: f"{BEGIN * 1000 + ms}000"),
+    "nanoseconds": ("time [ns]", lambda ms: f"{BEGIN * 1000 + ms}000000"),
+    "dates": ("time", lambda ms: f"2026-01-01T00:00:00.{ms:03d}"),
+    "milliseconds from 0": ("time [ms]", str),
+}
+MILLISECONDS = range(2, 802, 2)
+
+
+def with_clock(header: str, text: Callable[[int], str]) -> str:
+    """The log of the servo with other times."""
+    lines = [HEADER.replace("time [s]", header)]
+    for ms, u, angle in zip(MILLISECONDS, CURRENT, ANGLE, strict=True):
+        lines.append(f"{text(ms)},{u:g},{angle:.5f}")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(("header", "text"), CLOCKS.values(), ids=CLOCKS)
+def test_a_time_since_1970_is_that_from_0_to_the_bit(
+    tmp_path: Path, header: str, text: Callable[[int], str]
+) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    path = tmp_path / "log.csv"
+    path.write_text(with_clock(header, text))
+    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
+
+
+NANOSECONDS = [(BEGIN * 1000 + ms) * 10**6 for ms in MILLISECONDS]
+TICKS = {
+    "integers": pa.array(NANOSECONDS, pa.int64()),
+    "unsigned integers": pa.array(NANOSECONDS, pa.uint64()),
+}
+
+
+@pytest.mark.parametrize("ticks", TICKS.values(), ids=TICKS)
+@pytest.mark.parametrize("kind", [None, pa.timestamp("ns"), pa.timestamp("ns", "UTC")])
+def test_nanoseconds_of_a_parquet_file_are_those_from_0_to_the_bit(
+    tmp_path: Path, ticks: pa.Array, kind: pa.DataType | None
+) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    column = ticks if kind is None else ticks.cast(pa.int64()).cast(kind)
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"time [ns]": column, "current": CURRENT, "rotor angle": ANGLE}), path)
+    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
+
+
+def test_nanoseconds_of_a_matlab_file_are_those_from_0_to_the_bit(tmp_path: Path) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    path = tmp_path / "log.mat"
+    savemat(path, {"t": np.array(NANOSECONDS), "current": CURRENT, "rotor_angle": ANGLE})
+    log = read_log(path, SERVO, LogTable(time_unit="ns"))
+    assert_equal(log, read_log(plain, SERVO, None))
+
+
+# -- headers ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("rotor angle [deg]", "rotor angle", "deg"),
+        (" u (V) ", "u", "V"),
+        ("rotor angle", "rotor angle", ""),
+        ("speed (rotor) [rad/s]", "speed (rotor)", "rad/s"),
+        ("gain [V/(rad/s)]", "gain", "V/(rad/s)"),
+        ("gain (V/(rad/s))", "gain", "V/(rad/s)"),
+        ("a]", "a]", ""),
+        ("a [m)", "a [m)", ""),
+    ],
+)
+def test_a_header_has_a_name_and_a_unit(header: str, name: str, unit: str) -> None:
+    assert name_and_unit(header) == (name, unit)
+
+
+LONG = 200_000
+# Texts that a pattern with backtracking reads in a time that grows with their square: minutes.
+LONG_TEXTS: dict[str, Callable[[], object]] = {
+    "blanks in a header": lambda: name_and_unit("x" + " " * LONG + "x"),
+    "brackets in a header": lambda: name_and_unit("[" * LONG + "x)"),
+    "digits of a number": lambda: number_in("1" * LONG + "x", "s"),
+    "blanks after a number": lambda: number_in("1" + " " * LONG + "\nx\n.", "s"),
+    "digits of a share": lambda: number_in("1" * LONG + "x", "1"),
+    "separators of a unit": lambda: Unit.of("/" * LONG),
+}
+
+
+@pytest.mark.parametrize("read", LONG_TEXTS.values(), ids=LONG_TEXTS)
+def test_a_long_text_is_read_in_a_time_in_proportion(read: Callable[[], object]) -> None:
+    begin = time.process_time()
+    with contextlib.suppress(GrosmcError):
+        read()
+    assert time.process_time() - begin < 2.0
+
+
+def test_a_long_model_is_read_in_a_time_in_proportion(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text("<mujoco>" + "<model " * LONG)
+    begin = time.process_time()
+    with pytest.raises(ModelError):
+        Robot.from_mjcf(path)
+    assert time.process_time() - begin < 2.0

@@ -46,7 +46,7 @@ _UNITS = {
     "Hz": "rad/s",
 }
 _QUANTITY = re.compile(
-    r"(?<![\w.])(\d+\.?\d*(?:[eE][+-]?\d+)?)\s+(" + "|".join(_UNITS) + r")\b(?!\s*\()"
+    r"(?<![\w.])(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s+(" + "|".join(_UNITS) + r")\b(?!\s*\()"
 )
 
 FUNCTIONS = (
