@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.measurement import Windows, signal_units
 from grosmc_mj.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
 from grosmc_mj.requirements.optimum import Comparison
@@ -37,7 +38,7 @@ def event_metrics(
     metrics = {}
     for name, kind in KINDS.items():
         limit = kind(number=math.inf, signal=signal, band=band, periodic=periodic)
-        value = limit.of_record(run, controller, np.zeros((2, 1)))
+        value = limit.of_record(run, controller, Conditions([], np.zeros((2, 1))))
         metrics[name] = Metric(value, units[name])
         if math.isinf(value):
             metrics[name] = Metric(None, units[name], "not reached")

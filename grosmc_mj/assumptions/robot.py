@@ -201,7 +201,7 @@ def _shares(torque: Array, limits: Array) -> Array:
 def _torque(result: RunResult) -> Premise:
     """The actuators give what the law asks for."""
     run = result.trajectory
-    shares = _shares(result.commands, result.input_limits)
+    shares = _shares(result.demanded, result.input_limits)
     cut = result.cut
 
     joints = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,7 +54,8 @@ from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, System
-from grosmc_mj.requirements.judging import Judgement, decidable, judge_runs, transient_of_runs
+from grosmc_mj.requirements.conditions import Conditions, end_of_transient
+from grosmc_mj.requirements.judging import Judgement, decidable, judge_runs
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import compare_with_optimum
@@ -214,9 +214,8 @@ class Experiment:
 
     @property
     def onset(self) -> float:
-        """Onset of the first disturbance [s]; infinite if there is none."""
-        onsets = [disturbance.window[0] for disturbance in self.disturbances]
-        return min(onsets, default=math.inf)
+        """End of the transient [s]: onset of the first load after the start; infinite for none."""
+        return end_of_transient((load.window[0], load.window[0]) for load in self.disturbances)
 
     @property
     def on_machine(self) -> bool:
@@ -227,6 +226,16 @@ class Experiment:
         """Return least and largest of each input by a plant and the loop's actuators, (2, m)."""
         loop = self.loop or Loop()
         return loop.input_limits(plant)
+
+    def conditions(self, plant: Plant) -> Conditions:
+        """Return the loads of a run on a plant, and the actuators of plant and loop."""
+        loop = self.loop or Loop()
+        names = [signal.name for signal in plant.system.inputs]
+        return Conditions(
+            loads=[load.window for load in self.disturbances],
+            input_limits=loop.input_limits(plant),
+            actuators=[(names.index(actuator.of), actuator) for actuator in loop.actuators],
+        )
 
     @property
     def controllers(self) -> list[str]:
@@ -285,8 +294,7 @@ class Experiment:
 
     def _decidable_limits(self) -> tuple[Sequence[Requirement], Sequence[str]]:
         """Return the requirements that a run can decide, and notes about the other ones."""
-        onsets = [(item.window[0], item.window[0]) for item in self.disturbances]
-        return decidable(self.required, transient_of_runs(self.duration, onsets))
+        return decidable(self.required, min(self.onset, self.duration))
 
     # Every judgement of a run asks for it.
     @cached_property

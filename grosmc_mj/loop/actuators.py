@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
+import numpy as np
+
+from grosmc_mj.arrays import Array
 from grosmc_mj.fields import Name, Range, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.loop.ring import ring_row
@@ -41,6 +44,13 @@ class Actuator:
     lag: Annotated[float, Range(0, unit="s"), "{lags} of {ms:.4g} ms"] = 0.0
     order: Annotated[int, Range(1, 2, whole=True)] = 1
     dead_zone: Annotated[float, Range(0, unit="{}"), "dead up to {value:.4g} {unit}"] = 0.0
+
+    def demanded(self, commands: Array) -> Array:
+        """Return what the limit is applied to: commands times the gain, in steps, (N,)."""
+        scaled = self.gain * commands
+        if self.resolution == 0.0:
+            return scaled
+        return np.array([quantized(u, self.resolution) for u in scaled.tolist()])
 
 
 # Row of each input: its actuator with the delay in timesteps; the input at rest;

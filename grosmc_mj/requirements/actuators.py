@@ -10,6 +10,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -39,14 +40,14 @@ class InputBelow(Requirement):
         return f"the actuator gives {largest:g} {self.unit} at most"
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
-        """Say for how long the law asks for all that the actuators give."""
+        """Say for how long an actuator gives the most that it can."""
         if not np.any(np.isfinite(run.input_limits)):
             return ""
         return f"at the actuator's limit {100 * run.saturated:.2g} % of the time"
 
 
 class SaturatedForLessThan(Requirement):
-    """Longest time in which the law asks an actuator for its limit or more without a break [s]."""
+    """Longest time in which an actuator gives the most that it can without a break [s]."""
 
     key = "saturated_for_less_than"
     quantity = "s"
@@ -60,11 +61,10 @@ class SaturatedForLessThan(Requirement):
             return ""
         return "no input has a limit"
 
-    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the longest time over all inputs."""
-        low, high = input_limits
         commands = run.command.reshape(len(run.command), -1)
-        at_limit = (commands <= low) | (commands >= high)
+        at_limit = conditions.at_limit(commands)
 
         longest = 0
         for saturated in at_limit.T:

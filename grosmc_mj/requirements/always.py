@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.arguments import require_known
-from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.requirements.signals import SLIDING, named_units, signals_of
 from grosmc_mj.requirements.temporal_text import Specification, read_formula, signals_in
@@ -113,7 +113,7 @@ class Always(Requirement):
         """Return the names of the signals in the formula."""
         return sorted(self.specification.signals - {"t"})
 
-    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the number less the least margin; infinite where a quotient is undefined."""
         formula = self.specification.formula
         period = float(run.time[1])

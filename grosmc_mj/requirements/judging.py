@@ -98,21 +98,6 @@ def of_laws(requirements: Iterable[Requirement], laws: Container[str]) -> tuple[
     return tuple(chosen)
 
 
-def transient_of_runs(duration: float, onsets: Iterable[tuple[float, float]]) -> float:
-    """Return the time before a disturbance begins or the run ends, in every run [s].
-
-    Args:
-        duration: Duration of a run [s].
-        onsets: Earliest and latest onset of each disturbance [s]; one that acts from the start of
-            every run is part of the transient.
-    """
-    ends = [duration]
-    for earliest, latest in onsets:
-        if latest > 0:
-            ends.append(max(earliest, 0.0))
-    return min(ends)
-
-
 def decidable(
     requirements: Iterable[Requirement], transient: float
 ) -> tuple[list[Requirement], list[str]]:

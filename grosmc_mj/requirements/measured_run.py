@@ -10,6 +10,7 @@ from typing import Any
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison
 from grosmc_mj.requirements.run_metrics import cost_shares
@@ -42,13 +43,18 @@ class MeasuredRun:
 
     @property
     def onset(self) -> float:
-        """Onset of the first disturbance of the case [s]; infinite without any."""
+        """End of the transient [s], see ``end_of_transient``."""
         return self.case.onset
+
+    @property
+    def conditions(self) -> Conditions:
+        """Loads and actuators of the run."""
+        return self.case.conditions(self.true)
 
     @property
     def input_limits(self) -> Array:
         """Least and largest of each input that the actuators give, (2, m); infinite for none."""
-        return self.case.input_limits(self.true)
+        return self.conditions.input_limits
 
     @property
     def simulated(self) -> bool:
@@ -66,19 +72,23 @@ class MeasuredRun:
         return self.trajectory.command.reshape(len(self.trajectory.command), -1)
 
     @property
-    def cut(self) -> Array:
-        """Whether a sample's command of an input is beyond what its actuator gives, (N, m).
+    def demanded(self) -> Array:
+        """Inputs that the actuators would give at last if they had no limits, (N, m)."""
+        return self.conditions.demanded(self.commands)
 
-        Late, smoothed or rounded is not cut: the command is compared with the limits.
+    @property
+    def cut(self) -> Array:
+        """Whether an input that a sample demands is beyond what its actuator gives, (N, m).
+
+        Late, smoothed or rounded is not cut.
         """
         low, high = self.input_limits
-        return (self.commands < low) | (self.commands > high)
+        return (self.demanded < low) | (self.demanded > high)
 
     @property
     def saturated(self) -> float:
-        """Share of the time in which the law asks an actuator for its limit or more."""
-        low, high = self.input_limits
-        at_limit = (self.commands <= low) | (self.commands >= high)
+        """Share of the time in which an actuator gives the most that it can."""
+        at_limit = self.conditions.at_limit(self.commands)
         return float(at_limit.any(axis=1).mean())
 
     @property

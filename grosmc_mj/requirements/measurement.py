@@ -45,8 +45,7 @@ class Measurement:
             and the input that the actuators give.
         timestep: Time between two instants [s].
         duration: Duration of the run [s].
-        onset: Onset of the first disturbance [s]: the transient, in which a run settles, ends
-            there, unless it acts from the start or after the end.
+        onset: End of the transient, in which a run settles [s], see ``end_of_transient``.
         windows: Further windows, bands and signals.
         input_limits: ``Plant.input_limits``, (2, m), to which the plant clips the input; None for
             none.
@@ -62,9 +61,7 @@ class Measurement:
     @property
     def transient(self) -> float:
         """Length of the transient [s]."""
-        if 0 < self.onset < self.duration:
-            return self.onset
-        return self.duration
+        return min(self.onset, self.duration)
 
     @property
     def after(self) -> tuple[float, ...]:
@@ -100,13 +97,12 @@ class Measurement:
         limits = self.input_limits
         if limits is None:
             limits = np.array([[-np.inf], [np.inf]]).repeat(error.inputs, 1)
-        onset = self.onset if self.onset > 0 else math.inf
         return Constants(
             after=_filled_up(self.after, 4),
             signals=np.array([_number_of(signal.name, error) for signal in self.signals]),
             turns=_turns(self.signals),
             outputs=np.array(error.output_rows, float),
-            onset=onset,
+            onset=self.onset,
             late=(1 - DWELL) * self.transient,
             share=SETTLING_BAND,
             widths=_filled_up((0.0, *self.windows.bands), 2),

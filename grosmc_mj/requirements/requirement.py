@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError, name_list
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
 from grosmc_mj.requirements.metrics import MeasuredSignal, Metric
@@ -231,19 +232,19 @@ class Requirement:
     def replayed(self, run: MeasuredRun) -> float:
         """Return the limited metric of a recorded run; infinite where it is not defined."""
         if self.recorded:
-            return self.of_record(run.trajectory, run.controller, run.input_limits)
+            return self.of_record(run.trajectory, run.controller, run.conditions)
         metrics = metrics_of_record(
             run.trajectory, run.controller, run.comparison, run.onset, self.windows
         )
         return metrics[self.metric]
 
-    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the limited metric of a recorded run of a kind that is ``recorded``.
 
         Args:
             run: The run.
             law: Its law.
-            input_limits: Least and largest of each input, (2, m).
+            conditions: Its loads and actuators.
         """
         raise NotImplementedError
 

@@ -12,6 +12,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.events import find_event
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.metrics import DWELL
@@ -49,7 +50,7 @@ class EventRequirement(Requirement):
         signal = self.signal or "error"
         return f"{self.measures.replace('_', ' ')}{before} {signal} in {self.band!r}{turn}"
 
-    def of_record(self, run: Trajectory, law: Controller, input_limits: Array) -> float:
+    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the limited value; infinite where the error is not in the band for good.
 
         It must stay for the last tenth of the run at least: one that swings through the band is

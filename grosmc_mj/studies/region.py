@@ -275,10 +275,11 @@ def _perturbed(target: str, duration: float) -> Experiment:
     case = experiment
     if "physics" not in experiment.nominal.names:
         raise ArgumentError(f"{target}: it does not run in MuJoCo, where maps are made")
-    if not case.edits and case.onset >= duration:
+    begin = min((load.window[0] for load in case.disturbances), default=math.inf)
+    if not case.edits and begin >= duration:
         why = "not changed"
         if case.disturbances:
-            why = f"disturbed from {case.onset:g} s on"
+            why = f"disturbed from {begin:g} s on"
         raise ArgumentError(
             f"{case.name} of {case.system} is the nominal plant, {why}, and a run takes "
             f"{duration:g} s: take {_edited_cases(experiment) or 'one with an edit'}"

@@ -15,7 +15,7 @@ from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import kinds_in, requirement_of
 from grosmc_mj.loop import Loop
-from grosmc_mj.requirements.judging import decidable, of_laws, transient_of_runs
+from grosmc_mj.requirements.judging import decidable, of_laws
 from grosmc_mj.requirements.requirement import Requirement
 
 UNDER_LOAD = "under load"
@@ -158,8 +158,7 @@ def limits_in(
             requirement_of(kind, of_any_law, [controller], plants, case.duration) for kind in kinds
         ]
 
-    onsets = [(push.window[0], push.window[0]) for push in case.disturbances]
-    judged, _notes = decidable(limits_of_law, transient_of_runs(case.duration, onsets))
+    judged, _notes = decidable(limits_of_law, min(case.onset, case.duration))
     return of_laws(judged, {controller.name})
 
 

@@ -20,10 +20,10 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop.loop import RANDOM
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.plants import Plant
+from grosmc_mj.requirements.conditions import end_of_transient
 from grosmc_mj.requirements.judging import (
     decidable,
     of_laws,
-    transient_of_runs,
     unfailing_line,
     windows_of,
 )
@@ -111,7 +111,8 @@ class Campaign:
 
         laws = {name: experiment.laws[kind, name] for name in experiment.controllers}
         onsets = [_onset(disturbance, family) for disturbance in case.disturbances]
-        judged, notes = decidable(experiment.required, transient_of_runs(case.duration, onsets))
+        transient = min(end_of_transient(onsets), case.duration)
+        judged, notes = decidable(experiment.required, transient)
         return cls(specification, experiment, family, laws, of_laws(judged, laws), tuple(notes))
 
     def _refuse_impossible(self) -> None:

@@ -432,8 +432,8 @@ def _recorded_metrics(
         values = np.full(len(runs), np.inf)
         for i, run in enumerate(runs):
             if batch.status[i] is Status.COMPLETED:
-                limits_of_inputs = run.case.input_limits(run.plant)
-                values[i] = limit.of_record(batch[i], run.law, limits_of_inputs)
+                conditions = run.case.conditions(run.plant)
+                values[i] = limit.of_record(batch[i], run.law, conditions)
         metrics[limit.metric] = values
     return metrics
 

@@ -24,7 +24,7 @@ from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import cost_shares, measure, overshoot, settling_time
-from grosmc_mj.simulation.disturbances import Disturbance, Pulse
+from grosmc_mj.simulation.disturbances import Disturbance, InputDisturbance, Pulse
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 H = 1e-3
@@ -177,8 +177,16 @@ def test_a_run_settles_only_with_a_tenth_of_its_transient_left(last_outside, not
     assert settling.value == (pytest.approx(last_outside, abs=2 * H) if not note else None)
 
 
-def test_a_disturbance_from_the_start_is_part_of_the_transient() -> None:
-    assert measured(RUN, onset=0.0) == measured(RUN)
+def test_a_load_of_nothing_from_the_start_changes_no_metric() -> None:
+    """A later load ends the transient, whatever acts from the start."""
+    case = replace(find_case("servo", "case1"), duration=11.0)
+    nothing = InputDisturbance("current", 0.0)
+    runs = [
+        run_case(each, "corrected", "lqr", Settings())
+        for each in (case, replace(case, disturbances=(nothing, *case.disturbances)))
+    ]
+    assert runs[0].metrics["settling_time"].value == pytest.approx(3.989, abs=5e-4)
+    assert runs[1].metrics == runs[0].metrics
 
 
 @pytest.mark.parametrize(("row", "percent"), [(8000, 50.0), (8001, 0.0)])

@@ -139,6 +139,14 @@ def test_a_load_from_the_start_has_no_onset(tmp_path) -> None:
     assert (judgement.measured, judgement.note) == (0.0, "no disturbance begins in time")
 
 
+def test_a_load_from_the_start_hides_no_later_one(tmp_path) -> None:
+    nothing = '[[disturbance]]\ninput = "current"\namplitude = "1e-9 A"\n'
+    (alone,) = measured(recovering(tmp_path))
+    (beside,) = measured(recovering(tmp_path, nothing + PUSHES))
+    assert alone > 0.1
+    assert beside == pytest.approx(alone, abs=1e-9)
+
+
 def test_an_onset_outside_the_band_prolongs_the_recovery_before_it(tmp_path) -> None:
     pushes = PUSH.format("4 s", "4.5 s") + PUSH.format("4.6 s", "5.1 s")
     experiment = recovering(tmp_path, pushes)
@@ -190,6 +198,24 @@ def test_a_text_bounds_the_time_at_the_limit_as_the_key_does(tmp_path, step) -> 
     result = experiment.run("corrected", "lqr")
     kept = [judge_run(limit, result).kept for limit in experiment.limits]
     assert kept == [step > 0, step > 0]
+
+
+@pytest.mark.parametrize(
+    ("gain", "at_limit"), [(0.5, False), (-0.5, False), (0.9, True), (-0.9, True)]
+)
+def test_an_actuator_is_at_its_limit_where_what_it_gives_is(tmp_path, gain, at_limit) -> None:
+    """The law asks for 1 A at the start, of which the actuator gives a part, up to 0.8 A."""
+    experiment = servo(tmp_path, '[[requirement]]\nsaturated_for_less_than = "1 s"\n')
+    loop = experiment.loop
+    assert loop is not None
+    loop = loop.changed("actuator", "current", limit=0.8, gain=gain)
+    result = experiment.varied(loop=loop, duration=0.01).run("corrected", "lqr")
+    assert np.abs(result.trajectory.command).max() == pytest.approx(1.0, rel=0.1)
+    assert np.abs(result.trajectory.input).max() == pytest.approx(min(abs(gain), 0.8), rel=0.1)
+    assert (result.saturated > 0) is at_limit
+    assert bool(result.cut.any()) is at_limit
+    (judgement,) = [judge_run(limit, result) for limit in experiment.limits]
+    assert (judgement.measured > 0) is at_limit  # pyright: ignore[reportOptionalOperand]
 
 
 def test_inputs_without_a_limit_are_never_saturated(tmp_path) -> None:
