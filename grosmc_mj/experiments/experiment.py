@@ -46,7 +46,7 @@ from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_of
 from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
-from grosmc_mj.experiments.plausible import implausible
+from grosmc_mj.experiments.plausible import beyond_ranges, implausible, joint_ranges
 from grosmc_mj.experiments.requirements import requirements_in
 from grosmc_mj.experiments.settings import Settings, settings_of_file
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
@@ -142,11 +142,18 @@ class Experiment:
         file = read_case_file(path)
         with placed(f"{path}: "):
             experiment = cls.of_file(file, path).checked()
-        for line in implausible(
-            experiment.nominal.system, experiment.x0, experiment.edits, experiment.loop
-        ):
+        for line in experiment._implausible():
             warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
         return experiment
+
+    def _implausible(self) -> list[str]:
+        """Return a line for each number that is allowed, and probably a mistake."""
+        lines = list(implausible(self.nominal.system, self.x0, self.edits, self.loop))
+        ranges = joint_ranges(self.nominal.plant, self.edits)
+        lines += beyond_ranges(
+            ranges, self.nominal.system, self.x0, self.laws.values(), self.duration
+        )
+        return lines
 
     @classmethod
     def of_file(cls, file: CaseFile, path: Path) -> Experiment:

@@ -177,7 +177,8 @@ def _packaged_controller(request: LawRequest) -> Controller:
     if maker is pid and nominal.at is not None and not follows and not fully_actuated:
         of_states = True
     task = _state_task(request) if of_states else _task(request, maker)
-    task = replace(task, limits=request.loop.command_limits(task.plant))
+    # Equations have no limits: those of the model that they stand for count.
+    task = replace(task, limits=request.loop.command_limits(nominal.plant))
     return maker(task, **_arguments(table, maker, task.error, of_states=of_states))
 
 

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import contextlib
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+import numpy as np
+
+from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.file.parts import TABLES, table_of, unit_of
 from grosmc_mj.fields import Range, range_of
 from grosmc_mj.loop import Loop
+from grosmc_mj.machine.stops import Stop
 from grosmc_mj.physics.edit import Edit
-from grosmc_mj.plants import System
+from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.plants import Plant, System
+
+# Instants of a run at which a reference is looked at.
+_INSTANTS = 201
+# Of a range: an end that is converted from degrees is rounded.
+_ROUNDING = 1e-9
+_DEGREES = '; angles of an MJCF are in degrees, unless it has <compiler angle="radian"/>'
 
 
 def implausible(
@@ -60,3 +73,80 @@ def _numbers(system: System, parts: Iterable[tuple[str, Any]]) -> Iterator[tuple
             if kind in TABLES and not bounds.whole:
                 bounds = replace(bounds, unit=unit_of(kind, owner, item.name, system))
             yield f"{name}: {item.name}", getattr(part, item.name), bounds
+
+
+def joint_ranges(plant: Plant, edits: Sequence[Edit]) -> Mapping[str, tuple[float, float]]:
+    """Range of each limited joint of a system by its name, in rad or m.
+
+    Args:
+        plant: The nominal plant; only a model in MuJoCo has ranges.
+        edits: Edits and parts of the machine, with its stops.
+    """
+    if not isinstance(plant, MujocoPlant):
+        return {}
+    ranges = {}
+    for name in plant.system.joints:
+        joint = plant.undrawn_model.joint(name)
+        if joint.limited[0]:
+            low, high = joint.range.tolist()
+            ranges[name] = (low, high)
+    for edit in edits:
+        if isinstance(edit, Stop):
+            low, high = ranges.get(edit.joint, (-math.inf, math.inf))
+            ranges[edit.joint] = (max(low, edit.low), min(high, edit.high))
+    return ranges
+
+
+def beyond_ranges(
+    ranges: Mapping[str, tuple[float, float]],
+    system: System,
+    x0: Sequence[float],
+    laws: Iterable[Controller],
+    duration: float,
+) -> list[str]:
+    """Return a line for each joint whose start or reference its range does not reach.
+
+    Args:
+        ranges: Range of joints, by their names.
+        system: System of the plant.
+        x0: Start, (n,).
+        laws: Controllers, with the references.
+        duration: Duration of a run [s].
+    """
+    laws = list(laws)
+    lines = []
+    for name, (low, high) in ranges.items():
+        index = system.joints.index(name)
+        position = system.positions[index]
+        wanted = [("start", x0[index])]
+        wanted += [("task: reference", value) for value in _ends(laws, position.name, duration)]
+
+        rounding = _ROUNDING * max(abs(low), abs(high))
+        for label, value in wanted:
+            if low - rounding <= value <= high + rounding:
+                continue
+            line = (
+                f"{label}: {position.name} = {value:.4g} {position.unit} is beyond the joint's "
+                f"range of {low:.4g} to {high:.4g} {position.unit}"
+            )
+            if position.unit == "rad" and math.degrees(low) <= value <= math.degrees(high):
+                line += _DEGREES
+            lines.append(line)
+    return list(dict.fromkeys(lines))
+
+
+def _ends(laws: Iterable[Controller], state: str, duration: float) -> list[float]:
+    """Least and largest value of a state's references, of each law that has one."""
+    times = np.linspace(0.0, duration, _INSTANTS)
+    ends = []
+    for law in laws:
+        if law.design is None or state not in law.design.error.names:
+            continue
+        row = law.design.error.names.index(state)
+        # A run says where a reference is undefined.
+        with contextlib.suppress(ArithmeticError, ValueError):
+            values = law.coordinates.reference_along(times, law.parameters.reference)[:, row]
+            values = values[np.isfinite(values)]
+            if len(values):
+                ends += [float(values.min()), float(values.max())]
+    return ends

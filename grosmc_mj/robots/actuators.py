@@ -96,7 +96,8 @@ def torque_input(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Torqu
     reason = _unfit(actuator, compiled, servo)
     if reason:
         raise ModelError(
-            f"actuator {name!r} {reason}: torque control of a joint cannot stand for it"
+            f"actuator {name!r} {reason}: torque control of a joint cannot stand for it; name the "
+            "actuators to use with actuators=..., and their joints with joints=..."
         )
 
     joint = model.joint(int(compiled.trnid[0]))

@@ -16,6 +16,7 @@ from grosmc_mj.errors import ModelError, one_line
 from grosmc_mj.files import require_regular
 from grosmc_mj.physics.files import compile_spec, joint_names
 from grosmc_mj.robots.actuators import TorqueInput, torque_input
+from grosmc_mj.robots.removal import remove
 
 Names = Iterable[str] | None
 # Models that MuJoCo reads together with an MJCF.
@@ -219,26 +220,7 @@ def _select(
     moved = _names("joint", joints, [joint.name for joint in spec.joints])
     used = _names("actuator", actuators, [actuator.name for actuator in spec.actuators])
 
-    locked = [joint for joint in spec.joints if joint.name not in moved]
-    locked_names = [joint.name for joint in locked]
-    unused = [a for a in spec.actuators if a.name not in used or a.target in locked_names]
-    unused_names = [actuator.name for actuator in unused]
-    for actuator in unused:
-        if actuators is not None and actuator.name in used:
-            raise ModelError(
-                f"actuator {actuator.name!r} drives the joint {actuator.target!r}, which joints="
-                "... leaves out"
-            )
-
-    if locked:
-        notes.append(f"locked where the model has them: joints {', '.join(locked_names)}")
-    if unused:
-        notes.append(f"left out: actuators {', '.join(unused_names)}")
-
-    removed = {*locked_names, *unused_names}
-    sensors = [sensor for sensor in spec.sensors if {sensor.objname, sensor.refname} & removed]
-    for part in (*locked, *unused, *sensors, *spec.keys):
-        spec.delete(part)
+    notes += remove(spec, moved, used, named=actuators is not None)
 
 
 def _names(kind: str, names: Names, valid: Sequence[str]) -> list[str]:

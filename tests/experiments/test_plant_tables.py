@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -251,6 +252,69 @@ def test_the_command_prints_a_line_for_an_implausible_number(tmp_path, capsys, m
     path = written(tmp_path, CASE + more)
     run("list", path)
     assert f"grosmc-mj: {path}: {line}\n" in capsys.readouterr().err
+
+
+# A hinge and a slide that stop at 2 (deg, unless it is radian) and at 0.1 m.
+STOPPED = """
+<mujoco model="stopped"><compiler autolimits="true" {}/><worldbody>
+  <body name="link" pos="0 0 1"><joint name="hinge" axis="0 1 0" range="-2 2" damping="1"/>
+    <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1"/>
+    <body name="sled" pos="0.3 0 0"><joint name="slide" type="slide" range="-0.1 0.1" damping="1"/>
+      <geom type="box" size="0.02 0.02 0.02" mass="0.1"/></body></body></worldbody>
+  <actuator><motor name="torque" joint="hinge"/><motor name="force" joint="slide"/></actuator>
+</mujoco>
+"""
+STOPPED_CASE = """
+[plant]
+model = "stopped.xml"
+[run]
+start = {{ hinge = "{start} rad" }}
+duration = "1 s"
+[task]
+reference = {{ hinge = "{hinge}", slide = "{slide}" }}
+Q = {{ hinge = 100, slide = 100 }}
+R = 1
+[[controller]]
+law = "lqr"
+"""
+DEGREES = "; angles of an MJCF are in degrees, unless it has "
+
+
+@pytest.mark.parametrize(
+    ("compiler", "numbers", "lines"),
+    [
+        ("", (0, "0.03", "0.05"), []),
+        ('angle="radian"', (0.3, "0.3", "0.1"), []),
+        (
+            "",
+            (0, "0.3", "0"),
+            ["task: reference: hinge = 0.3 rad is beyond the joint's range of -0.03491 to 0.03491"],
+        ),
+        (
+            "",
+            (0.1, "0.02 * sin(t)", "0.2 * step(t - 0.5)"),
+            [
+                "start: hinge = 0.1 rad is beyond the joint's range",
+                "task: reference: slide = 0.2 m is beyond the joint's range of -0.1 to 0.1 m",
+            ],
+        ),
+    ],
+)
+def test_a_start_or_reference_beyond_a_joints_range_is_told_before_the_run(
+    tmp_path: Path, compiler: str, numbers: tuple[float, str, str], lines: list[str]
+) -> None:
+    """A range in degrees that was meant in radians is told so."""
+    (tmp_path / "stopped.xml").write_text(STOPPED.format(compiler))
+    start, hinge, slide = numbers
+    text = STOPPED_CASE.format(start=start, hinge=hinge, slide=slide)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load(tmp_path, text)
+    told = [str(item.message) for item in caught]
+    assert len(told) == len(lines)
+    for message, line in zip(told, lines, strict=True):
+        assert line in message
+        assert (DEGREES in message) == ("hinge" in line)
 
 
 class LoadedCase(NamedTuple):

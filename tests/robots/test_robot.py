@@ -531,6 +531,125 @@ def test_wrong_names_are_refused(names: dict[str, Any], words: str) -> None:
         Robot.from_mjcf(TREE, **names)
 
 
+# Removal of a gripper
+
+# An arm of one joint with two fingers; a hole for what refers to them.
+GRIPPER = """
+<mujoco><compiler autolimits="true"/><worldbody>
+  <body name="arm" pos="0 0 1"><joint name="shoulder" axis="0 1 0" damping="1"/>
+    <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1"/>
+    <body name="left" pos="0.3 0 0"><joint name="finger1" type="slide" axis="0 1 0"/>
+      <geom type="box" size="0.02 0.005 0.01" mass="0.02"/><site name="left tip"/></body>
+    <body name="right" pos="0.3 0 0"><joint name="finger2" type="slide" axis="0 -1 0"/>
+      <geom type="box" size="0.02 0.005 0.01" mass="0.02"/><site name="right tip"/></body>
+  </body></worldbody>
+  {}
+  <actuator><motor name="drive" joint="shoulder" ctrlrange="-40 40"/>{}</actuator></mujoco>
+"""
+SPLIT = """<tendon><fixed name="split"><joint joint="finger1" coef="0.5"/>
+  <joint joint="finger2" coef="0.5"/></fixed></tendon>"""
+GRIP = '<position name="grip" tendon="split" kp="100"/>'
+LEFT_OUT = [
+    pytest.param("", "<motor name='grip' joint='finger1'/>", id="motor of a finger"),
+    pytest.param("", "<motor name='grip' jointinparent='finger1'/>", id="motor in the parent"),
+    pytest.param(SPLIT, "", id="tendon"),
+    pytest.param(SPLIT.replace("<fixed", '<fixed stiffness="9"'), "", id="stiff tendon"),
+    pytest.param(SPLIT, GRIP, id="motor of a tendon"),
+    pytest.param(
+        SPLIT + "<sensor><tendonpos tendon='split'/><actuatorfrc actuator='grip'/>"
+        "<jointpos joint='finger1'/></sensor>",
+        GRIP,
+        id="sensors",
+    ),
+    pytest.param(
+        SPLIT + "<custom><tuple name='hand'><element objtype='joint' objname='finger2'/>"
+        "<element objtype='body' objname='left'/></tuple></custom>",
+        GRIP,
+        id="tuple",
+    ),
+    pytest.param(
+        SPLIT + "<equality><tendon tendon1='split'/><joint joint1='finger1' joint2='finger2'/>"
+        "</equality>",
+        GRIP,
+        id="couplings",
+    ),
+    pytest.param(
+        "<equality><connect site1='left tip' site2='right tip'/><weld body1='left' body2='arm'/>"
+        "</equality>",
+        "",
+        id="closed loop",
+    ),
+    pytest.param(
+        SPLIT + "<keyframe><key name='home' qpos='0 0.01 0.01'/></keyframe>",
+        GRIP,
+        id="keyframe",
+    ),
+]
+
+
+@pytest.mark.parametrize(("parts", "actuators"), LEFT_OUT)
+def test_all_that_refers_to_a_gripper_is_left_out_with_it(parts: str, actuators: str) -> None:
+    """What is left is the arm with rigid fingers, to the bit."""
+    robot = Robot.from_mjcf(GRIPPER.format(parts, actuators), joints=["shoulder"])
+    bare = Robot.from_mjcf(GRIPPER.format("", ""), joints=["shoulder"])
+    assert robot.plant.digest == bare.plant.digest
+    assert robot.built is robot.plant
+    assert robot.notes[0] == "locked where the model has them: joints finger1, finger2"
+
+
+@pytest.mark.parametrize(
+    ("parts", "actuators", "note"),
+    [
+        (SPLIT, GRIP, "left out: tendons split"),
+        (SPLIT, GRIP, "left out: actuators grip"),
+        (
+            "<equality><connect site1='left tip' site2='right tip'/></equality>",
+            "",
+            "left out: the constraint (connect) of 'left tip' and 'right tip', between which no "
+            "joint moves",
+        ),
+    ],
+)
+def test_a_note_says_what_is_left_out(parts: str, actuators: str, note: str) -> None:
+    robot = Robot.from_mjcf(GRIPPER.format(parts, actuators), joints=["shoulder"])
+    assert note in robot.notes
+
+
+def test_a_sensor_of_a_body_with_a_fingers_name_stays() -> None:
+    """Names are those of a kind: a body may be called as a joint."""
+    parts = "<sensor><framepos objtype='body' objname='finger1'/></sensor>"
+    model = GRIPPER.format(parts, "").replace('body name="left"', 'body name="finger1"')
+    robot = Robot.from_mjcf(model, joints=["shoulder"])
+    assert robot.plant.undrawn_model.nsensor == 1
+
+
+@pytest.mark.parametrize(
+    ("parts", "names", "words"),
+    [
+        (
+            SPLIT,
+            {"actuators": ["drive", "grip"]},
+            "'grip' pulls the tendon 'split' of finger1, finger2, which joints=... leaves out",
+        ),
+        (
+            SPLIT.replace("finger2", "shoulder"),
+            {},
+            "tendon 'split' joins finger1, shoulder, of which joints=... leaves out finger1",
+        ),
+        (
+            SPLIT + "<equality><connect body1='left' body2='world' anchor='0 0 0'/></equality>",
+            {},
+            "they close loops",
+        ),
+    ],
+)
+def test_a_gripper_that_cannot_be_left_out_is_refused(
+    parts: str, names: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(GRIPPER.format(parts, GRIP), joints=["shoulder"], **names)
+
+
 # Refusals: designs
 
 
