@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.loop import AppliedLoop
-from grosmc_mj.margins.frequency_response import UNKNOWN, Margins, margins_of
+from grosmc_mj.margins.frequency_response import (
+    UNKNOWN,
+    Margins,
+    interpolation_errors,
+    is_unclear_at_zero,
+    margins_of,
+)
 from grosmc_mj.margins.multisine import Multisine
 from grosmc_mj.plants import Plant
 from grosmc_mj.simulation.disturbances import InputDisturbance, OutputDisturbance, Table
@@ -176,6 +182,12 @@ class Sensitivity:
 
     @property
     def errors(self) -> Margins:
+        """Errors of the margins: the standard error and that of the interpolation, in sum."""
+        pairs = zip(astuple(self.standard_errors), astuple(self.interpolation_errors), strict=True)
+        return Margins(*[sum(pair) for pair in pairs])
+
+    @property
+    def standard_errors(self) -> Margins:
         """Standard errors of the margins, by the jackknife over the realizations."""
         count = len(self.at_place)
         if count < 2:
@@ -188,6 +200,19 @@ class Sensitivity:
             spread = np.var(without_one, axis=0)
         return Margins(*np.sqrt((count - 1) * spread).tolist())
 
+    @property
+    def interpolation_errors(self) -> Margins:
+        """Errors of the margins between the lines and below them; NaN if it is not usable."""
+        if not self.usable:
+            return UNKNOWN
+        return interpolation_errors(*self._mean_that_counts)
+
+    @property
+    def _mean_that_counts(self) -> tuple[Array, NDArray[np.complex128]]:
+        """Frequencies of the lines that count [Hz], and S there."""
+        counting = self.counting
+        return self.multisine.frequencies[counting], self.at_place.mean(axis=0)[counting]
+
     def _margins(self, realizations: NDArray[np.complex128]) -> Margins:
         if not self.usable:
             return UNKNOWN
@@ -199,6 +224,13 @@ class Sensitivity:
     def too_short(self) -> bool:
         """Whether the period has too few periods of the crossover frequency."""
         return self.margins.crossover * self.multisine.period < _PERIODS
+
+    @property
+    def needs_slower_lines(self) -> bool:
+        """Whether the lowest line is too far from f = 0, or from the crossover frequency."""
+        if not self.usable:
+            return False
+        return self.too_short or is_unclear_at_zero(*self._mean_that_counts)
 
     @property
     def doubt(self) -> str:

@@ -10,8 +10,8 @@ from grosmc_mj.margins.sensitivity import Place, RunningLoop, Sensitivity, measu
 
 # Longest period that is tried, over the first one.
 _LONGEST = 4
-# Half the amplitude agrees if its delay margin is within this share.
-_AGREES = 0.25
+# Two amplitudes agree if their margins are within this share of each other.
+AGREES = 0.25
 
 
 def measure_with_tests(
@@ -34,7 +34,7 @@ def measure_with_tests(
     """
     signal = multisine(period, loop.control_period)
     measured = measure(loop, place, signal, rms, seed=seed)
-    while measured.too_short and signal.period < _LONGEST * period:
+    while measured.needs_slower_lines and signal.period < _LONGEST * period:
         signal = multisine(2 * signal.period, loop.control_period)
         measured = measure(loop, place, signal, rms, seed=seed)
 
@@ -52,6 +52,6 @@ def _disagreement(margins: Margins, half: Margins) -> str:
     if np.isinf(whole) or np.isinf(other):
         whole = margins.disk
         other = half.disk
-    if abs(other - whole) <= _AGREES * whole:
+    if abs(other - whole) <= AGREES * whole:
         return ""
     return f"half the amplitude gives {other / whole:.2g} times the margin"

@@ -17,7 +17,7 @@ from grosmc_mj.control.memory import Memory, memory_of
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.loop import Computing, Loop
-from grosmc_mj.margins.frequency_response import Margins, margins_of
+from grosmc_mj.margins.frequency_response import Margins, interpolation_errors, margins_of
 from grosmc_mj.margins.multisine import multisine
 from grosmc_mj.margins.sensitivity import Place, RunningLoop, measure
 from grosmc_mj.margins.together import disk_together, scaled_norm
@@ -183,6 +183,55 @@ def test_a_pole_beyond_the_axis_bounds_the_gain_from_below() -> None:
     assert margins.gain_up == np.inf
 
 
+def first_order(t: float, x: Any, memory: Any, p: Any) -> float:
+    """Proportional feedback; the loop with 1/(s - 1) is at |S| = 1/0.4324 for slow signals."""
+    return -1.4324 * x[0]
+
+
+def unstable() -> RunningLoop:
+    """Return a loop about 1/(s - 1), whose S is the largest at f = 0."""
+    x = sp.symbols("x")
+    plant = affine_plant(
+        "unstable", states={"x": "1"}, inputs={"u": "1"}, f=(x,), g=(1,), h=(x,), parameters={}
+    )
+    law = Controller("law", first_order, Sampled())
+    return RunningLoop(plant, law, np.zeros(1), T, T, threads=1)
+
+
+@pytest.mark.parametrize("period", [10.0, 20.0])
+def test_the_margins_of_a_loop_that_is_worst_for_slow_signals_are_those_at_zero(
+    period: float,
+) -> None:
+    """1/|S(0)| = 0.4324: at the lowest line of 10 s it is still 0.65."""
+    measured, doubt = measure_with_tests(unstable(), Place("u"), period, 0.1)
+    margins = measured.margins
+    assert not doubt
+    assert margins.modulus == pytest.approx(0.4324, rel=2e-3)
+    assert margins.disk == pytest.approx(0.3555, rel=2e-3)
+    assert margins.gain_down == pytest.approx(1 / 1.4324, rel=2e-3)
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("per_decade", [8, 10, 14])
+def test_the_errors_contain_the_margins_whose_frequency_lies_between_the_lines(
+    gain: float, per_decade: int
+) -> None:
+    """25 gain/(s^3 + 10 s^2 + 10 s + 10) against 30,000 frequencies."""
+    plant = control.tf([25 * gain], [1, 10, 10, 10])
+    dense = np.geomspace(1e-3, 400, 30_000)
+    exact = margins_of(dense, 1 / (1 + plant(2j * np.pi * dense)))
+    lines = multisine(40, T, per_decade).frequencies
+    S = 1 / (1 + plant(2j * np.pi * lines))
+    found = margins_of(lines, S)
+    errors = interpolation_errors(lines, S)
+    value, true, error = [
+        np.array([m.gain_up, m.phase, m.delay, m.modulus, m.disk, m.crossover])
+        for m in (found, exact, errors)
+    ]
+    assert np.all(np.abs(value - true) <= error + 1e-4 * value)
+    assert np.all(error < 0.05 * value)
+
+
 def test_one_loop_of_the_satellite_has_a_disk_margin_of_2_and_both_have_a_tenth() -> None:
     loop = satellite()
     signal = multisine(80, T)
@@ -266,7 +315,7 @@ def test_realizations_of_a_linear_loop_do_not_differ() -> None:
     measured = measure(third_order(unity), Place("u"), multisine(40, T), 1.0, realizations=3)
     assert measured.deviation.max() < 1e-6
     assert not measured.doubt
-    assert measured.errors.disk < 1e-6
+    assert measured.standard_errors.disk < 1e-6
 
 
 def test_a_relay_under_a_small_injection_is_not_trustworthy() -> None:
