@@ -17,10 +17,11 @@ DELAY = "delay"
 # Largest factor of the gain, and bound of the further delay [s].
 MOST = 1024.0
 _LONGEST = 1.0
-# Factors of the gain that are tried first, half octaves: under chatter what passes has gaps.
-_GRID = 21
-# Width at which a search ends, over the largest change that passes.
-_RESOLUTION = 0.01
+# Factors of the gain that are tried first, quarter octaves: under chatter what passes has gaps.
+_GRID = 41
+# Width at which a search ends, over the largest change that passes; just wider than the distance of
+# two numbers of three digits, so that a number lies between those of any wider range.
+_RESOLUTION = 0.0101
 
 
 def changed(
@@ -47,6 +48,8 @@ def changed(
 class ChangeSearch(Search):
     """Search for the largest change of one kind; a delay is counted in timesteps.
 
+    A factor that is tried has three digits: what is printed has been run.
+
     Args:
         kind: ``gain down``, ``gain up`` or ``delay``.
         timestep: [s].
@@ -66,7 +69,7 @@ class ChangeSearch(Search):
             step = 1.0
         super().__init__(
             most,
-            middle=lambda low, high: (low + high) / 2,
+            middle=lambda low, high: self._tried((low + high) / 2),
             narrow=lambda low, high: high - low <= max(step, _RESOLUTION * low),
             least=1.0,
         )
@@ -76,7 +79,14 @@ class ChangeSearch(Search):
     def _grid(self) -> list[float]:
         if self.kind == DELAY:
             return super()._grid()
-        return np.geomspace(1.0, MOST, _GRID).tolist()
+        grid = np.geomspace(1.0, MOST, _GRID).tolist()
+        return [self._tried(factor) for factor in grid[:-1]] + grid[-1:]
+
+    def _tried(self, factor: float) -> float:
+        """The factor that is tried in place of another one."""
+        if self.kind == DELAY:
+            return factor
+        return float(f"{factor:.3g}")
 
     def size(self, factor: float) -> float:
         """Change for a factor of the search: a factor, or a delay [s]."""

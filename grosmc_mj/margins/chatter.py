@@ -35,7 +35,7 @@ class Chatter:
 
 
 def is_quiet(loop: RunningLoop, place: Place, size: float, duration: float) -> bool:
-    """Return whether the input rests after a small pulse.
+    """Return whether the input rests after a small pulse, in each realization of the loop.
 
     Args:
         loop: The loop.
@@ -44,12 +44,13 @@ def is_quiet(loop: RunningLoop, place: Place, size: float, duration: float) -> b
         duration: Length of the run, whose second half counts [s].
     """
     pulse = Table((_PULSE * size,), loop.control_period)
-    run = loop.run(place, [pulse], 0, duration)
-    if run.status[0] is not Status.COMPLETED:
+    run = loop.run(place, [pulse] * len(loop.loops), 0, duration)
+    if any(status is not Status.COMPLETED for status in run.status):
         return False
-    inputs = loop.sampled(run.input)[0]
-    changes = np.diff(inputs[len(inputs) // 2 :], axis=0)
-    return bool(np.sqrt(np.mean(changes**2)) <= _CHATTER * size)
+    inputs = loop.sampled(run.input)
+    changes = np.diff(inputs[:, inputs.shape[1] // 2 :], axis=1)
+    sizes = np.sqrt(np.mean(changes**2, axis=(1, 2)))
+    return bool(np.all(sizes <= _CHATTER * size))
 
 
 def chatter(

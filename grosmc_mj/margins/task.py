@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.experiment import Experiment
@@ -12,6 +13,7 @@ from grosmc_mj.loop import Loop
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, search_changes
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.sweep.draws import drawn_case
 from grosmc_mj.sweep.runs import Row, run_rows
 
 
@@ -22,9 +24,12 @@ class TaskMargin:
     Attributes:
         kind: ``gain down``, ``gain up`` or ``delay``.
         condition: Name of the condition.
-        kept: Largest change that is kept: a factor, 1/factor of ``gain down``, or seconds.
+        kept: Largest change that is kept in all draws: a factor, 1/factor of ``gain down``, or
+            seconds.
         failed: Smallest change that is not kept; infinite if none that was tried fails.
         breaks: Requirement that breaks first, or how the run ended; empty if none fails.
+        draws: Draws in which each change was run.
+        failing_draws: Draws that do not keep the smallest failing change.
     """
 
     kind: str
@@ -32,6 +37,8 @@ class TaskMargin:
     kept: float
     failed: float
     breaks: str
+    draws: int = 1
+    failing_draws: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +53,7 @@ class Task:
         law: The law.
         predict: Whether it predicts over the delay of its loop.
         limits: The requirements.
+        draws: Draws in which each loop is run; one where nothing is drawn.
         threads: Threads of the runs; 0 for all cores.
     """
 
@@ -56,6 +64,7 @@ class Task:
     law: Controller
     predict: bool
     limits: Sequence[Requirement]
+    draws: int = 1
     threads: int = 0
 
     @property
@@ -63,20 +72,48 @@ class Task:
         """The loop as it is."""
         return self.experiment.loop or Loop()
 
+    @property
+    def draw_numbers(self) -> range:
+        """Numbers of the draws: the first one alone where nothing is drawn."""
+        return range(self.draws if self.loop.drawn else 1)
+
     def breaking(self, loops: Sequence[Loop]) -> list[str]:
-        """Run the task in some loops; tell what breaks in each: nothing, if it is empty.
+        """Run the task in some loops; tell what breaks in each: nothing if all draws keep it.
+
+        Further draws are made only of what the first one keeps.
 
         Raises:
             GrosmcError: If there can be no such run.
         """
-        cases = [self.experiment.varied(loop=loop) for loop in loops]
+        reasons = self._breaking([(loop, 0) for loop in loops])
+        kept = [i for i, reason in enumerate(reasons) if not reason]
+        further = list(product(kept, self.draw_numbers[1:]))
+        of_draws = self._breaking([(loops[i], draw) for i, draw in further])
+        for (i, _), reason in zip(further, of_draws, strict=True):
+            reasons[i] = reasons[i] or reason
+        return reasons
+
+    def failing_draws(self, loop: Loop) -> int:
+        """Return the number of draws of a loop that do not keep the task.
+
+        Raises:
+            GrosmcError: If there can be no such run.
+        """
+        reasons = self._breaking([(loop, draw) for draw in self.draw_numbers])
+        return sum(bool(reason) for reason in reasons)
+
+    def _breaking(self, draws: Sequence[tuple[Loop, int]]) -> list[str]:
+        """Run draws of loops, by their numbers; tell what breaks in each."""
+        if not draws:
+            return []
+        cases = [drawn_case(self.experiment.varied(loop=loop), draw) for loop, draw in draws]
         rows = [Row(self.law, case=case, plant=self.plant, predict=self.predict) for case in cases]
         outcomes = run_rows(
             self.experiment, rows, self.limits, self.plant_name, threads=self.threads
         )
 
         reasons = []
-        for i in range(len(loops)):
+        for i in range(len(draws)):
             reason = ""
             if not outcomes.completed[i]:
                 reason = f"the run ended: {outcomes['status'][i]}"
@@ -107,7 +144,19 @@ class Task:
         for search in searches:
             kept, failed = search.bounds
             breaks = ""
+            failing_draws = 0
             if search.failed is not None:
-                breaks = reasons[search.loop(self.loop, inputs, search.failed)]
-            margins.append(TaskMargin(search.kind, self.condition, kept, failed, breaks))
+                loop = search.loop(self.loop, inputs, search.failed)
+                breaks = reasons[loop]
+                failing_draws = self.failing_draws(loop)
+            margin = TaskMargin(
+                kind=search.kind,
+                condition=self.condition,
+                kept=kept,
+                failed=failed,
+                breaks=breaks,
+                draws=len(self.draw_numbers),
+                failing_draws=failing_draws,
+            )
+            margins.append(margin)
         return margins

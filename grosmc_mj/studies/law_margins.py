@@ -13,6 +13,7 @@ from grosmc_mj.margins.frequency_response import Margins
 from grosmc_mj.margins.sensitivity import FEWEST
 from grosmc_mj.margins.task import TaskMargin
 from grosmc_mj.margins.together import disk_together
+from grosmc_mj.margins.trust import AGREES
 
 # Sizes of the injections, over the largest: half decades.
 LEVELS = 10 ** np.linspace(-2, 0, 5)
@@ -98,25 +99,63 @@ class LawMargins(BaseModel):
         indices = range(len(LEVELS)) if self.levels else ()
         return [i for i in indices if not any(level.doubt for level in self.at(i))]
 
+    @property
+    def switches(self) -> bool:
+        """Whether the law switches, so that its S hangs on the amplitude."""
+        return self.chatter is not None
+
     def level_index(self, shared: int | None) -> int | None:
         """Return the index of the amplitude to show; None if none can be trusted.
 
         Args:
-            shared: That of all laws, which counts if this law can be trusted there; else its own
-                lowest one does.
+            shared: That of all laws that switch, which counts if this law switches and can be
+                trusted there; else its own lowest one does.
         """
         if not self.trusted:
             return None
-        return shared if shared in self.trusted else self.trusted[0]
+        if self.switches and shared in self.trusted:
+            return shared
+        return self.trusted[0]
+
+    def disagreeing(self, margin: str) -> tuple[Level, Level] | None:
+        """Return the trusted levels with the least and the largest margin if they disagree.
+
+        They do if the margins differ by more than a quarter and more than their errors.
+
+        Args:
+            margin: Name of a field of ``Margins``; infinite ones are left out.
+        """
+        levels = [
+            min(self.at(index), key=lambda level: level.margins.disk) for index in self.trusted
+        ]
+        finite = [level for level in levels if np.isfinite(getattr(level.margins, margin))]
+        if not finite:
+            return None
+
+        least = min(finite, key=lambda level: getattr(level.margins, margin))
+        largest = max(finite, key=lambda level: getattr(level.margins, margin))
+        low = getattr(least.margins, margin)
+        difference = getattr(largest.margins, margin) - low
+        errors = getattr(least.errors, margin) + getattr(largest.errors, margin)
+        if difference <= AGREES * low or difference <= errors:
+            return None
+        return least, largest
+
+
+def in_draws(reason: str, failing: int, draws: int) -> str:
+    """Write what breaks, with the draws in which it does unless it does in all of them."""
+    if failing == draws:
+        return reason
+    return f"{reason} in {failing} of {draws} draws"
 
 
 def shared_level(rows: Sequence[LawMargins]) -> int | None:
-    """Return the lowest amplitude at which all laws that can be trusted somewhere can be.
+    """Return the lowest amplitude at which all laws that switch can be trusted, if anywhere.
 
     Args:
         rows: Rows of one setup.
     """
-    lowest = [row.trusted[0] for row in rows if row.trusted]
+    lowest = [row.trusted[0] for row in rows if row.switches and row.trusted]
     return max(lowest, default=None)
 
 

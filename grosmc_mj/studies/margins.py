@@ -23,7 +23,7 @@ from grosmc_mj.margins.task import Task, TaskMargin
 from grosmc_mj.margins.trust import measure_with_tests
 from grosmc_mj.results.tables import number
 from grosmc_mj.simulation.disturbances import Table as Injected
-from grosmc_mj.studies.law_margins import LEVELS, SEED, LawMargins, Level
+from grosmc_mj.studies.law_margins import LEVELS, SEED, LawMargins, Level, in_draws
 from grosmc_mj.studies.studied import (
     BENCH,
     MACHINE,
@@ -84,8 +84,8 @@ class Setup:
             return "corrected"
         return self.case.nominal.truest
 
-    def task(self, law: StudiedLaw, condition: Condition) -> Task:
-        """Return the task of a law under a condition."""
+    def task(self, law: StudiedLaw, condition: Condition, draws: int = 1) -> Task:
+        """Return the task of a law under a condition, run in so many draws."""
         experiment = condition.experiment
         limits = limits_in(self.case.file.requirement, law, condition, [self.plant_name])
         return Task(
@@ -96,6 +96,7 @@ class Setup:
             law.controller,
             law.predict,
             judgeable_in(limits, self.loop, self.case.loop),
+            draws,
         )
 
     def running(self, law: StudiedLaw, loop: Loop) -> RunningLoop:
@@ -108,8 +109,8 @@ class Setup:
         controller = law.controller
         error = controller.designed.error
         loops = [
-            experiment.loop_around(controller, loop, predict=law.predict, run=run)
-            for run in range(REALIZATIONS if loop.random else 1)
+            experiment.loop_around(controller, loop.draw(run), predict=law.predict, run=run)
+            for run in range(REALIZATIONS if loop.drawn else 1)
         ]
         return RunningLoop(
             plant=experiment.plant(self.plant_name),
@@ -132,6 +133,7 @@ class MarginStudy(Study[LawMargins]):
         setups: Its loops and machines.
         injection: Largest injection at an input [unit of the input]; 0 for a quarter of its limit.
         period: Period of the injections [s]; 0 for the length of the task.
+        draws: Draws of a loop that the task is judged over.
     """
 
     kind = "margins"
@@ -141,6 +143,7 @@ class MarginStudy(Study[LawMargins]):
     setups: Sequence[Setup]
     injection: float = 0.0
     period: float = 0.0
+    draws: int = 1
 
     @property
     def case(self) -> Experiment:
@@ -211,6 +214,7 @@ class MarginStudy(Study[LawMargins]):
             "target": self.target,
             "injection": self.injection,
             "period": self.period,
+            "draws": self.draws,
             "setups": setups,
         }
 
@@ -257,10 +261,11 @@ def law_margins(
     margins: list[TaskMargin] = []
     for condition in setup.conditions:
         advance(f"{name}: {condition.name}: task")
-        task = setup.task(law, condition)
+        task = setup.task(law, condition, studied.draws)
         (breaks,) = task.breaking([task.loop])
         if breaks:
-            refused[condition.name] = breaks
+            failing = task.failing_draws(task.loop)
+            refused[condition.name] = in_draws(breaks, failing, len(task.draw_numbers))
         else:
             margins += task.margins()
 
@@ -318,6 +323,7 @@ def margin_study(
     rivals: bool = False,
     injection: str = "",
     period: str = "",
+    draws: int = 1,
 ) -> MarginStudy:
     """Return the loops and machines of a target: ideal loop, its loop, its machine.
 
@@ -328,6 +334,7 @@ def margin_study(
         rivals: Whether the default includes the rivals.
         injection: Largest injection at an input with its unit; a quarter of the limit by default.
         period: Period of the injections with its unit; the length of the task by default.
+        draws: Draws of a loop that the task is judged over.
 
     Raises:
         ArgumentError: If there is no such target or law, nothing is required, or a number has not
@@ -355,7 +362,7 @@ def margin_study(
     seconds = number_in(period, "s") if period else 0.0
     if (injection and largest <= 0) or (period and seconds <= 0):
         raise ArgumentError("--injection and --period must be positive")
-    return MarginStudy(target, setups, largest, seconds)
+    return MarginStudy(target, setups, largest, seconds, draws)
 
 
 def _in_loop(

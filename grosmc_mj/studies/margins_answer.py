@@ -21,13 +21,22 @@ from grosmc_mj.results.result import (
     result,
 )
 from grosmc_mj.results.tables import Table, names, number, numbers, phrases, table, words
-from grosmc_mj.studies.law_margins import LEVELS, SEED, LawMargins, shared_level, together
+from grosmc_mj.studies.law_margins import (
+    LEVELS,
+    SEED,
+    LawMargins,
+    in_draws,
+    shared_level,
+    together,
+)
 from grosmc_mj.studies.margins import MarginStudy, Setup
 from grosmc_mj.studies.margins_figure import charts
 
 LEGEND = (
-    "gain down, gain up, delay: the largest change with which the task is kept, and the case that "
-    "decides. The others by S at the plant's input; ±: standard error. ≥: nothing more was tried."
+    "gain down, gain up, delay: the largest change with which all draws keep the task, and the "
+    "case that decides. The others by S at the plant's input, of a law that does not switch by the "
+    "smallest signals; ±: standard error and error of interpolation; A to B: over the amplitudes. "
+    "≥: nothing more was tried."
 )
 
 
@@ -44,10 +53,15 @@ def verdict(rows: Sequence[LawMargins]) -> str:
 
     least = min(delays, key=delays.__getitem__)
     most = max(delays, key=delays.__getitem__)
-    sentence = f"{setup}: {least} tolerates {number(1e3 * delays[least])} ms more delay"
+    sentence = f"{setup}: {least} tolerates {_milliseconds(delays[least])} ms more delay"
     if most != least:
-        sentence += f", {most} {number(1e3 * delays[most])} ms"
+        sentence += f", {most} {_milliseconds(delays[most])} ms"
     return f"{sentence}."
+
+
+def _milliseconds(delay: float) -> str:
+    """Write a delay of whole timesteps, without a loss of digits [ms]."""
+    return f"{1e3 * delay:.6g}"
 
 
 # -- the table of a setup --------------------------------------------------------------------------
@@ -62,11 +76,11 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     """
     shared = shared_level(rows)
     under = ", ".join(condition.name for condition in setup.conditions)
-    title = f"{setup.name}: what the task tolerates ({under})"
+    title = f"{setup.name}: what the task tolerates ({_draws_words(rows)}{under})"
     if shared is not None:
-        (example, *_) = [row for row in rows if row.trusted]
+        (example, *_) = [row for row in rows if row.switches and row.trusted]
         sizes = [f"{number(level.rms)} {level.unit}" for level in example.at(shared)]
-        title += f", and S at {', '.join(sizes)} rms"
+        title += f", and S at {', '.join(sizes)} rms of laws that switch"
 
     several = len(setup.case.nominal.system.inputs) > 1
     columns = [*names("law"), *numbers(GAIN_DOWN, GAIN_UP, "delay\n[ms]")]
@@ -86,6 +100,12 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     return table(title, columns, cells)
 
 
+def _draws_words(rows: Sequence[LawMargins]) -> str:
+    """Number of draws of a setup in words; empty where nothing is drawn."""
+    draws = max((margin.draws for row in rows for margin in row.task), default=1)
+    return f"{draws} draws; " if draws > 1 else ""
+
+
 def _task_text(row: LawMargins, kind: str, nominal: str) -> str:
     """The least margin of a kind, with the condition that decides if it is not the nominal one."""
     worst = row.worst_of_task(kind)
@@ -103,7 +123,7 @@ def _change_text(margin: TaskMargin) -> str:
     if margin.kind == GAIN_DOWN:
         return f"{at_least.replace('≥', '≤')}1/{number(margin.kept)}"
     if margin.kind == DELAY:
-        return f"{at_least}{number(1e3 * margin.kept)}"
+        return f"{at_least}{_milliseconds(margin.kept)}"
     return f"{at_least}{number(margin.kept)}"
 
 
@@ -117,19 +137,29 @@ def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str
     worst = min(levels, key=lambda level: level.margins.disk)
     margins = worst.margins
     errors = worst.errors
-    mark = "" if index == shared else "*"
+    mark = "*" if row.switches and index != shared else ""
     cells = [
-        _with_error(1e3 * margins.delay, 1e3 * errors.delay) + mark,
-        _with_error(margins.phase, 0.0),
-        _with_error(margins.disk, errors.disk),
+        _range_text(row, "delay", 1e3) or _with_error(1e3 * margins.delay, 1e3 * errors.delay),
+        _range_text(row, "phase") or _with_error(margins.phase, errors.phase),
+        _range_text(row, "disk") or _with_error(margins.disk, errors.disk),
     ]
+    cells[0] += mark
     if several:
         cells.append(number(together(levels)))
     return [*cells, number(finite(margins.bandwidth))]
 
 
+def _range_text(row: LawMargins, margin: str, factor: float = 1.0) -> str:
+    """The least and the largest value of a margin, if trusted amplitudes disagree; else empty."""
+    levels = row.disagreeing(margin)
+    if levels is None:
+        return ""
+    least, largest = [number(factor * getattr(level.margins, margin)) for level in levels]
+    return f"{least} to {largest}"
+
+
 def _with_error(value: float, error: float) -> str:
-    """A number with its standard error, if that is more than half a percent of it."""
+    """A number with its error, if that is more than half a percent of it."""
     if math.isnan(value):
         return "-"
     if math.isinf(value):
@@ -161,6 +191,13 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
         yield row.impossible
     if row.chatter is not None:
         yield _chatter_words(row.chatter)
+    levels = row.disagreeing("delay")
+    if levels is not None:
+        texts = []
+        for level in levels:
+            delay = number(1e3 * level.margins.delay)
+            texts.append(f"{delay} ms at {number(level.rms)} {level.unit} rms")
+        yield f"delay by S hangs on the amplitude: {', '.join(texts)}"
     if row.levels and not row.trusted:
         doubts = [level.doubt for level in row.at(len(LEVELS) - 1) if level.doubt]
         yield f"S is not trustworthy, because {(doubts or ['it is not at all inputs'])[0]}"
@@ -214,7 +251,10 @@ def _task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     for row in rows:
         for margin in row.task:
             kept = _change_text(margin)
-            cells.append([row.law, margin.condition, margin.kind, kept, margin.breaks])
+            breaks = ""
+            if margin.breaks:
+                breaks = in_draws(margin.breaks, margin.failing_draws, margin.draws)
+            cells.append([row.law, margin.condition, margin.kind, kept, breaks])
         for condition, breaks in row.refused.items():
             cells.append([row.law, condition, "as it is", "not kept", breaks])
     columns = words("law", "under", "change", "kept up to", "then breaks")

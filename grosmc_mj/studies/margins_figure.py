@@ -37,8 +37,10 @@ def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
         level = row.at(index)[0]
         loop = interpolated(level.frequency, level.column[:, level.index])
         size = np.abs(loop.L)
-        bode = size > _LEAST
-        near = size < _NYQUIST
+        # What is continued down to f = 0 is not drawn.
+        measured = loop.frequency >= level.frequency[0]
+        bode = measured & (size > _LEAST)
+        near = measured & (size < _NYQUIST)
         gains.append(_series(row.law, loop.frequency[bode], size[bode]))
         phases.append(_series(row.law, loop.frequency[bode], _phase(loop)[bode]))
         nyquist.append(_series(row.law, loop.L.real[near], loop.L.imag[near]))

@@ -10,11 +10,12 @@ from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, c
 from grosmc_mj.margins.chatter import Chatter, chatter
 from grosmc_mj.margins.sensitivity import Place, RunningLoop
 from grosmc_mj.margins.task import Task, TaskMargin
+from grosmc_mj.results.tables import number
 from grosmc_mj.studies.studied import chosen_laws, judgeable_in, limits_in
 from grosmc_mj.studies.studied import conditions_of as conditions
 
 
-def servo_task(name: str, condition: str = "nominal") -> Task:
+def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> Task:
     """Return a law on the servo's bench under a condition."""
     bench = Experiment.load("servo/bench")
     bare = bench.varied(loop=None)
@@ -31,6 +32,7 @@ def servo_task(name: str, condition: str = "nominal") -> Task:
         law.controller,
         law.predict,
         judgeable_in(limits, bench.loop, bench.loop),
+        draws,
         threads=1,
     )
 
@@ -67,6 +69,28 @@ def test_the_load_of_case_1_decides_how_far_the_gain_of_sign_may_fall(
 def test_lqr_does_not_keep_its_task_under_case_1() -> None:
     task = servo_task("lqr", "case1")
     assert task.breaking([task.loop]) == ["stays_within"]
+
+
+def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_not() -> None:
+    """Larger gains are kept in some draws."""
+    task = servo_task("implicit", draws=8)
+    margin = by_kind(task)[GAIN_UP]
+    assert margin.draws == 8
+    assert margin.kept < by_kind(servo_task("implicit"))[GAIN_UP].kept
+    kept = changed(task.loop, ["current"], gain=margin.kept)
+    failed = changed(task.loop, ["current"], gain=margin.failed)
+    assert task.failing_draws(kept) == 0
+    assert task.failing_draws(failed) == margin.failing_draws > 0
+
+
+@pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP])
+@pytest.mark.parametrize("bound", [1.017, 2.4449, 28.46, 507.3])
+def test_a_printed_gain_is_one_that_was_run(kind: str, bound: float) -> None:
+    search = ChangeSearch(kind, 1e-3)
+    while factors := search.on_grid(1024.0):
+        search.known |= {factor: factor <= bound for factor in factors}
+    kept, _ = search.bounds
+    assert float(number(kept)) == kept <= bound
 
 
 def test_a_change_is_before_the_limit_of_the_actuator() -> None:

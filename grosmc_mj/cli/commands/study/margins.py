@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli.command import Flag, StudiedLaws, Target, command
+from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
 from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         injection: Largest injection at an input, rms, such as "1 A".
         period: Period of the injected signals, such as "10 s".
+        draws: Runs of a task in a loop with an encoder, noise, jitter or missed samples: each has
+            random numbers of its own and other phases of the encoders, and all must keep it.
     """
 
     target: Target
@@ -54,17 +56,21 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
         ""
     )
     period: Annotated[str, Parameter(metavar="TIME", show_default="the length of the task")] = ""
+    draws: WholeNumber = 20
 
     def study(self) -> MarginStudy:
         """Return the loops and machines of the target."""
         from grosmc_mj.studies.margins import margin_study
+        from grosmc_mj.sweep.draws import require_draws
 
+        require_draws(self.draws)
         return margin_study(
             self.target,
             self.laws,
             rivals=self.rivals,
             injection=self.injection,
             period=self.period,
+            draws=self.draws,
         )
 
     def result(self, study: MarginStudy, rows: Sequence[LawMargins], *, complete: bool) -> Result:
