@@ -234,6 +234,19 @@ def number_in(value: Any, unit: str) -> float:
         raise ArgumentError(f'"{text}"{error}: write it as in "{example}"') from None
 
 
+def typed_number(text: str, unit: str) -> float:
+    """Return a number that was typed with its unit; one of unit 1 is typed without.
+
+    Raises:
+        ArgumentError: As ``number_in``.
+    """
+    if unit in {"", "1"}:
+        match = _NUMBER.fullmatch(text.strip())
+        if match is not None and not match[2]:
+            return number_in(float(match[1]), unit)
+    return number_in(text, unit)
+
+
 def _share_hint(value: Any) -> str:
     """Return the number to write for a text in per cent; empty for anything else."""
     match = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None

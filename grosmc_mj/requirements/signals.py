@@ -54,7 +54,7 @@ def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict
     """Return signals of a run by name, (N + 1,) each; the last input is held once more.
 
     Args:
-        run: A recorded run of at least two instants.
+        run: A recorded run; of one that ended in its first step the inputs are NaN.
         law: Its law.
         names: Names of the signals, see ``named_units``; ``t`` is always among them.
     """
@@ -71,13 +71,16 @@ def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict
         signals[name] = run.state[:, i]
 
     held: dict[str, Array] = {}
-    inputs = run.input.reshape(len(run.time) - 1, -1)
+    steps = len(run.time) - 1
+    inputs = run.input.reshape(steps, len(error.system.inputs))
     for i, signal in enumerate(error.system.inputs):
         held[signal.name] = inputs[:, i]
     if run.sliding is not None:
-        sliding = run.sliding.reshape(len(run.time) - 1, -1)
+        variables = run.sliding.shape[1] if run.sliding.ndim > 1 else 1
+        sliding = run.sliding.reshape(steps, variables)
         for i, name in enumerate(sliding_names(sliding.shape[1])):
             held[name] = sliding[:, i]
     for name, values in held.items():
-        signals[name] = np.append(values, values[-1])
+        last = values[-1] if steps else np.nan
+        signals[name] = np.append(values, last)
     return {name: signals[name] for name in ("t", *names)}

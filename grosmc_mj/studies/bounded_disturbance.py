@@ -13,7 +13,6 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.plants import System
 from grosmc_mj.plants.system import rate_unit
 from grosmc_mj.simulation.disturbances import (
@@ -26,7 +25,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     Table,
 )
-from grosmc_mj.units import number_in
+from grosmc_mj.units import number_in, typed_number
 
 # Values in a piece of a signal with a bounded rate.
 _LEVELS = 20
@@ -224,7 +223,7 @@ def _unit_on_body(bound: str) -> str:
 def _magnitude(option: str, text: str, unit: str) -> float:
     """Return a positive number with its unit."""
     try:
-        number = number_in(text, unit)
+        number = typed_number(text, unit)
     except ArgumentError as error:
         raise ArgumentError(f"{option}: {error}") from None
     if number <= 0:
@@ -251,14 +250,12 @@ def _wrench(replaced: AnyDisturbance | None, unit: str, bound: float, axis: str)
 
 def _start_bounds(starts: Sequence[str], system: System) -> dict[int, float]:
     """Return the bounds of the deviations of the start by index of the state."""
-    values = {}
+    units = {state.name: state.unit for state in system.states}
+    bounds = {}
     for text in starts:
-        name, equals, bound = text.partition("=")
+        name, equals, bound = [part.strip() for part in text.partition("=")]
         if not equals:
             raise ArgumentError(f'--start {value_text(text)}: write "STATE=BOUND"')
-        values[name.strip()] = bound.strip()
-    bounds = states_of(values, system, "--start")
-    for index, bound in bounds.items():
-        if bound <= 0:
-            raise ArgumentError(f"--start: the bound of {system.states[index].name} must be > 0")
+        require_known("state", name, units)
+        bounds[list(units).index(name)] = _magnitude(f"--start: {name}:", bound, units[name])
     return bounds

@@ -43,9 +43,13 @@ BETTER = 1 + 1e-9
 _MOST_PIECES = 640
 # Runs of the flips for each piece.
 _FLIPS = 10
-# Width of the range of the largest bound, and the largest one that is tried, in parts of --bound.
+# Width of the range of the largest bound, over its lower end; the largest bound that is tried, and
+# the smallest, in parts of --bound.
 _WIDTH = 0.05
 _MOST = 1000.0
+_LEAST = 1e-6
+# Stands for all requirements but the input's, as the help prints it.
+_ANY = "any"
 # The smallest share that is not kept.
 _BEYOND = float(np.nextafter(1.0, 2.0))
 
@@ -58,15 +62,18 @@ class WorstDisturbance(BaseModel):
         bound: Bound, in its unit.
         signal: Pieces and deviations of the start, in parts of their bounds.
         pieces: Number of pieces.
-        share: Measured over allowed value of the requirement that is nearest to its limit.
-        requirement: That requirement in words.
+        calm_share: Measured over allowed value of the requirement that is nearest to its limit,
+            without any disturbance; of a run that ends early nothing else is searched.
+        share: The same under the worst disturbance.
+        requirement: The requirement that is nearest to its limit then, in words.
         compared_share: The share under the disturbance that it is compared with.
         search_share: The largest share by pulses and flips.
         telegraph_share: The largest share under random telegraph signals.
         runs: Runs of pulses and flips, and as many telegraph signals.
         change: Change of the share from half the pieces to all, in parts of it.
         confirmed: The share in MuJoCo; None where that made the runs, or there is none.
-        largest: The largest bound up to which all was kept, and the smallest at which not.
+        largest: The largest bound up to which all was kept, and the smallest at which not: infinite
+            if none was found; None if it is not searched, or not all is kept without a disturbance.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -75,6 +82,7 @@ class WorstDisturbance(BaseModel):
     bound: float
     signal: list[float]
     pieces: int
+    calm_share: float
     share: float
     requirement: str
     compared_share: float
@@ -89,6 +97,11 @@ class WorstDisturbance(BaseModel):
     def kept(self) -> bool:
         """Whether everything is kept under it."""
         return self.share <= 1
+
+    @property
+    def kept_when_calm(self) -> bool:
+        """Whether everything is kept without any disturbance."""
+        return self.calm_share <= 1
 
     @property
     def ends(self) -> bool:
@@ -209,6 +222,8 @@ class DisturbanceStudy(Study[WorstDisturbance]):
 
     def _with_bound(self, worst: WorstDisturbance, advance: Advance) -> WorstDisturbance:
         """Return a row with the largest bound."""
+        if not worst.kept_when_calm:
+            return worst
         largest = self.largest(worst.law, advance)
         return worst.model_copy(update={"largest": largest})
 
@@ -275,6 +290,10 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             law: Name of the law.
             advance: Told how far the search is.
         """
+        (calm_share,) = self.shares(law, [self.experiment])
+        if calm_share > ENDED:
+            return self._without_search(law, float(calm_share))
+
         pieces = self.pieces
         search = self._searched(law, pieces, None, advance)
         runs = search.runs
@@ -294,12 +313,30 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             bound=self.disturbance.bound,
             signal=best.best.tolist(),
             pieces=pieces,
+            calm_share=float(calm_share),
             share=best.share,
             search_share=search.share,
             telegraph_share=control.share,
             runs=runs,
             change=change,
             **self._beside(law, best.best),
+        )
+
+    def _without_search(self, law: str, share: float) -> WorstDisturbance:
+        """Return the row of a law whose run ends early without any disturbance."""
+        nothing = np.zeros(self.pieces + len(self.disturbance.starts))
+        return WorstDisturbance(
+            law=law,
+            bound=self.disturbance.bound,
+            signal=nothing.tolist(),
+            pieces=self.pieces,
+            calm_share=share,
+            share=share,
+            search_share=share,
+            telegraph_share=share,
+            runs=1,
+            change=0.0,
+            **self._beside(law, nothing),
         )
 
     def _searched(
@@ -344,12 +381,8 @@ class DisturbanceStudy(Study[WorstDisturbance]):
     def largest(self, law: str, advance: Advance) -> tuple[float, float]:
         """Return the largest bound up to which all was kept, and the smallest at which not.
 
-        Raises:
-            ArgumentError: If something is not kept without a disturbance.
+        All must be kept without a disturbance.
         """
-        (calm,) = self.shares(law, [self.experiment])
-        if calm > 1:
-            raise ArgumentError(f"{law} does not keep all without a disturbance: no bound is")
 
         def passes(factor: float) -> bool:
             disturbance = self.disturbance.scaled(factor)
@@ -361,7 +394,7 @@ class DisturbanceStudy(Study[WorstDisturbance]):
                 pass
             return search.share <= 1
 
-        low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH)
+        low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH, _LEAST)
         return low * self.disturbance.bound, high * self.disturbance.bound
 
 
@@ -403,7 +436,7 @@ def disturbance_study(
         axis: Axis of a force or torque.
         slew: Largest rate with its unit.
         starts: Bounds of the start.
-        requirement: See ``DisturbanceStudy``, as for ``pieces`` and ``bounded``.
+        requirement: See ``DisturbanceStudy``, as for ``pieces`` and ``bounded``; ``any`` for none.
         pieces: Number of pieces to begin with.
         bounded: Whether the largest bound is searched, too.
 
@@ -414,7 +447,9 @@ def disturbance_study(
         raise ArgumentError(f"--pieces {pieces} must be from 2 to {_MOST_PIECES}")
     experiment = case_for(target, BENCH).with_laws(laws)
     disturbance = bounded_disturbance(experiment, on, bound, axis=axis, slew=slew, starts=starts)
+    if requirement == _ANY:
+        requirement = ""
     if requirement:
-        require_known("requirement", requirement, [kind.key for kind in KINDS])
+        require_known("requirement", requirement, [_ANY, *(kind.key for kind in KINDS)])
     study = DisturbanceStudy(disturbance, requirement, pieces, bounded)
     return study.with_required_laws(laws)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from grosmc_mj.arguments import require_known
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.user_code import is_named, named_in
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.films.film import Film, Format
@@ -50,33 +52,57 @@ _WORST = "worst found"
 
 def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     """Return the answer for a law in a line."""
+    calm = _calm_words(worst)
+    if worst.calm_share > ENDED:
+        return f"{worst.law}: {calm}"
     if worst.ends:
-        return f"{worst.law}: the run ends early; {worst.runs} runs"
+        return f"{worst.law}: {calm}the run ends early; {worst.runs} runs"
     beside = f"{study.disturbance.compared} 0"
     if worst.compared_share > 0:
         ratio = worst.share / worst.compared_share
         beside = f"{ratio:.2g} times {study.disturbance.compared}"
     switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
     line = (
-        f"{worst.law}: {worst.share:.3g} of {worst.requirement}, {beside}; {switches}; "
+        f"{worst.law}: {calm}{worst.share:.3g} of {worst.requirement}, {beside}; {switches}; "
         f"{worst.runs} runs; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
     )
     if worst.change > AGREES:
         line += f"; {worst.pieces} pieces may be too few"
     if worst.largest:
-        line += f"; all is kept up to {worst.largest[0]:.3g} {study.disturbance.unit}"
+        line += f"; all is kept {_largest_words(worst.largest, study.disturbance.unit)}"
     return line
+
+
+def _calm_words(worst: WorstDisturbance) -> str:
+    """What is not kept without any disturbance, for the beginning of a line."""
+    if worst.calm_share > ENDED:
+        return "the run ends early without any disturbance"
+    if not worst.kept_when_calm:
+        return f"not kept without any disturbance, {worst.calm_share:.3g} of the limit; "
+    return ""
+
+
+def _largest_words(largest: tuple[float, float], unit: str) -> str:
+    """The range of the largest bound: both of its ends."""
+    kept, failed = largest
+    if math.isinf(failed):
+        return f"up to {kept:.3g} {unit} at least, where the search ends"
+    return f"up to {kept:.3g} and not at {failed:.3g} {unit}"
 
 
 def verdict(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> str:
     """Return which laws keep everything under the worst disturbance that was found."""
     disturbance = study.disturbance
     keeping = [worst.law for worst in rows if worst.kept]
-    return (
+    sentence = (
         f"{study.experiment.target}, {disturbance.bound:g} {disturbance.unit} on "
         f"{disturbance.place}: {len(keeping)} of {len(rows)} laws keep all under the worst "
         f"disturbance found{': ' if keeping else ''}{', '.join(keeping)}."
     )
+    failing = [worst.law for worst in rows if not worst.kept_when_calm]
+    if failing:
+        sentence = f"Without any disturbance {', '.join(failing)}: not kept. {sentence}"
+    return sentence
 
 
 def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> Table:
@@ -101,12 +127,20 @@ def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> T
             _share_text(worst.telegraph_share),
             "telegraph" if worst.telegraph_won else "search",
             _share_text(worst.confirmed),
-            f"{worst.largest[0]:.3g}" if worst.largest else "-",
+            _largest_text(worst.largest),
         ]
         texts.append(row)
     title = f"Worst disturbance within {disturbance.bound:g} {disturbance.unit}"
     legend = f"Shares: measured over allowed value. Compared with {disturbance.compared}."
     return table(title, columns, texts, legend=legend)
+
+
+def _largest_text(largest: tuple[float, float] | None) -> str:
+    """Write the range of the largest bound."""
+    if largest is None:
+        return "-"
+    kept, failed = largest
+    return f"≥{kept:.3g}" if math.isinf(failed) else f"{kept:.3g} to {failed:.3g}"
 
 
 def _share_text(share: float | None) -> str:
@@ -260,8 +294,14 @@ def require_replayable(study: DisturbanceStudy, folder: Path) -> None:
     model = file.plant.model
     laws = [file.law(law).law for law in study.experiment.controllers]
     beside = any(map(is_named, (*named_in(file), *laws))) or (model and ":" not in model)
-    if beside and folder.resolve() != path.parent.resolve():
-        raise ArgumentError(f"{path} names files beside it: give --out {path.parent}")
+    if not beside or folder.resolve() == path.parent.resolve():
+        return
+    if path in shipped_files().values():
+        raise ArgumentError(
+            f"{study.experiment.target} names files beside it, and nothing is written there: copy "
+            f"{path.parent}, and study {path.name} of the copy with its folder as --out"
+        )
+    raise ArgumentError(f"{path} names files beside it: give --out {path.parent}")
 
 
 def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:

@@ -37,7 +37,7 @@ from grosmc_mj.studies.studied import (
     of_system,
 )
 from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
-from grosmc_mj.units import number_in
+from grosmc_mj.units import number_in, typed_number
 
 IDEAL = "ideal loop"
 # The largest injection, over the limit of the input or over the range of a state in its task.
@@ -358,7 +358,7 @@ def margin_study(
             conditions = _in_loop(bare, built.loop or Loop(), built.known_loop, built.parts)
             setups.append(Setup(built.target, "", built, conditions, laws))
 
-    largest = number_in(injection, case.nominal.system.inputs[0].unit) if injection else 0.0
+    largest = typed_number(injection, case.nominal.system.inputs[0].unit) if injection else 0.0
     seconds = number_in(period, "s") if period else 0.0
     if (injection and largest <= 0) or (period and seconds <= 0):
         raise ArgumentError("--injection and --period must be positive")

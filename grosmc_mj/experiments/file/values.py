@@ -118,17 +118,25 @@ def _joint_numbers(table: EditTable, joint: str, system: System) -> dict[str, fl
 def _gear(table: EditTable, name: str, system: System) -> float:
     """Return the gear of an edit, in the joint's force or torque for one unit of the input."""
     (input_unit,) = [signal.unit for signal in system.inputs if signal.name == name]
-    # A system does not say which joint an input drives: a slide where it has slides alone.
-    force = "N m"
-    if all(position.unit == "m" for position in system.positions):
-        force = "N"
-    unit = f"{force}/{input_unit}"
-    if input_unit == force:
-        unit = "1"
-    elif " " in input_unit or "/" in input_unit:
-        unit = f"{force}/({input_unit})"
+    # A system does not say which joint an input drives: where it has slides and hinges, either.
+    forces = {"N" if position.unit == "m" else "N m": None for position in system.positions}
+    units = [_per(force, input_unit) for force in forces]
+    if input_unit in forces:
+        units = ["1"]
     with placed(f"edit of {name!r}: gear: "):
-        return si_number(table.gear, unit)
+        for unit in units[1:]:
+            try:
+                return si_number(table.gear, unit)
+            except ArgumentError:
+                continue
+        return si_number(table.gear, units[0])
+
+
+def _per(unit: str, of: str) -> str:
+    """Write a unit for one of another unit."""
+    if of in {"", "1"}:
+        return unit
+    return f"{unit}/({of})" if " " in of or "/" in of else f"{unit}/{of}"
 
 
 # Shipped profiles, whose fields are keys of the table.

@@ -49,7 +49,8 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
         requirement: Key of the requirement to be missed, such as stays_within; by default any but
             the input's.
         pieces: Number of pieces to begin with.
-        largest: Search the largest bound, too, up to which all is kept, from --bound up and down.
+        largest: Search the largest bound, too, up to which all is kept, from --bound up and down;
+            both ends of its range are told, 5 % from each other.
         film: A law to film under its worst disturbance, beside the compared one.
     """
 
