@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +13,10 @@ from typing import Any
 
 import pytest
 from commands import Patch, Screen, run
+from shown_output import CLOSE
 
 import grosmc_mj
+from grosmc_mj import cli
 from grosmc_mj.chapter.validation import cases_table, results_markdown
 from grosmc_mj.cli.pages import write_text
 from grosmc_mj.errors import SetupError
@@ -27,6 +30,41 @@ def example(language: str, index: int = 0) -> str:
     """Return one of the README's blocks of a language, the first one by default."""
     text = README.read_text(encoding="utf-8")
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)[index]
+
+
+# Rows of the README's table, as the command calls them.
+PREDICTED = {
+    "upright after": "reaches [s]",
+    "swings": "swings",
+    "last peak": "last peak [rad]",
+    "variation of the torque": "total variation [N m/s]",
+}
+COUNTED = re.compile(r"\d+(?:\.\d+)?")
+
+
+@pytest.mark.slow
+def test_the_readme_s_prediction_of_a_real_pendulum_runs_as_printed(
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
+    """Its table is what the command prints; the log's numbers do not depend on the machine."""
+    text = README.read_text(encoding="utf-8")
+    (line,) = re.findall(r"^\.venv/bin/grosmc-mj (predict .*)$", text, re.MULTILINE)
+    (tmp_path / "measured").symlink_to(README.parent / "measured")
+    monkeypatch.chdir(tmp_path)
+    # The last peak lies outside the spread.
+    assert run(*shlex.split(line, comments=True)) == cli.DIFFERS
+    printed = capsys.readouterr().out
+
+    (rows,) = re.findall(r"^\| \| measured \| predicted, 16 seeds \|\n(.*?)\n\n", text, re.M | re.S)
+    for row in rows.splitlines()[1:]:
+        _, words, measured, predicted, _ = (cell.strip() for cell in row.split("|"))
+        label = PREDICTED[words]
+        (found,) = re.findall(rf"^{re.escape(label)} +(.*)$", printed, re.MULTILINE)
+        of_log, _, least, most = COUNTED.findall(found)[:4]
+        assert of_log == COUNTED.findall(measured)[0]
+        spread = COUNTED.findall(predicted)
+        shown = [float(spread[0]), float(spread[-1])]
+        assert [float(least), float(most)] == pytest.approx(shown, rel=CLOSE)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ WITHIN = "repository"
 LISTED = {".py": "python", ".toml": "toml", ".xml": "xml", ".json": "json"}
 MAP = "map.md"
 # On pages of the site that are not below docs/.
-OUTSIDE = ("CHANGELOG.md", "CONTRIBUTING.md")
+OUTSIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "measured/README.md")
 
 # A target of [text](target#anchor); a place on the map, `file::name`, as it is written and shown.
 _TARGET = re.compile(r"(?<=\]\()(?P<path>[^()\s#:]+)(?P<anchor>#[^()\s]*)?(?=\))")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 from commands import Patch, Screen
-from real_logs import DATA, MISSING
 from shown_output import follow
 
-PAGE = Path(__file__).parents[2] / "docs" / "measured_machines.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "measured_machines.md"
 
 
 def section(heading: str) -> str:
@@ -32,6 +32,7 @@ LONGER = pytest.param("A double pendulum", "double_pendulum", marks=pytest.mark.
 @pytest.mark.parametrize(
     ("heading", "folder"),
     [
+        ("A swing-up of a real pendulum", "pendulum"),
         LONGER,
         ("A DC servo", "dc_servo"),
         ("A cart-pole", "cart_pole"),
@@ -40,9 +41,6 @@ LONGER = pytest.param("A double pendulum", "double_pendulum", marks=pytest.mark.
 def test_a_machine_is_predicted_as_well_as_the_page_says(
     heading: str, folder: str, tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    logs = DATA / folder
-    if not logs.is_dir():
-        pytest.skip(MISSING)
-    shutil.copytree(logs, tmp_path, dirs_exist_ok=True)
+    shutil.copytree(ROOT / "measured" / folder, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     follow(section(heading), heading, capsys)
